@@ -1,0 +1,90 @@
+"""Errors a model makes on records that were held out of its fit, by operating condition.
+
+Each condition is left out in turn: the shared parameters are refitted without it (Gauss-Newton from the joint optimum,
+with the slopes at hand), then the condition's own nuisances alone are fitted and the record is predicted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.observed import Observed
+from analysis.waveform import Fitter, State, WaveformFit
+
+
+@dataclass(frozen=True)
+class RecordError:
+    """rms(measured - predicted) and rms(measured about its mean), both in the channel's unit over all channels, per record."""
+
+    name: str
+    error: float
+    noise_floor: float
+    residual: np.ndarray
+    squares: float
+    size: float
+    noise_squares: float
+
+
+def conditions_of(records: Sequence[Observed]) -> list[list[int]]:
+    """Indices of the records of each operating condition."""
+    groups: dict[tuple, list[int]] = {}
+    for index, record in enumerate(records):
+        groups.setdefault(record.condition, []).append(index)
+    return list(groups.values())
+
+
+def record_error(record: Observed, residual: np.ndarray) -> RecordError:
+    """The error of one record from its residual (channels * samples,) in units of the noise.
+
+    Several channels are weighed by their own size, so that the error is the rms of the channels' relative errors.
+    """
+    rest = residual.reshape(record.data.shape) * record.noise[:, None]
+    size = record.data - record.data.mean(axis=1, keepdims=True)
+    scale = np.ones(len(record.channels)) if len(set(_units(record))) == 1 else 1.0 / np.maximum(size.std(axis=1), 1e-300)
+    squares = float(np.sum((rest * scale[:, None]) ** 2))
+    total = float(np.sum((size * scale[:, None]) ** 2))
+    noise = float(np.sum((record.noise * scale) ** 2) * record.samples)
+    return RecordError(record.name, (squares / total) ** 0.5, (noise / total) ** 0.5, rest, squares, total, noise)
+
+
+def _units(record: Observed) -> list[str]:
+    return ["force" if name.startswith("force") else name.split("_")[0] for name in record.channels]
+
+
+def pooled(errors: Sequence[RecordError]) -> tuple[float, float]:
+    """(error, noise floor) over records: root of summed squares over summed squares."""
+    total = sum(one.size for one in errors)
+    return (sum(one.squares for one in errors) / total) ** 0.5, (sum(one.noise_squares for one in errors) / total) ** 0.5
+
+
+def own_refit(fitter: Fitter, state: State, indices: Sequence[int], rounds: int = 2) -> State:
+    """The state with the own unknowns of some records refitted at fixed machine parameters."""
+    for _ in range(rounds):
+        changed = list(state.nuisances)
+        for index in indices:
+            part = fitter.linearise(index, state)
+            if part.own.shape[1] == 0:
+                continue
+            move = -np.linalg.lstsq(part.own, part.residual, rcond=1e-12)[0]
+            single = Fitter(fitter.plant, [fitter.records[index]], fitter.free)
+            changed[index] = single.with_own(replace(state, nuisances=(changed[index],)), [move]).nuisances[0]
+        state = replace(state, nuisances=tuple(changed))
+    return state
+
+
+def held_out_errors(fitter: Fitter, fit: WaveformFit) -> list[RecordError]:
+    """Every record's error with its operating condition left out of the fit; in sample where there is one condition."""
+    groups = conditions_of(fitter.records)
+    errors: dict[int, RecordError] = {}
+    for group in groups:
+        state = fit.state
+        if len(groups) > 1:
+            others = [index for index in range(len(fitter.records)) if index not in group]
+            move, _ = fitter.step(fit.parts, 1e-9, used=others)
+            state = own_refit(fitter, fitter.moved(state, move), group)
+        for index in group:
+            errors[index] = record_error(fitter.records[index], fitter.residual_of(index, state))
+    return [errors[index] for index in range(len(fitter.records))]

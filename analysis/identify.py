@@ -1,0 +1,226 @@
+"""Identification of damping, natural frequency and cutting coefficient from the multipliers of several cuts.
+
+Mann and Young (2006), section 4c: nonlinear least squares between empirical multipliers and those of temporal finite
+elements. Complex multipliers are fitted, not moduli (moduli alone have another minimum at ten times the damping), all
+that a transient determines, weighted by their covariance. Measured and model multipliers are paired by optimal
+assignment. The ratio of normal to tangential coefficient and the mass are the model's and stay.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares, linear_sum_assignment
+
+from analysis.delay_equation import milling_equation
+from analysis.floquet import EmpiricalMultipliers, empirical_multipliers
+from analysis.temporal_elements import characteristic_multipliers
+from testbed.cut import Cut
+from testbed.machine import Model
+from testbed.recording import Recording
+
+_ERROR_FLOOR = 3e-4  # of a multiplier: faster modes left out of the empirical fit, elements' own error
+_SCALES = (1e-3, 0.2, 0.05)  # of the logarithms of frequency, damping and coefficient
+# a faster mode stands, in a fit of few modes, for several that die with it: its multiplier is nobody's
+_SLOWEST_SHARE = 0.3
+_CANDIDATES = 6  # model multipliers a measured one may be paired with
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter with its 95 % interval, in `unit`."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class MultiplierTest:
+    """One test: measured multipliers, the identified model's paired with them, whether the test was used and why."""
+
+    cut: Cut
+    measured: np.ndarray
+    model: np.ndarray
+    used: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The machine found.
+
+    model; parameters: `natural_frequency` (Hz), `damping_ratio`, `tangential_coefficient` and `normal_coefficient`
+    (N/m^2); tests in the order given; chi_square: weighted misfit per degree of freedom (about 1 when the model
+    explains the tests; NaN without spare data); converged.
+    """
+
+    model: Model
+    parameters: dict[str, Estimate]
+    tests: tuple[MultiplierTest, ...]
+    chi_square: float
+    converged: bool
+
+
+@dataclass(frozen=True)
+class _Target:
+    """Measured multipliers with their conjugates left out, and what whitens their differences to the model's."""
+
+    cut: Cut
+    values: np.ndarray  # complex, imaginary part >= 0
+    real: np.ndarray  # bool: only the real part is compared
+    whiten: np.ndarray
+
+
+def _target(found: EmpiricalMultipliers, cut: Cut) -> _Target:
+    slow = np.abs(found.multipliers) >= _SLOWEST_SHARE * np.abs(found.multipliers).max()
+    upper = np.nonzero((found.multipliers.imag >= 0.0) & slow)[0]
+    values = found.multipliers[upper]
+    real = np.abs(values.imag) < 1e-12
+    places = np.concatenate([upper, upper[~real] + found.rank])
+    covariance = found.covariance[np.ix_(places, places)] + _ERROR_FLOOR**2 * np.eye(places.size)
+    return _Target(cut, values, real, np.linalg.inv(np.linalg.cholesky(covariance)))
+
+
+def _paired(measured: np.ndarray, model: np.ndarray) -> np.ndarray:
+    """Of the model's multipliers in the upper half plane, the one that belongs to each measured one."""
+    candidates = model[:_CANDIDATES]
+    candidates = candidates[candidates.imag >= -1e-12]
+    if candidates.size < measured.size:
+        candidates = model[:_CANDIDATES + measured.size]
+    rows, columns = linear_sum_assignment(np.abs(measured[:, None] - candidates[None, :]) ** 2)
+    return candidates[columns[np.argsort(rows)]]
+
+
+def _model_at(start: Model, scaled: np.ndarray) -> Model:
+    """scaled: logarithms of natural frequency, damping ratio and tangential coefficient over their starting values."""
+    assert start.cutting is not None
+    frequency, damping, coefficient = np.exp(scaled)
+    return replace(
+        start,
+        structure=replace(start.structure, natural_frequency=start.structure.natural_frequency * frequency,
+                          damping_ratio=min(_damping(start) * damping, 0.9)),
+        cutting=replace(start.cutting, tangential_coefficient=start.cutting.tangential_coefficient * coefficient,
+                        normal_coefficient=start.cutting.normal_coefficient * coefficient))
+
+
+def _damping(model: Model) -> float:
+    return max(model.structure.damping_ratio, 1e-4)  # a logarithm needs a start above zero
+
+
+def _residual(scaled: np.ndarray, start: Model, targets: Sequence[_Target], elements: int) -> np.ndarray:
+    model = _model_at(start, scaled)
+    rows = []
+    for target in targets:
+        predicted = _paired(target.values, characteristic_multipliers(milling_equation(model, target.cut), elements))
+        difference = target.values - predicted
+        imaginary = np.where(predicted.imag >= 0, 1.0, -1.0) * predicted.imag
+        difference = difference.real + 1j * (target.values.imag - imaginary)
+        rows.append(target.whiten @ np.concatenate([difference.real, difference.imag[~target.real]]))
+    return np.concatenate(rows)
+
+
+def _starts(start: Model, targets: Sequence[_Target], seed: int, count: int) -> list[np.ndarray]:
+    """The best points of a deterministic scatter about the starting guess, and the guess itself."""
+    random = np.random.default_rng(seed)
+    scatter = np.column_stack([random.uniform(-0.06, 0.06, 160), random.uniform(-1.5, 1.5, 160),
+                               random.uniform(math.log(0.15), math.log(4.0), 160)])
+
+    def cost(point: np.ndarray) -> float:
+        # far away a whitened misfit says nothing but how precise the best test was: bounded per number
+        return float(np.sum(np.tanh(_residual(point, start, loose, 4)) ** 2))
+
+    loose = [replace(target, whiten=np.eye(target.whiten.shape[0]) / 0.3) for target in targets]
+    ranked = sorted(scatter, key=cost)
+    return [np.zeros(3), *ranked[:count]]
+
+
+def identify_multipliers(model: Model, cuts: Sequence[Cut], measured: Sequence[EmpiricalMultipliers], *,
+                         elements: int = 12, starts: int = 5, seed: int = 0) -> Identification:
+    """Fit natural frequency, damping ratio and cutting coefficient to empirical multipliers of these cuts.
+
+    Tests that are not believed are left out. ValueError if those that remain hold fewer numbers than parameters.
+    """
+    if model.cutting is None:
+        raise ValueError("the model has no cutting coefficients to identify")
+    used = [found.believed and found.rank > 0 for found in measured]
+    targets = [_target(found, cut) for found, cut, use in zip(measured, cuts, used, strict=True) if use]
+    numbers = sum(target.whiten.shape[0] for target in targets)
+    if numbers < 3:
+        reasons = "; ".join(found.reason for found, use in zip(measured, used, strict=True) if not use)
+        raise ValueError(f"only {numbers} numbers for 3 parameters; tests left out: {reasons or 'none'}")
+    lower, upper = np.log([0.8, 1e-3, 1e-2]), np.log([1.25, 0.9 / _damping(model), 1e2])
+    fits = []
+    for point in _starts(model, targets, seed, starts):  # robust and coarse: a far start may pair multipliers wrongly
+        fits.append(least_squares(_residual, np.clip(point, lower + 1e-6, upper - 1e-6), bounds=(lower, upper),
+                                  args=(model, targets, 4), loss="soft_l1", x_scale=_SCALES, max_nfev=40))
+    best = None
+    for fit in sorted(fits, key=lambda each: each.cost)[:2]:
+        fine = least_squares(_residual, fit.x, bounds=(lower, upper), args=(model, targets, elements),
+                             x_scale=_SCALES, max_nfev=60)
+        if best is None or fine.cost < best.cost:
+            best = fine
+    assert best is not None
+    return _answer(model, cuts, measured, used, best, numbers, elements)
+
+
+def _answer(start, cuts, measured, used, best, numbers, elements) -> Identification:
+    model = _model_at(start, best.x)
+    assert model.cutting is not None
+    spare = numbers - 3
+    chi_square = 2.0 * float(best.cost) / spare if spare else float("nan")
+    # a misfit above the multipliers' own errors widens the intervals; one below does not narrow them
+    inflation = math.sqrt(max(1.0, chi_square)) if spare else 1.0
+    spread = 1.96 * inflation * np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
+
+    def estimate(value: float, log_spread: float, unit: str) -> Estimate:
+        half = abs(float(log_spread)) * float(value)
+        return Estimate(float(value), float(value) - half, float(value) + half, unit)
+
+    parameters = {
+        "natural_frequency": estimate(model.structure.natural_frequency, spread[0], "Hz"),
+        "damping_ratio": estimate(model.structure.damping_ratio, spread[1], "1"),
+        "tangential_coefficient": estimate(model.cutting.tangential_coefficient, spread[2], "N/m^2"),
+        "normal_coefficient": estimate(model.cutting.normal_coefficient, spread[2], "N/m^2"),
+    }
+    tests = []
+    for cut, found, use in zip(cuts, measured, used, strict=True):
+        predicted = characteristic_multipliers(milling_equation(model, cut), elements)
+        rows, columns = linear_sum_assignment(np.abs(found.multipliers[:, None] - predicted[None, :]))
+        paired = predicted[columns[np.argsort(rows)]] if found.rank else predicted[:2]
+        tests.append(MultiplierTest(cut, found.multipliers, paired, use, found.reason))
+    return Identification(model, parameters, tuple(tests), chi_square, bool(best.success))
+
+
+def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, elements: int = 12, starts: int = 5,
+             seed: int = 0, channel: str = "displacement", delays: int | None = None) -> Identification:
+    """Identify the machine from recorded cuts; `model` is the starting guess.
+
+    Each test is a recording and its cut; entry and exit come from the recording's conditions `entry_time` and
+    `exit_time`, else from its pass times, else the whole recording is taken as the cut.
+    """
+    if model.cutter is None:
+        raise ValueError("the model has no cutter: multipliers need cuts")
+    flutes = model.cutter.flutes
+    measured = []
+    for recording, cut in tests:
+        start, stop = cut_bounds(recording, cut)
+        period = None if recording.marks.size >= 3 else cut.tooth_passing_period(flutes)
+        measured.append(empirical_multipliers(recording, flutes=flutes, period=period, start=start, stop=stop,
+                                              channel=channel, delays=delays))
+    return identify_multipliers(model, [cut for _, cut in tests], measured, elements=elements, starts=starts, seed=seed)
+
+
+def cut_bounds(recording: Recording, cut: Cut) -> tuple[float, float]:
+    """Times (s) of entry and exit of a recorded cut."""
+    known, passes = recording.conditions, recording.pass_times
+    last = recording.start + len(recording) / recording.sampling_rate
+    begin, end = recording.start, last
+    if passes.size > cut.idle_passes:
+        begin = float(passes[cut.idle_passes])
+        end = float(passes[min(cut.idle_passes + cut.passes, passes.size - 1)])
+    return float(known.get("entry_time", begin)), float(known.get("exit_time", end))

@@ -1,0 +1,226 @@
+"""Lines in a record's spectrum told apart: mains hum, spindle and tooth passing, the structure's own, and the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+LineKind = Literal["hum", "spindle", "tooth-passing", "natural", "other"]
+_HARMONICS_OF_HUM = 40
+
+
+@dataclass(frozen=True)
+class SpectralLine:
+    """A line: frequency (Hz), amplitude (the channel's unit), what it is, and its order of the base it belongs to."""
+
+    frequency: float
+    amplitude: float
+    kind: LineKind
+    order: int = 0
+
+
+@dataclass(frozen=True)
+class CombSpeed:
+    """A spindle speed (rad/s) from the spacing of spectral lines, how far it stands out (1: not at all), and why."""
+
+    spindle_speed: float
+    prominence: float
+    basis: Literal["tooth-passing lines", "side bands"]
+
+
+def amplitude_spectrum(values: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (Hz) and amplitudes of a Hann-windowed record without its straight line; zero-padded fourfold."""
+    time = np.linspace(-1, 1, len(values))
+    flat = values - np.polynomial.Polynomial.fit(time, values, 1)(time)
+    window = np.hanning(len(values))
+    size = 4 * len(values)
+    return np.fft.rfftfreq(size, 1 / rate), np.abs(np.fft.rfft(flat * window, size)) * 2 / window.sum()
+
+
+def find_peaks(values: np.ndarray, rate: float, count: int = 40, above: float = 4.0) -> list[tuple[float, float]]:
+    """(frequency, amplitude) of the strongest lines standing `above` times over their surroundings, loudest first."""
+    from scipy.ndimage import median_filter
+
+    frequencies, amplitude = amplitude_spectrum(values, rate)
+    width = min(len(amplitude) // 4 * 2 + 1, 401)
+    floor = median_filter(amplitude, size=width, mode="nearest")
+    inner = amplitude[1:-1]
+    tops = np.flatnonzero((inner >= amplitude[:-2]) & (inner > amplitude[2:]) & (inner > above * floor[1:-1])) + 1
+    tops = tops[frequencies[tops] > 3 * rate / len(values)]
+    chosen: list[tuple[float, float]] = []
+    for top in tops[np.argsort(-amplitude[tops])]:
+        before, here, after = amplitude[top - 1 : top + 2]
+        curve = before - 2 * here + after
+        shift = 0.5 * (before - after) / curve if curve else 0.0
+        frequency = float((top + shift) * rate / (4 * len(values)))
+        if not any(_side_lobe(abs(frequency - other) * len(values) / rate, here / loud) for other, loud in chosen):
+            chosen.append((frequency, float(here)))
+        if len(chosen) == count:
+            break
+    return chosen
+
+
+def _side_lobe(bins: float, ratio: float) -> bool:
+    """Whether a peak so far from a louder one, and so much smaller, is but a side lobe of the Hann window."""
+    return bins < 2 or (bins < 4 and ratio < 0.04) or (bins < 12 and ratio < 0.01)
+
+
+def spectral_lines(
+    values: np.ndarray,
+    rate: float,
+    *,
+    spindle_speed: float | None = None,
+    flutes: int = 1,
+    natural_frequencies: Sequence[float] = (),
+    idle: np.ndarray | None = None,
+    count: int = 40,
+) -> tuple[SpectralLine, ...]:
+    """The lines of a record, strongest first.
+
+    A multiple of 50 or 60 Hz is hum only where the idling (`idle`, samples) has it too or the spindle cannot make it; a
+    line of the idling is never tooth passing. natural_frequencies in Hz, spindle_speed in rad/s.
+    """
+    width = 1.5 * rate / len(values)
+    quiet = find_peaks(idle, rate) if idle is not None and len(idle) > 256 else []
+    quiet_width = 1.5 * rate / len(idle) if idle is not None and len(idle) else 0.0
+    mains = _mains([frequency for frequency, _ in quiet], quiet_width) or _mains(
+        [f for f, _ in find_peaks(values, rate)], width
+    )
+    turning = spindle_speed / (2 * np.pi) if spindle_speed else None
+    lines = []
+    for frequency, amplitude in find_peaks(values, rate, count):
+        in_idle = any(
+            abs(frequency - other) < max(width, quiet_width) and level > 0.3 * amplitude for other, level in quiet
+        )
+        kind, order = "other", 0
+        if turning is not None:
+            order = round(frequency / turning)
+            if order and abs(frequency - order * turning) < width + 1e-3 * frequency:
+                kind = "tooth-passing" if order % flutes == 0 else "spindle"
+                order = order // flutes if kind == "tooth-passing" else order
+        if mains and _on_comb(frequency, mains, max(width, 0.1)) and (kind == "other" or in_idle):
+            kind, order = "hum", round(frequency / mains)
+        elif kind == "other":
+            order = 0
+            if any(abs(frequency - natural) < max(width, 0.02 * natural) for natural in natural_frequencies):
+                kind = "natural"
+        lines.append(SpectralLine(frequency, amplitude, kind, order))  # type: ignore[arg-type]
+    return tuple(lines)
+
+
+def _on_comb(frequency: float, base: float, width: float) -> bool:
+    order = round(frequency / base)
+    return 1 <= order <= _HARMONICS_OF_HUM and abs(frequency - order * base) < width
+
+
+def _mains(frequencies: Sequence[float], width: float) -> float | None:
+    """50 or 60 Hz, where several lines are its multiples; None where neither explains any."""
+    hits = {
+        mains: sum(_on_comb(frequency, mains, max(width, 0.1)) for frequency in frequencies) for mains in (50.0, 60.0)
+    }
+    best = max(hits, key=lambda mains: hits[mains])
+    return best if hits[best] >= 1 and hits[best] != hits[110.0 - best] else None
+
+
+def comb_speed(
+    values: np.ndarray, rate: float, nominal: float, flutes: int = 1, span: float = 0.15, idle: np.ndarray | None = None
+) -> CombSpeed | None:
+    """Spindle speed (rad/s) within `span` of the nominal one, from multiples of the tooth-passing frequency or, in
+    chatter, from the spacing of the side bands of the strongest other line; None where nothing stands out.
+
+    Lines that the idling has as well are hum and do not count.
+    """
+    quiet = find_peaks(idle, rate, 80) if idle is not None and len(idle) > 256 else []
+    width = 1.5 * rate / len(values) + (1.5 * rate / len(idle) if idle is not None and len(idle) else 0.0)
+    lines = [
+        line
+        for line in find_peaks(values, rate, 80, 3.0)
+        if not any(abs(line[0] - other) < width and level > 0.3 * line[1] for other, level in quiet)
+    ]
+    if len(lines) < 2:
+        return None
+    passing = nominal * flutes / (2 * np.pi)
+    candidates: list[tuple[float, CombSpeed]] = []
+    for centre in (0.0, lines[0][0]):
+        if centre and abs(centre / passing - round(centre / passing)) < 0.02:
+            continue  # the strongest line is one of tooth passing itself
+        found = _spacing(lines, centre, passing, span, rate / len(values), rate / 2)
+        if found is None:
+            continue
+        order = centre / found.spacing
+        teeth = abs(order - round(order)) < 0.03 * max(1.0, 0.2 * order)
+        # in noise alone the lines that happen to fit carry up to 0.37 of the amplitude, the lead is up to 1.9
+        strong = found.share > 0.5 and found.even_share > 0.4 or found.lead > 4 and found.lines >= 6
+        sure = strong if teeth else found.share > 0.2 and found.lead > 1.95
+        if sure:
+            basis: Literal["tooth-passing lines", "side bands"] = "tooth-passing lines" if teeth else "side bands"
+            candidates.append(
+                (found.even_share, CombSpeed(2 * np.pi * found.spacing / flutes, min(found.lead, 100.0), basis))
+            )
+    return max(candidates, key=lambda candidate: candidate[0], default=(0.0, None))[1]
+
+
+class _Spacing(NamedTuple):
+    """A spacing (Hz), its lead in strength over the second best, how many lines it explains, and what share of them, by
+    amplitude and by the root of amplitude (which lets no single line decide)."""
+
+    spacing: float
+    lead: float
+    lines: int
+    share: float
+    even_share: float
+
+
+def _spacing(
+    lines: Sequence[tuple[float, float]], centre: float, passing: float, span: float, resolution: float, top: float
+) -> _Spacing | None:
+    """The spacing (Hz) about `centre` that carries most of the lines' strength."""
+    frequency = np.array([line[0] for line in lines])
+    weight = np.sqrt(np.array([line[1] for line in lines]))
+    grid = np.arange((1 - span) * passing, (1 + span) * passing, 0.05 * resolution)
+    away = frequency[None, :] - centre
+    order = np.round(away / grid[:, None])
+    off = away - order * grid[:, None]
+    near = np.exp(-0.5 * (off / (0.5 * resolution)) ** 2) * (order != 0) * (np.abs(order) <= max(4, top / passing))
+    score = near @ weight
+    best = int(np.argmax(score))
+    if (near[best] > 0.3).sum() < 2:
+        return None
+    apart = np.abs(grid - grid[best]) > 3 * resolution
+    second = float(score[apart].max(initial=1e-30))
+    hit, others = near[best] > 0.3, np.abs(frequency - centre) > 2 * resolution
+    shares = [float((weight**power)[hit].sum() / (weight**power)[others].sum()) for power in (2, 1)]
+    return _Spacing(float(grid[best]), float(score[best]) / second, int(hit.sum()), shares[0], shares[1])
+
+
+def follow_line(
+    values: np.ndarray,
+    rate: float,
+    start_frequency: float,
+    *,
+    reach: float = 0.03,
+    window: float | None = None,
+    start: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A line that drifts: times (s), frequencies (Hz) and amplitudes, each (windows,).
+
+    In each window of length `window` (s; 60 periods of the line where None) the strongest line within `reach`
+    (relative) of the last place is taken, an accepted step at a time.
+    """
+    length = int((window or 60.0 / start_frequency) * rate)
+    hop = max(1, length // 4)
+    times, found, size = [], [], []
+    place = start_frequency
+    for first in range(0, len(values) - length + 1, hop):
+        frequencies, amplitude = amplitude_spectrum(values[first : first + length], rate)
+        area = np.flatnonzero(np.abs(frequencies - place) <= reach * place)
+        top = int(area[np.argmax(amplitude[area])])
+        inside = 0 < top < len(amplitude) - 1 and amplitude[top] >= max(amplitude[top - 1], amplitude[top + 1])
+        place = float(frequencies[top]) if inside else place
+        times.append(start + (first + 0.5 * length) / rate)
+        found.append(place)
+        size.append(float(amplitude[top]))
+    return np.array(times), np.array(found), np.array(size)

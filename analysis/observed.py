@@ -1,0 +1,259 @@
+"""A measured record made ready for fitting: its samples, its noise, what is unknown of its course, and how to predict it.
+
+Nuisances are kept apart from the machine: offset and slow drift are projected out (they enter linearly), the state at the
+start, the passes of entry and exit, and, without a tachometer, speed and tooth angle belong to the record; the angle between
+tachometer mark and tooth entry belongs to the campaign.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from analysis.free_decay import spectral_peak
+from analysis.noise import noise_floor
+from analysis.segments import Segment, find_segments
+from testbed.cut import Cut, Sampling
+from testbed.machine import Cutter, Model
+
+DRIFT_ORDER = 3  # offset and slow drift: a polynomial of this many terms
+STEADY_CLOCK = 2e-4  # scatter of the revolutions, relative, up to which the speed is taken as constant
+WARM_UP = 120  # passes simulated before a record that starts in the cut
+
+
+class Plant(Protocol):
+    """The engine the analysis is handed: variants of one record in, predicted channels (runs, channels, samples) out."""
+
+    predict_cuts: Callable[..., np.ndarray]
+    predict_driven: Callable[..., np.ndarray]
+
+
+@dataclass(frozen=True)
+class Nuisances:
+    """What belongs to one record: state at the simulated start (m, m/s), entry and exit pass, relative speed, tooth angle.
+
+    entry: index of the pass that cuts first, counted from the anchor (see Observed.pass_start).
+    exit: index of the first pass that cuts no more. angle (rad): a record's own share of the tooth angle.
+    """
+
+    displacement: float = 0.0
+    velocity: float = 0.0
+    entry: int = 0
+    exit: int = 0
+    speed: float = 1.0
+    angle: float = 0.0
+
+
+@dataclass(frozen=True)
+class Observed:
+    """One record. data (channels, samples) in SI; noise (channels,) standard deviations; drift (samples, terms) orthonormal.
+
+    period: of one revolution (s); first_mark: time of the first mark, s. durations: measured time of every revolution
+    where the speed is not constant. segments and conditions as read. force (samples,) drives an excited record.
+    """
+
+    name: str
+    kind: str
+    channels: tuple[str, ...]
+    data: np.ndarray
+    rate: float
+    start: float
+    noise: np.ndarray
+    noise_basis: str
+    drift: np.ndarray
+    segments: tuple[Segment, ...]
+    condition: tuple[Any, ...]
+    cut: Cut | None = None
+    flutes: int = 1
+    period: float = 0.0
+    first_mark: float | None = None
+    marks: np.ndarray | None = None
+    force: np.ndarray | None = None
+    starts_in_cut: bool = False
+
+    @property
+    def samples(self) -> int:
+        """Number of samples a channel."""
+        return self.data.shape[1]
+
+    def project(self, values: np.ndarray) -> np.ndarray:
+        """Values (..., channels, samples) in units of the noise, without what offset and drift could explain."""
+        scaled = values / self.noise[:, None]
+        return scaled - (scaled @ self.drift) @ self.drift.T
+
+    @property
+    def anchor(self) -> float:
+        """Time (s) that passes are counted from: the first mark, or the record's start."""
+        return self.start if self.first_mark is None else self.first_mark
+
+    @property
+    def first_pass(self) -> int:
+        """Index of the pass a simulation starts with: well before the record, and the same at any tooth angle."""
+        return math.floor((self.start - self.anchor) / self.period * self.flutes) - self.flutes - 1
+
+    def pass_start(self, index: int, angle: float, nuisances: Nuisances) -> float:
+        """Time (s) of the start of a pass; index 0 belongs to the anchor."""
+        turns = (angle + nuisances.angle) / (2 * math.pi) + index / self.flutes
+        return self.anchor + turns * self.period / nuisances.speed
+
+    def timeline(self, angle: float, nuisances: Nuisances) -> tuple[Cut, Sampling]:
+        """The cut and the sampling that simulate this record."""
+        assert self.cut is not None
+        pitch = self.period / nuisances.speed / self.flutes
+        index = self.first_pass - (WARM_UP if self.starts_in_cut else 0)
+        first = self.pass_start(index, angle, nuisances)
+        idle = max(0, nuisances.entry - index)
+        end = self.start + self.samples / self.rate
+        total = math.ceil((end - self.pass_start(index, 0.0, Nuisances())) / pitch) + self.flutes
+        passes = max(0, min(total - idle, nuisances.exit - index - idle))
+        cut = replace(self.cut, spindle_speed=2 * math.pi / (pitch * self.flutes), idle_passes=idle, passes=passes,
+                      ring_down_passes=total - idle - passes, initial_displacement=nuisances.displacement,
+                      initial_velocity=nuisances.velocity)
+        return cut, Sampling(self.rate, self.samples, self.start - first)
+
+    def pass_durations(self, cut: Cut, sampling: Sampling) -> np.ndarray | None:
+        """Measured durations of the simulated passes, or None at a constant speed."""
+        if self.marks is None:
+            return None
+        first = self.start - sampling.start
+        nominal = first + np.arange(cut.total_passes + 1) * self.period / self.flutes
+        turn = np.arange(len(self.marks))
+        inside = np.interp(nominal, self.first_mark + turn * self.period, self.marks)
+        before, after = nominal < self.marks[0], nominal > self.first_mark + turn[-1] * self.period
+        inside[before] = self.marks[0] + nominal[before] - self.first_mark
+        inside[after] = self.marks[-1] + nominal[after] - (self.first_mark + turn[-1] * self.period)
+        return np.diff(inside)
+
+
+def drift_basis(samples: int, order: int = DRIFT_ORDER) -> np.ndarray:
+    """Orthonormal polynomials over a record, shape (samples, order)."""
+    powers = np.polynomial.legendre.legvander(np.linspace(-1, 1, samples), order - 1)
+    return np.linalg.qr(powers)[0]
+
+
+def clock_of(marks: np.ndarray) -> tuple[float, float, bool]:
+    """(period of a revolution, time of the first mark by regression, whether the speed is constant)."""
+    turns = np.round((marks - marks[0]) / np.median(np.diff(marks)))
+    slope, anchor = np.polyfit(turns, marks, 1)
+    for _ in range(2):  # a lost or false mark must not move the clock
+        rest = marks - anchor - slope * turns
+        good = np.abs(rest) < max(4.0 * 1.4826 * float(np.median(np.abs(rest))), 1e-9)
+        slope, anchor = np.polyfit(turns[good], marks[good], 1)
+    rest = marks - anchor - slope * turns
+    return float(slope), float(anchor), float(np.median(np.abs(rest))) < STEADY_CLOCK * slope
+
+
+_ORDER = ("displacement", "velocity", "acceleration", "force_x", "force_y")
+
+
+def observe(record: Any, model: Model) -> Observed:
+    """Make a campaign's record (testbed.campaign.Record) ready. ValueError where it holds nothing that can be predicted."""
+    recording = record.recording
+    excited = record.kind == "excited"
+    names = tuple(name for name in recording.channels if name in _ORDER and not (excited and name.startswith("force")))
+    if record.kind == "ring-down":
+        names = tuple(name for name in names if not name.startswith("force"))
+    if not names:
+        raise ValueError(f"record {record.name} has no channel that a model predicts")
+    segments = find_segments(recording, kind=record.kind)
+    data = np.array([recording.channels[name] for name in names], dtype=float)
+    first, last = _used(record.kind, segments, recording)
+    data = data[:, first:last]
+    floors = [noise_floor(recording, segments, name) for name in names]
+    noise = np.array([max(floor.rms, 1e-6 * float(np.ptp(row)), 1e-300) for floor, row in zip(floors, data, strict=True)])
+    conditions = record.conditions
+    known = ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth", "feed_per_revolution")
+    condition = (record.kind, *(round(float(conditions[key]), 9) for key in known if key in conditions))
+    if record.kind != "cut":
+        condition = (record.kind, record.name)
+    base = Observed(record.name, record.kind, names, data, recording.sampling_rate,
+                    recording.start + first / recording.sampling_rate, noise, floors[0].basis,
+                    drift_basis(data.shape[1], 1 if excited else DRIFT_ORDER), segments, condition)
+    if excited:
+        drive = next(name for name in record.excitations)
+        return replace(base, force=np.asarray(recording.channels[drive], dtype=float)[first:last])
+    if record.kind == "ring-down":
+        return replace(base, force=np.zeros(data.shape[1]))
+    return _with_clock(base, record, (model.cutter or Cutter()).flutes)
+
+
+def _used(kind: str, segments: Sequence[Segment], recording: Any) -> tuple[int, int]:
+    """The samples of a record that are predicted: all, but a free decay only from its start on."""
+    if kind == "ring-down":
+        for segment in segments:
+            if segment.kind == "ring-down":
+                margin = 2.0 / recording.sampling_rate
+                return min(len(recording) - 64, round((segment.start + margin - recording.start)
+                                                     * recording.sampling_rate)), len(recording)
+    return 0, len(recording)
+
+
+def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
+    cut = record.cut(flutes)
+    marks = np.asarray(record.recording.marks)
+    period, anchor, kept = 2 * math.pi / cut.spindle_speed, None, None
+    if len(marks) >= 3:
+        period, anchor, steady = clock_of(marks)
+        kept = None if steady else marks
+    kinds = {segment.kind for segment in base.segments}
+    return replace(base, cut=cut, flutes=flutes, period=period, first_mark=anchor, marks=kept,
+                   starts_in_cut="idle" not in kinds and "entry" not in kinds)
+
+
+def first_nuisances(observed: Observed, angle: float) -> Nuisances:
+    """Entry and exit passes as the segments show them, at a given tooth angle; the rest at its neutral value."""
+    if observed.cut is None:
+        return Nuisances()
+    pitch = observed.period / observed.flutes
+    zero = observed.pass_start(0, angle, Nuisances())
+    starts = [s.start for s in observed.segments if s.kind in ("entry", "steady")]
+    stops = [s.stop for s in observed.segments if s.kind in ("steady", "entry")]
+    downs = [s.start for s in observed.segments if s.kind == "ring-down"]
+    entry = round((min(starts, default=observed.start) - zero) / pitch)
+    end = observed.start + observed.samples / observed.rate
+    leave = last_tooth(observed, downs[0]) if downs else (end if not any(s.kind == "exit" for s in observed.segments) else max(stops, default=end))
+    exit_pass = math.ceil((end - zero) / pitch) + observed.flutes + 1 if leave >= end - pitch else math.ceil((leave - zero) / pitch - 0.1)
+    return Nuisances(entry=observed.first_pass - WARM_UP if observed.starts_in_cut else entry, exit=exit_pass)
+
+
+def last_tooth(observed: Observed, ring_down: float) -> float:
+    """Time (s) at which a tooth last cut, near the segment found as ring-down.
+
+    In free vibration x(t) + x(t + T/2) is the offset alone, whatever the amplitude; under the teeth it is not. So the last
+    revolution in which that sum is as large as in steady cutting still cut, though the frequency may move with amplitude.
+    """
+    first = round((ring_down - observed.start) * observed.rate)
+    tail = observed.data[0, first:] - observed.data[0, first:].mean()
+    if len(tail) < 64 or observed.channels[0].startswith("force"):
+        return ring_down
+    half = round(0.5 / spectral_peak(tail))
+    values = observed.data[0] - observed.drift @ (observed.drift.T @ observed.data[0])
+    pair = values[half:] + values[:-half]
+    turn = round(observed.period * observed.rate)
+    count = len(pair) // turn
+    level = np.array([np.ptp(pair[k * turn:(k + 1) * turn]) for k in range(count)])
+    steady = [k for k in range(count) for s in observed.segments if s.kind == "steady"
+              and s.start < observed.start + k * turn / observed.rate < s.stop - 2 * observed.period]
+    if len(steady) < 4 or 2 * half >= turn * 4:
+        return ring_down
+    usual = float(np.median(level[steady]))
+    cutting = np.flatnonzero(level > 0.5 * usual)
+    if len(cutting) == 0 or usual < 8.0 * observed.noise[0]:
+        return ring_down
+    return observed.start + (int(cutting[-1]) + 1.0) * turn / observed.rate + 0.5 * observed.period / observed.flutes
+
+
+def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, float, Nuisances]]) -> np.ndarray:
+    """Predicted channels, shape (variants, channels, samples), for (model, mark angle, nuisances) variants of one record."""
+    if observed.cut is None:
+        states = [(n.displacement, n.velocity) for _, _, n in variants]
+        return plant.predict_driven([m for m, _, _ in variants], states, observed.force, observed.rate, observed.channels)
+    lines = [observed.timeline(angle, nuisances) for _, angle, nuisances in variants]
+    durations = [observed.pass_durations(cut, sampling) for cut, sampling in lines]
+    kept = None if any(d is None for d in durations) else durations
+    return plant.predict_cuts([m for m, _, _ in variants], [cut for cut, _ in lines], [s for _, s in lines],
+                              observed.channels, durations=kept)

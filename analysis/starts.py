@@ -1,0 +1,157 @@
+"""Where a waveform fit starts: frequency and damping from free decays, cutting coefficients and tooth angle by a scan."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.free_decay import fit_free_decay, spectral_peak
+from analysis.observed import Nuisances, Observed, Plant, first_nuisances, predict
+from analysis.waveform import WORKERS, Fitter, Free, State, WaveformFit
+from testbed.machine import Model
+
+ANGLES = 24
+COEFFICIENTS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
+SOFT = 0.1  # of a record's own size: what the first rounds forgive, so that no record rules them alone
+_STRUCTURE_BOUNDS = {"natural_frequency": (1.0, 1e5), "damping_ratio": (1e-6, 0.9), "mass": (1e-12, 1e12)}
+
+
+def free_parameters(records: Sequence[Observed], model: Model) -> list[Free]:
+    """The base parameters these records can speak of.
+
+    A displacement under a cut knows stiffness and cutting coefficients only relative to the mass, which stays as believed;
+    a measured force that drives the structure makes the mass known. A dynamometer's forces say nothing of the structure.
+    """
+    kinds = {record.kind for record in records}
+    moving = any(not channel.startswith("force") for record in records for channel in record.channels)
+    free = []
+    if moving:
+        structure = model.structure
+        free += [Free("natural_frequency", 0.01 * structure.natural_frequency, _STRUCTURE_BOUNDS["natural_frequency"]),
+                 Free("damping_ratio", max(0.2 * structure.damping_ratio, 1e-4), _STRUCTURE_BOUNDS["damping_ratio"])]
+    if "excited" in kinds:
+        free.append(Free("mass", 0.05 * model.structure.mass, _STRUCTURE_BOUNDS["mass"]))
+    if "cut" in kinds and model.cutting is not None:
+        size = max(abs(model.cutting.tangential_coefficient), abs(model.cutting.normal_coefficient))
+        free += [Free("tangential_coefficient", 0.2 * size, (1e-3 * size, 100 * size)),
+                 Free("normal_coefficient", 0.2 * size, (-20 * size, 100 * size))]
+    return free
+
+
+def decay_start(records: Sequence[Observed], model: Model) -> Model:
+    """The model with frequency and damping of the records' free decays, weighted by how well each knows its decay."""
+    found = []
+    for record in records:
+        for segment in record.segments:
+            if segment.kind != "ring-down" or record.channels[0].startswith("force"):
+                continue
+            first = max(0, round((segment.start - record.start) * record.rate))
+            last = min(record.samples, round((segment.stop - record.start) * record.rate))
+            first += (last - first) // 3  # the later, smaller part is the more linear one
+            values = record.data[0, first:last]
+            if len(values) < 64 or np.std(values) < 2.0 * record.noise[0]:
+                continue
+            fit = fit_free_decay(values, first, spectral_peak(values - values.mean()), 1.0 / len(values))
+            if fit is None or fit.decay <= 0 or not fit.decay_error < fit.decay:
+                continue
+            damped, decay = 2 * math.pi * fit.frequency * record.rate, fit.decay * record.rate
+            natural = math.hypot(damped, decay)
+            found.append((natural / (2 * math.pi), decay / natural, (fit.decay / max(fit.decay_error, 1e-12)) ** 2))
+    if not found:
+        return model
+    frequency, damping, weight = np.array(found).T
+    near = np.abs(frequency / np.median(frequency) - 1) < 0.05
+    weight = np.minimum(weight, 20 * np.median(weight)) * near
+    return model.with_values({"natural_frequency": float(np.sum(frequency * weight) / weight.sum()),
+                              "damping_ratio": float(np.sum(damping * weight) / weight.sum())})
+
+
+def softened(record: Observed) -> Observed:
+    """The record with a share of its own size added to its noise."""
+    size = record.data.std(axis=1)
+    return replace(record, noise=np.hypot(record.noise, SOFT * size))
+
+
+def _scan(plant: Plant, records: Sequence[Observed], model: Model) -> tuple[float, float, tuple[Nuisances, ...]]:
+    """(cost, mark angle, nuisances) of the best tooth angle, with entry and exit as the segments show them."""
+    pitch = 2 * math.pi / max([record.flutes for record in records if record.cut is not None], default=1)
+    angles = np.arange(ANGLES) * pitch / ANGLES
+
+    def one(record: Observed) -> np.ndarray:
+        variants = [(model, angle, first_nuisances(record, angle)) if record.first_mark is not None
+                    else (model, 0.0, replace(first_nuisances(record, angle), angle=angle)) for angle in angles]
+        rest = record.project(record.data - np.nan_to_num(predict(plant, record, variants), nan=1.0))
+        rest = np.clip(rest, -1e6, 1e6)
+        return np.log(np.mean(rest**2, axis=(1, 2))) * record.samples
+
+    cuts = [record for record in records if record.cut is not None]
+    with ThreadPoolExecutor(WORKERS) as pool:
+        costs = dict(zip([id(record) for record in cuts], pool.map(one, cuts), strict=True))
+    shared = [costs[id(record)] for record in cuts if record.first_mark is not None]
+    best = int(np.argmin(sum(shared))) if shared else 0
+    total, nuisances = 0.0, []
+    for record in records:
+        if record.cut is None:
+            nuisances.append(Nuisances())
+            continue
+        place = best if record.first_mark is not None else int(np.argmin(costs[id(record)]))
+        total += float(costs[id(record)][place])
+        own = 0.0 if record.first_mark is not None else float(angles[place])
+        nuisances.append(replace(first_nuisances(record, float(angles[place])), angle=own))
+    return total, float(angles[best]) if shared else 0.0, tuple(nuisances)
+
+
+def scan_starts(plant: Plant, records: Sequence[Observed], model: Model, count: int = 3) -> list[State]:
+    """The best few starts over cutting coefficients and tooth angle."""
+    if model.cutting is None or all(record.cut is None for record in records):
+        return [State(model, 0.0, tuple(Nuisances() for _ in records))]
+    found = []
+    for factor in COEFFICIENTS:
+        trial = model.with_values({"tangential_coefficient": factor * model.cutting.tangential_coefficient,
+                                   "normal_coefficient": factor * model.cutting.normal_coefficient})
+        cost, angle, nuisances = _scan(plant, records, trial)
+        found.append((cost, State(trial, angle, nuisances)))
+    return [state for _, state in sorted(found, key=lambda pair: pair[0])[:count]]
+
+
+def polish(fitter: Fitter, state: State, *, rounds: int = 4, iterations: int = 20) -> WaveformFit:
+    """Fit and put entry and exit passes right in turn, until they stay."""
+    state, _ = fitter.settle_passes(state)
+    fit = fitter.fit(state, iterations=iterations)
+    for _ in range(rounds - 1):
+        state, moved = fitter.settle_passes(fit.state)
+        if not moved:
+            break
+        fit = fitter.fit(state, iterations=iterations)
+    return fit
+
+
+def anchored_state(plant: Plant, records: Sequence[Observed], model: Model) -> State:
+    """The cut fitted softly with frequency and damping held at what the small end of the free decays shows.
+
+    Where the structure is not linear, a free fit bends its frequency to the large amplitudes and never comes back; this
+    start keeps it.
+    """
+    started = decay_start(records, model)
+    soft = [softened(record) for record in records]
+    free = [one for one in free_parameters(records, started) if one.path.endswith("_coefficient")]
+    fitter = Fitter(plant, soft, free)
+    return polish(fitter, scan_starts(plant, soft, started, 1)[0], rounds=2, iterations=8).state
+
+
+def base_fit(plant: Plant, records: Sequence[Observed], model: Model, *, free: Sequence[Free] | None = None,
+             ) -> tuple[Fitter, WaveformFit]:
+    """The believed model refitted to all records, from several starts, with every nuisance."""
+    started = decay_start(records, model)
+    free = list(free) if free is not None else free_parameters(records, started)
+    soft = Fitter(plant, [softened(record) for record in records], free)
+    tries = []
+    for state in scan_starts(plant, [softened(record) for record in records], started):
+        tries.append(polish(soft, state, rounds=3, iterations=12))
+    best = min(tries, key=lambda fit: fit.cost)
+    fitter = Fitter(plant, records, free)
+    return fitter, polish(fitter, best.state)

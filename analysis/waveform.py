@@ -1,0 +1,261 @@
+"""Fit a model to all records of a campaign at once, sample by sample: Levenberg-Marquardt over the engine's predictions.
+
+The machine's parameters are shared; every record keeps its own nuisances, which are eliminated from the normal equations
+record by record (Schur complement), so that the cost of a step grows linearly with the number of records.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.observed import Nuisances, Observed, Plant, first_nuisances, predict
+from testbed.machine import Model
+
+WORKERS = 2
+EARLIER = 5  # passes by which a gentle entry may precede what is seen of it
+BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
+
+
+@dataclass(frozen=True)
+class Free:
+    """A machine parameter that is fitted: its path, the size of a natural step, and its bounds."""
+
+    path: str
+    scale: float
+    bounds: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class State:
+    """Where a fit stands: the model, the mark angle (rad) and every record's nuisances."""
+
+    model: Model
+    angle: float
+    nuisances: tuple[Nuisances, ...]
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """One record about a state: residual (values,), slopes by the shared (values, shared) and own (values, own) unknowns."""
+
+    residual: np.ndarray
+    shared: np.ndarray
+    own: np.ndarray
+
+
+@dataclass(frozen=True)
+class WaveformFit:
+    """A finished fit. cost: half the sum of squared residuals in units of the noise; covariance of the shared unknowns.
+
+    names of the shared unknowns: the free parameters' paths, then `mark_angle` where it was fitted.
+    """
+
+    state: State
+    cost: float
+    residuals: tuple[np.ndarray, ...]
+    names: tuple[str, ...]
+    covariance: np.ndarray
+    converged: bool
+    iterations: int
+    parts: tuple[Linearised, ...]
+
+    @property
+    def squares(self) -> float:
+        """Sum of squared residuals over all records, in units of the noise."""
+        return 2.0 * self.cost
+
+
+class Fitter:
+    """Records, an engine, and the parameters that are free."""
+
+    def __init__(self, plant: Plant, records: Sequence[Observed], free: Sequence[Free], *, stride: int = 1) -> None:
+        self.plant, self.records, self.free, self.stride = plant, tuple(records), tuple(free), stride
+        self.fits_angle = any(record.cut is not None and record.first_mark is not None for record in records)
+        self.names = (*(one.path for one in free), *(("mark_angle",) if self.fits_angle else ()))
+
+    # -- variants of a state -------------------------------------------------------------------------------------------
+
+    def moved(self, state: State, step: np.ndarray) -> State:
+        """The state after a step of the shared unknowns, in natural units, held inside the bounds."""
+        values = {}
+        for one, amount in zip(self.free, step, strict=False):
+            values[one.path] = min(max(state.model.value(one.path) + amount * one.scale, one.bounds[0]), one.bounds[1])
+        angle = state.angle + (step[-1] * 0.1 if self.fits_angle else 0.0)
+        return replace(state, model=state.model.with_values(values), angle=angle)
+
+    def _own_steps(self, record: Observed) -> list[dict[str, float]]:
+        if record.kind == "excited" or record.starts_in_cut:
+            own: list[dict[str, float]] = []
+        else:
+            size = float(np.std(record.data[0])) or 1.0
+            omega = 2 * math.pi * 100.0
+            own = [{"displacement": size}, {"velocity": size * omega}]
+        if record.cut is not None and record.first_mark is None:
+            own += [{"angle": 0.1}, {"speed": 1e-3}]
+        return own
+
+    @staticmethod
+    def _nudged(nuisances: Nuisances, change: Mapping[str, float], amount: float) -> Nuisances:
+        return replace(nuisances, **{key: getattr(nuisances, key) + amount * size for key, size in change.items()})
+
+    # -- residuals and slopes ------------------------------------------------------------------------------------------
+
+    def _residuals(self, record: Observed, variants: list[tuple[Model, float, Nuisances]]) -> np.ndarray:
+        predicted = predict(self.plant, record, variants)
+        rest = record.project(record.data - np.nan_to_num(predicted, nan=1e3 * float(np.ptp(record.data)) + 1e-12))
+        return np.clip(rest, -BIG, BIG).reshape(len(variants), -1)
+
+    def linearise(self, index: int, state: State, step: float = 1e-4) -> Linearised:
+        """Residual and slopes of one record by forward differences."""
+        record, own = self.records[index], self._own_steps(self.records[index])
+        nuisances = state.nuisances[index]
+        variants = [(state.model, state.angle, nuisances)]
+        signs = []
+        for place in range(len(self.names)):
+            unit = np.zeros(len(self.names))
+            at_top = place < len(self.free) and (
+                state.model.value(self.free[place].path) + step * self.free[place].scale > self.free[place].bounds[1])
+            unit[place] = -step if at_top else step
+            signs.append(-1.0 if at_top else 1.0)
+            other = self.moved(state, unit)
+            variants.append((other.model, other.angle, nuisances))
+        variants += [(state.model, state.angle, self._nudged(nuisances, change, step)) for change in own]
+        rest = self._residuals(record, variants)
+        slopes = (rest[1:] - rest[0]) / step
+        slopes[: len(signs)] *= np.array(signs)[:, None]
+        return Linearised(rest[0], slopes[: len(self.names)].T, slopes[len(self.names):].T)
+
+    def linearise_all(self, state: State) -> tuple[Linearised, ...]:
+        """Every record about a state, on threads (the engine lets go of the interpreter)."""
+        with ThreadPoolExecutor(WORKERS) as pool:
+            return tuple(pool.map(lambda index: self.linearise(index, state), range(len(self.records))))
+
+    def residual_of(self, index: int, state: State) -> np.ndarray:
+        """One record's residual, in units of the noise."""
+        return self._residuals(self.records[index], [(state.model, state.angle, state.nuisances[index])])[0]
+
+    def residuals(self, state: State) -> tuple[np.ndarray, ...]:
+        """Every record's residual, in units of the noise."""
+        def one(index: int) -> np.ndarray:
+            return self._residuals(self.records[index], [(state.model, state.angle, state.nuisances[index])])[0]
+
+        with ThreadPoolExecutor(WORKERS) as pool:
+            return tuple(pool.map(one, range(len(self.records))))
+
+    def settle_passes(self, state: State, reach: int = 1) -> tuple[State, bool]:
+        """The state with every cut's entry and exit pass at the best of their neighbours; and whether any moved."""
+        def one(index: int) -> Nuisances:
+            record, nuisances = self.records[index], state.nuisances[index]
+            if record.cut is None:
+                return nuisances
+            seen = first_nuisances(record, state.angle + nuisances.angle)  # a wrong model must not drag them far
+            last = math.floor((record.start + record.samples / record.rate - record.pass_start(0, state.angle, nuisances))
+                              / record.period * record.flutes)
+            entries = [] if record.starts_in_cut else range(seen.entry - EARLIER, seen.entry + reach + 1)
+            exits = [] if seen.exit >= last else range(seen.exit - reach, seen.exit + reach + 1)
+            for field, places in (("entry", entries), ("exit", exits)):
+                tried = [replace(nuisances, **{field: place}) for place in places]
+                tried = [other for other in tried if other.entry < other.exit]
+                if tried:
+                    rest = self._residuals(record, [(state.model, state.angle, other) for other in tried])
+                    nuisances = tried[int(np.argmin(np.einsum("ij,ij->i", rest, rest)))]
+            return nuisances
+
+        with ThreadPoolExecutor(WORKERS) as pool:
+            best = tuple(pool.map(one, range(len(self.records))))
+        return replace(state, nuisances=best), best != state.nuisances
+
+    def cost(self, state: State) -> float:
+        """Half the sum of squared residuals, in units of the noise."""
+        return 0.5 * sum(float(rest @ rest) for rest in self.residuals(state))
+
+    def with_slopes(self, parts: Sequence[Linearised], state: State, places: Sequence[int], step: float = 1e-3,
+                    ) -> tuple[Linearised, ...]:
+        """Residuals at a state, with slopes by the free parameters at `places` computed and all others taken from `parts`."""
+        def one(index: int) -> Linearised:
+            variants = [(state.model, state.angle, state.nuisances[index])]
+            signs = []
+            for place in places:
+                free, unit = self.free[place], np.zeros(len(self.names))
+                sign = -1.0 if state.model.value(free.path) + step * free.scale > free.bounds[1] else 1.0
+                unit[place] = sign * step
+                signs.append(sign)
+                variants.append((self.moved(state, unit).model, state.angle, state.nuisances[index]))
+            rest = self._residuals(self.records[index], variants)
+            shared = np.empty((rest.shape[1], len(self.names)))
+            known = [place for place in range(len(self.names)) if place not in places]
+            shared[:, known] = parts[index].shared
+            shared[:, list(places)] = ((rest[1:] - rest[0]) / step * np.array(signs)[:, None]).T
+            return Linearised(rest[0], shared, parts[index].own)
+
+        with ThreadPoolExecutor(WORKERS) as pool:
+            return tuple(pool.map(one, range(len(self.records))))
+
+    # -- steps ---------------------------------------------------------------------------------------------------------
+
+    def step(self, parts: Sequence[Linearised], damping: float, used: Sequence[int] | None = None,
+             ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Damped Gauss-Newton step: (shared unknowns, every record's own unknowns); `used` names the records that count."""
+        shared = len(self.names)
+        normal, gradient = np.zeros((shared, shared)), np.zeros(shared)
+        solved = []
+        for index, part in enumerate(parts):
+            own = part.own.T @ part.own
+            own += np.diag(damping * np.diag(own) + 1e-12 * max(1.0, float(np.trace(own))))
+            cross = part.own.T @ part.shared
+            pulled = part.own.T @ part.residual
+            inverse = np.linalg.pinv(own) if len(own) else own
+            solved.append((inverse, cross, pulled))
+            if used is None or index in used:
+                normal += part.shared.T @ part.shared - cross.T @ inverse @ cross
+                gradient += part.shared.T @ part.residual - cross.T @ inverse @ pulled
+        full = normal + np.diag(damping * np.diag(normal) + 1e-14 * max(1e-300, float(np.trace(normal))))
+        move = -np.linalg.lstsq(full, gradient, rcond=1e-14)[0]
+        return move, [-inverse @ (pulled + cross @ move) for inverse, cross, pulled in solved]
+
+    def covariance(self, parts: Sequence[Linearised], variance: float = 1.0) -> np.ndarray:
+        """Covariance of the shared unknowns in their own units, for residuals of the given variance."""
+        shared = len(self.names)
+        normal = np.zeros((shared, shared))
+        for part in parts:
+            own, cross = part.own.T @ part.own, part.own.T @ part.shared
+            normal += part.shared.T @ part.shared - (cross.T @ np.linalg.pinv(own) @ cross if len(own) else 0.0)
+        scale = np.array([*(one.scale for one in self.free), *((0.1,) if self.fits_angle else ())])
+        return variance * np.linalg.pinv(normal, hermitian=True) * np.outer(scale, scale)
+
+    def with_own(self, state: State, moves: Sequence[np.ndarray]) -> State:
+        """The state after a step of the records' own unknowns."""
+        changed = []
+        for record, nuisances, move in zip(self.records, state.nuisances, moves, strict=True):
+            for change, amount in zip(self._own_steps(record), move, strict=True):
+                nuisances = self._nudged(nuisances, change, float(amount))
+            changed.append(nuisances)
+        return replace(state, nuisances=tuple(changed))
+
+    def fit(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5) -> WaveformFit:
+        """Levenberg-Marquardt from a state. Converged: a step changed the cost by less than `tolerance` of itself."""
+        parts = self.linearise_all(state)
+        cost = 0.5 * sum(float(part.residual @ part.residual) for part in parts)
+        damping, converged, count = 1e-3, False, 0
+        while count < iterations and not converged:
+            count += 1
+            move, own = self.step(parts, damping)
+            trial = self.with_own(self.moved(state, move), own)
+            rest = self.residuals(trial)
+            new = 0.5 * sum(float(one @ one) for one in rest)
+            if np.isfinite(new) and new < cost:
+                converged = cost - new < tolerance * cost
+                state, cost, damping = trial, new, max(damping / 8.0, 1e-9)
+                parts = self.linearise_all(state)
+            else:
+                converged = damping > 1e4 or (np.isfinite(new) and abs(new - cost) < 1e-9 * cost)
+                damping *= 6.0
+        size = sum(part.residual.size for part in parts)
+        covariance = self.covariance(parts, max(1.0, 2.0 * cost / size))
+        return WaveformFit(state, cost, tuple(part.residual for part in parts), self.names, covariance, converged, count,
+                           parts)

@@ -1,0 +1,57 @@
+"""Files appear whole or not at all: written under a temporary name beside the target, flushed, then renamed."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from testbed.problem import InputProblem
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """A temporary path to write to; it becomes `path` on success and is removed on any failure.
+
+    Raises InputProblem where the folder cannot be written.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise InputProblem(path, "is a folder", "name a file")
+    try:
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+        os.close(handle)
+    except OSError as problem:
+        raise InputProblem(path, f"cannot be written ({problem.strerror})", "choose another place") from None
+    temporary = Path(name)
+    try:
+        yield temporary
+        temporary.chmod(0o666 & ~_umask())  # mkstemp makes the file private
+        _synchronise(temporary)
+        os.replace(temporary, target)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def _umask() -> int:
+    current = os.umask(0o022)
+    os.umask(current)
+    return current
+
+
+def _synchronise(path: Path) -> None:
+    """Make sure the bytes are on the disk before the name is: a rename may outlive a power cut that data did not."""
+    handle = os.open(path, os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a UTF-8 text file, whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")

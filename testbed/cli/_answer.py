@@ -1,0 +1,116 @@
+"""How a command answers: text for people, JSON for programs, a progress bar where somebody watches."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+from testbed.atomic import write_text
+from testbed.problem import InputProblem
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON knows it: NaN and infinities are null, a complex number [re, im], arrays lists."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):  # numpy, without importing it
+        return plain(value.tolist())
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [plain(item) for item in value]
+    if isinstance(value, complex):
+        return [plain(value.real), plain(value.imag)]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return str(value) if isinstance(value, Path) else value
+
+
+class Answer:
+    """One command's answer. Text goes to standard output, or to standard error where JSON takes its place."""
+
+    def __init__(self, json_file: str | None, quiet: bool) -> None:
+        self.json_file, self.quiet = json_file, quiet
+        if json_file not in (None, "-"):
+            check_place(json_file)
+
+    def say(self, text: str = "") -> None:
+        """A line for people."""
+        if not self.quiet:
+            click.echo(text, err=self.json_file == "-")
+
+    def table(self, titles: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+        """Columns set flush: the first to the left, the others to the right."""
+        cells = [[str(cell) for cell in row] for row in (titles, *rows)]
+        widths = [max(len(row[column]) for row in cells) for column in range(len(titles))]
+        for row in cells:
+            first, *others = (cell.ljust(width) if column == 0 else cell.rjust(width)
+                              for column, (cell, width) in enumerate(zip(row, widths, strict=True)))
+            self.say("  ".join([first, *others]).rstrip())
+
+    def finish(self, value: Any) -> None:
+        """Write the JSON, where it was asked for."""
+        if self.json_file is None:
+            return
+        text = json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
+        if self.json_file == "-":
+            click.echo(text, nl=False)
+        else:
+            write_text(self.json_file, text)
+
+
+def check_place(path: str | Path | None) -> None:
+    """InputProblem where a file could not be written, found before the work rather than after it."""
+    if path is None:
+        return
+    import os
+
+    target = Path(path)
+    folder = target.parent
+    if target.is_dir():
+        raise InputProblem(path, "is a folder", "name a file")
+    if not folder.is_dir():
+        raise InputProblem(path, f"there is no folder {folder}", "make it first, or choose another place")
+    if not os.access(folder, os.W_OK):
+        raise InputProblem(path, "cannot be written (permission denied)", "choose another place")
+
+
+def output_folder(path: str | Path) -> Path:
+    """A folder for pictures and reports, made if need be. InputProblem where it cannot be."""
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise InputProblem(path, f"cannot be made ({problem.strerror})", "choose another place with -o") from None
+    return folder
+
+
+@contextmanager
+def progress(title: str, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
+    """A function of (done, all) that draws a bar with the time left: on a terminal only, never into a pipe."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda done, total: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def shown(value: float, unit: str, digits: int = 5) -> str:
+    """A quantity for people: an SI value in the unit that is usual for it."""
+    from testbed.units import format_quantity
+
+    usual = {"rad/s": "rpm", "N/m^2": "N/mm^2"}.get(unit, unit)
+    return "-" if not math.isfinite(value) else format_quantity(value, usual, digits)

@@ -1,0 +1,165 @@
+"""DATA of the commands that fit: a data set of `testbed run`, or a campaign.yaml, as records of one kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from testbed.problem import InputProblem
+
+KNOWN = ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth", "flutes")  # what a machinist knows of a cut
+
+
+@dataclass(frozen=True)
+class CutTest:
+    """A recorded cut ready for its multipliers: entry and exit (s) stand in the recording's conditions."""
+
+    name: str
+    recording: Any
+    cut: Any
+    segments: tuple[Any, ...]
+
+
+def load_records(path: str | Path) -> tuple[Any, ...]:
+    """The records of a data set or a campaign (testbed.campaign.Record). InputProblem where the file is neither."""
+    from testbed.data_set import is_data_set, read_data_set
+
+    name = Path(path)
+    if name.suffix.lower() in (".yaml", ".yml"):
+        from testbed.campaign import load_campaign
+
+        return load_campaign(name).records
+    if name.is_file() and not is_data_set(name) and name.suffix.lower() not in (".h5", ".hdf5"):
+        raise InputProblem(path, "is no data set of `testbed run` and no campaign.yaml",
+                           "write a campaign.yaml that names your files")
+    return records_of(read_data_set(name))
+
+
+def records_of(data: Any) -> tuple[Any, ...]:
+    """The finished runs of a data set as records: what its sensors gave, nothing of the truth."""
+    from testbed.campaign import Record
+    from testbed.manifest import Feed
+
+    records = []
+    for recording in data:
+        if recording.outcome != "ok":
+            continue
+        given = {key: recording.conditions[key] for key in KNOWN}
+        seen = replace(recording, pass_times=recording.pass_times[:0], conditions=given | {"kind": "cut"})
+        records.append(Record(f"run {recording.conditions['run']}", "cut", seen, given, file=data.path,
+                              feed=Feed(given["feed_per_tooth"], "tooth")))
+    if not records:
+        raise InputProblem(data.path, "holds no run that ended well", "simulate other cuts")
+    return tuple(records)
+
+
+def cut_tests(records: Sequence[Any], flutes: int, path: object) -> list[CutTest]:
+    """The cuts among records, with their entries and exits found. InputProblem where there is none."""
+    from analysis.segments import find_segments
+
+    tests = []
+    for record in records:
+        if record.kind != "cut" or "displacement" not in record.recording.channels:
+            continue
+        segments = find_segments(record.recording, kind="cut")
+        times = entry_and_exit(segments)
+        recording = replace(record.recording, conditions={**record.recording.conditions, **times})
+        tests.append(CutTest(record.name, recording, record.cut(flutes), tuple(segments)))
+    if not tests:
+        raise InputProblem(path, "holds no cut with a displacement channel", "record cuts, or use --method waveform")
+    return tests
+
+
+def entry_and_exit(segments: Sequence[Any]) -> dict[str, float]:
+    """Times (s) of entry and exit, where the segments show them."""
+    begin = [part.start for part in segments if part.kind in ("entry", "steady")]
+    end = [part.start for part in segments if part.kind in ("exit", "ring-down")]
+    times = {"entry_time": begin[0]} if begin else {}
+    return times | ({"exit_time": end[0]} if end else {})
+
+
+def start_from_ring_downs(model: Any, records: Sequence[Any], tests: Sequence[CutTest]) -> Any:
+    """The model with frequency and damping of the free decays after the cuts and of the taps; as it was without any.
+
+    The decay with the smallest interval of damping is taken.
+    """
+    from analysis.ring_down import ring_down
+
+    decays = [(test.recording, part) for test in tests for part in test.segments if part.kind == "ring-down"]
+    found = []
+    for recording, part in decays:
+        found += _decay(ring_down, recording, part.start, part.stop)
+    for record in records:
+        if record.kind == "ring-down" and "displacement" in record.recording.channels:
+            found += _decay(ring_down, record.recording, None, None)
+    wide = 0.2 * model.structure.natural_frequency  # a decay of another mode, or a misread one, is no start
+    close = [decay for decay in found if abs(decay.natural_frequency[0] - model.structure.natural_frequency) < wide
+             and 0 < decay.damping_ratio[0] < 0.5]
+    if not close:
+        return model
+    best = min(close, key=lambda decay: decay.damping_ratio_high[0] - decay.damping_ratio_low[0])
+    return model.with_values({"natural_frequency": float(best.natural_frequency[0]),
+                              "damping_ratio": float(best.damping_ratio[0])})
+
+
+def _decay(ring_down: Any, recording: Any, start: float | None, stop: float | None) -> list[Any]:
+    try:
+        return [ring_down(recording, start=start, stop=stop)]
+    except (ValueError, ArithmeticError):  # too short or too quiet a decay is no start
+        return []
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What an identification found: model, parameter path -> value, low, high, unit; the tests; quality."""
+
+    model: Any
+    parameters: Mapping[str, Any]
+    tests: tuple[Mapping[str, Any], ...]
+    quality: Mapping[str, Any]
+
+
+def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, seed: int) -> Identified:
+    """Fit the characteristic multipliers of the cuts. ValueError where they do not suffice."""
+    from analysis.identify import identify
+
+    tests = cut_tests(records, model.cutter.flutes, path)
+    start = start_from_ring_downs(model, records, tests)
+    found = identify(start, [(test.recording, test.cut) for test in tests], seed=seed)
+    rows = tuple({"name": test.name, "spindle_speed": test.cut.spindle_speed,
+                  "axial_depth_of_cut": test.cut.axial_depth_of_cut, "measured": result.measured,
+                  "model": result.model, "used": result.used, "reason": result.reason}
+                 for test, result in zip(tests, found.tests, strict=True))
+    return Identified(found.model, found.parameters, rows,
+                      {"chi_square": found.chi_square, "converged": found.converged})
+
+
+def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catalogue: Any) -> Identified:
+    """Fit the whole waveform of every record with the simulator."""
+    from functools import partial
+    from types import SimpleNamespace
+
+    import numpy as np
+
+    from analysis.identify import Estimate
+    from analysis.observed import observe
+    from analysis.starts import base_fit
+    from testbed.engines import predict
+    from testbed.machine import BASE_UNITS
+
+    plant = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue),
+                            predict_driven=partial(predict.predict_driven, catalogue=catalogue))
+    observed = [observe(record, model) for record in records if record.kind in ("cut", "ring-down", "excited")]
+    if not observed:
+        raise ValueError("no record that a model predicts")
+    fitter, fit = base_fit(plant, observed, model)
+    values = sum(residual.size for residual in fit.residuals)
+    chi_square = fit.squares / max(1, values - len(fit.names))
+    spread = 1.96 * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    parameters = {}
+    for one, half in zip(fitter.free, spread, strict=False):
+        value = fit.state.model.value(one.path)
+        parameters[one.path] = Estimate(value, value - float(half), value + float(half), BASE_UNITS[one.path])
+    return Identified(fit.state.model, parameters, (), {"chi_square": chi_square, "converged": fit.converged})

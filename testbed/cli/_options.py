@@ -1,0 +1,114 @@
+"""Options that commands share, and the reading of what is typed for them."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from testbed.problem import InputProblem
+
+MOST_POINTS = 5_000
+_NUMBER = re.compile(r"\s*[-+]?[\d.]+([eE][-+]?\d+)?\s*")
+
+
+class _Range(click.ParamType):
+    """A number, or FIRST:LAST:COUNT, in a fixed unit; becomes a list of SI floats."""
+
+    def __init__(self, unit: str, si: str, name: str, zero: bool) -> None:
+        self.unit, self.si, self.name, self.zero = unit, si, name, zero
+
+    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> list[float]:
+        """SI values; click's error where the text is no range."""
+        if isinstance(value, list):
+            return value
+        example = f"give a number in {self.unit}, or FIRST:LAST:COUNT"
+        parts = str(value).split(":")
+        if len(parts) not in (1, 3) or not all(_NUMBER.fullmatch(part) for part in parts):
+            self.fail(f"'{value}' is not a range: {example}", parameter, context)
+        try:
+            ends = [float(part) for part in parts[:2]]
+            count = int(parts[2]) if len(parts) == 3 else 1
+        except ValueError:
+            self.fail(f"'{value}' is not a range: {example}", parameter, context)
+        if not 1 <= count <= MOST_POINTS:
+            self.fail(f"'{value}' asks for {count} points: give 1 to {MOST_POINTS}", parameter, context)
+        if not all(math.isfinite(end) for end in ends):
+            self.fail(f"'{value}' is not finite: {example}", parameter, context)
+        if min(ends) < 0 or (min(ends) == 0 and not self.zero):
+            least = "at least 0" if self.zero else "above 0"
+            self.fail(f"'{value}' must be {least}: {example}", parameter, context)
+        if count == 1 and len(set(ends)) > 1:
+            self.fail(f"'{value}' asks for one point at two places: {example}", parameter, context)
+        from testbed.units import factor_to
+
+        factor = factor_to(self.unit, self.si)
+        if count == 1:
+            return [ends[0] * factor]
+        return [(ends[0] + (ends[1] - ends[0]) * index / (count - 1)) * factor for index in range(count)]
+
+
+SPEED = _Range("rpm", "rad/s", "rpm", zero=False)
+DEPTH = _Range("mm", "m", "mm", zero=True)
+
+
+class _Noise(click.ParamType):
+    """Noise levels such as `0,0.5um,1um`; becomes a list of metres."""
+
+    name = "levels"
+
+    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> list[float]:
+        """SI values; click's error where one has no unit of length (0 needs none)."""
+        if isinstance(value, list):
+            return value
+        from testbed.units import UnitProblem, parse_quantity
+
+        levels = []
+        for part in str(value).split(","):
+            try:
+                levels.append(0.0 if re.fullmatch(r"\s*0+(\.0*)?\s*", part) else parse_quantity(part, "m"))
+            except UnitProblem as problem:
+                self.fail(str(problem), parameter, context)
+        if min(levels) < 0:
+            self.fail(f"'{value}' holds a level below 0", parameter, context)
+        return levels
+
+
+NOISE = _Noise()
+
+
+def shared(function: Callable[..., Any]) -> Callable[..., Any]:
+    """--json, --seed and --quiet, which every command that computes takes."""
+    for option in reversed((
+        click.option("--json", "json_file", metavar="FILE", help="Write JSON, SI values; - for standard output."),
+        click.option("--seed", type=click.IntRange(min=0), default=None, help="Seed of everything random."),
+        click.option("--quiet", is_flag=True, help="Print nothing but errors."),
+    )):
+        function = option(function)
+    return function
+
+
+model_option = click.option("-m", "--model", "model_file", required=True, metavar="MODEL.yaml",
+                            help="What is believed of the machine.")
+effects_option = click.option("--effects", "folders", multiple=True, metavar="DIR",
+                              help="A folder of your own effects; may be repeated.")
+
+
+def catalogue_of(folders: tuple[str, ...]) -> Any:
+    """The effects known to this command."""
+    from testbed.effect import catalogue
+
+    return catalogue(*folders)
+
+
+def cutting_model(path: str, catalogue: Any = None) -> Any:
+    """A model.yaml that has a cutter. InputProblem otherwise."""
+    from testbed.model_file import read_model
+
+    model = read_model(path, catalogue)
+    if model.cutter is None:
+        raise InputProblem(path, "has no cutter and cutting", "add both: this command is about a cut")
+    return model

@@ -1,0 +1,115 @@
+"""`testbed chart`: the stability chart of a machine, with recorded tests laid over it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import click
+
+from testbed.cli._answer import Answer, output_folder, progress
+from testbed.cli._options import DEPTH, SPEED, catalogue_of, cutting_model, effects_option, shared
+from testbed.problem import InputProblem
+
+MOST_CELLS = 4_000_000
+ELEMENTS = 6
+
+
+@click.command(short_help="Stability chart over spindle speed and depth of cut.",
+               epilog="Example: testbed chart model.yaml --speed 2500:4500:201 --depth 0.1:4:101 -o pictures")
+@click.argument("model_file", metavar="MODEL.yaml")
+@click.option("--speed", type=SPEED, required=True, help="Spindle speeds, rpm: FIRST:LAST:COUNT.")
+@click.option("--depth", type=DEPTH, required=True, help="Axial depths of cut, mm: FIRST:LAST:COUNT.")
+@click.option("--data", metavar="DATA", help="Tests to lay over it: an HDF5 data set or a campaign.yaml.")
+@click.option("-o", "--output", default=".", show_default=True, metavar="DIR",
+              help="Folder for stability_chart.png and .svg.")
+@effects_option
+@shared
+def command(model_file: str, speed: list[float], depth: list[float], data: str | None, output: str,
+            folders: tuple[str, ...], json_file: str | None, seed: int | None, quiet: bool) -> None:
+    """Where MODEL.yaml cuts steadily and where it chatters, over spindle speed and depth of cut.
+
+    A model with effects is linearised in every cell, effects and all, which takes about 10 ms a cell.
+    """
+    import numpy as np
+
+    from analysis.plots import plot_chart, save
+    from analysis.stability import CLASSES
+
+    answer = Answer(json_file, quiet)
+    if len(speed) * len(depth) > MOST_CELLS:
+        raise click.UsageError(f"{len(speed) * len(depth)} cells: give at most {MOST_CELLS}")
+    catalogue = catalogue_of(folders)
+    model = cutting_model(model_file, catalogue)
+    tests = _tests(model, data) if data else []
+    folder = output_folder(output)
+    speeds, depths = np.array(speed), np.array(depth)
+    chart = _with_effects(model, speeds, depths, catalogue, quiet) if model.effects else _linear(model, speeds, depths)
+    stable = float(np.mean(chart.classes == 0))
+    answer.say(f"{len(speed)} x {len(depth)} cells, {stable:.0%} stable")
+    unknown = int(np.count_nonzero(np.isnan(chart.largest)))
+    if unknown:
+        answer.say(f"{unknown} cells have no multipliers (no periodic motion was found); they are left blank")
+    for path in save(plot_chart(chart, tests), folder / "stability_chart"):
+        answer.say(f"written: {path}")
+    answer.finish({"spindle_speed": speeds, "axial_depth_of_cut": depths, "largest_multiplier": chart.largest,
+                   "class": [[CLASSES[cell] if cell >= 0 else None for cell in row] for row in chart.classes.tolist()],
+                   "stability_limit": chart.stability_limit(), "tests": tests})
+
+
+def _linear(model: Any, speeds: Any, depths: Any) -> Any:
+    from analysis.stability import stability_chart
+
+    return stability_chart(model, speeds, depths, elements=ELEMENTS)
+
+
+def _with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: bool) -> Any:
+    """The chart cell by cell. Over a period of several passes, the multiplier's modulus is given per tooth pass."""
+    import numpy as np
+
+    from analysis.stability import CLASSES, StabilityChart
+    from testbed.cli.multipliers import multipliers
+    from testbed.cut import Cut
+
+    largest = np.full((depths.size, speeds.size), np.nan + 0j)
+    classes = np.full(largest.shape, -1, dtype=np.int8)
+    with progress("chart", quiet) as show:
+        for place in range(largest.size):
+            row, column = divmod(place, speeds.size)
+            try:
+                found = multipliers(model, Cut(speeds[column], depths[row]), catalogue, "chart")
+            except InputProblem:  # no periodic motion here; the cell stays blank
+                found = None
+            if found is not None:
+                value = complex(found["multipliers"][0])
+                if found["period_passes"] > 1 and value:
+                    value *= abs(value) ** (1.0 / found["period_passes"] - 1.0)
+                largest[row, column] = complex(value.real, abs(value.imag))
+                classes[row, column] = CLASSES.index(found["class"])
+            show(place + 1, largest.size)
+    if np.isnan(largest).all():
+        raise InputProblem("chart", "no cell has multipliers: an effect of the model leaves no periodic motion",
+                           "leave out the effect")
+    return StabilityChart(speeds, depths, largest, classes)
+
+
+def _tests(model: Any, data: str) -> list[Any]:
+    """The cuts of a data set or campaign with the class that their own multipliers show."""
+    from analysis.floquet import empirical_multipliers
+    from analysis.plots import ChartTest
+    from analysis.stability import classify
+    from testbed.cli._measured import cut_tests, load_records
+
+    flutes = model.cutter.flutes
+    overlay = []
+    for test in cut_tests(load_records(data), flutes, data):
+        times = test.recording.conditions
+        period = None if test.recording.marks.size >= 3 else 2 * math.pi / (flutes * test.cut.spindle_speed)
+        try:
+            found = empirical_multipliers(test.recording, flutes=flutes, period=period, start=times.get("entry_time"),
+                                          stop=times.get("exit_time"))
+            outcome = str(classify(found.multipliers)) if found.believed else "undecided"
+        except (ValueError, ArithmeticError):
+            outcome = "undecided"
+        overlay.append(ChartTest(test.cut.spindle_speed, test.cut.axial_depth_of_cut, outcome, test.name))
+    return overlay

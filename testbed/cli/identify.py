@@ -1,0 +1,73 @@
+"""`testbed identify`: damping, natural frequency and cutting coefficients, with intervals, from recorded cuts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from testbed.cli._answer import Answer, check_place, shown
+from testbed.cli._options import catalogue_of, cutting_model, effects_option, model_option, shared
+from testbed.problem import InputProblem
+
+
+@click.command(short_help="Estimate damping, frequency and cutting coefficients, with intervals.",
+               epilog="Example: testbed identify campaign.yaml -m model.yaml -o identified.yaml")
+@click.argument("data", metavar="DATA")
+@model_option
+@click.option("-o", "--output", metavar="NEW.yaml", help="Write the model with the values found.")
+@click.option("--method", type=click.Choice(["multipliers", "waveform"]), default="multipliers", show_default=True,
+              help="Fit the characteristic multipliers of the entry transients, or every sample of every record.")
+@effects_option
+@shared
+def command(data: str, model_file: str, output: str | None, method: str, folders: tuple[str, ...],
+            json_file: str | None, seed: int | None, quiet: bool) -> None:
+    """Estimate the machine of DATA (an HDF5 data set or a campaign.yaml), starting from MODEL.yaml.
+
+    The multipliers of a cut are those of the linear machine: they know nothing of effects. --method waveform simulates
+    the model with its effects. Intervals are 95 %.
+    """
+    from testbed.cli._measured import identify_by_multipliers, identify_by_waveform, load_records
+    from testbed.model_file import read_model, write_model
+
+    answer = Answer(json_file, quiet)
+    check_place(output)
+    catalogue = catalogue_of(folders)
+    multipliers = method == "multipliers"
+    model = cutting_model(model_file, catalogue) if multipliers else read_model(model_file, catalogue)
+    records = load_records(data)
+    try:
+        found = identify_by_multipliers(model, records, data, seed or 0) if multipliers else \
+            identify_by_waveform(model, records, data, catalogue)
+    except InputProblem:
+        raise
+    except (ValueError, ArithmeticError) as problem:
+        raise InputProblem(data, str(problem), "add tests with a clear entry transient, or try --method waveform"
+                           if multipliers else "check the records with testbed inspect") from None
+    _say(answer, found)
+    if output is not None:
+        write_model(found.model, output, catalogue)
+        answer.say(f"written: {output}")
+    answer.finish({"method": method, "parameters": found.parameters, "tests": found.tests, **found.quality})
+
+
+def _say(answer: Answer, found: Any) -> None:
+    answer.table(("parameter", "value", "low", "high"),
+                 [(name, *(shown(getattr(one, part), one.unit) for part in ("value", "low", "high")))
+                  for name, one in found.parameters.items()])
+    if found.tests:
+        answer.say()
+        answer.table(("test", "speed", "depth", "measured", "model", "used"), [_row(test) for test in found.tests])
+        for test in found.tests:
+            if not test["used"]:
+                answer.say(f"{test['name']} was left out: {test['reason']}")
+    converged = "" if found.quality["converged"] else "; the fit did not converge"
+    answer.say(f"misfit per degree of freedom {found.quality['chi_square']:.3g}{converged}")
+
+
+def _row(test: Any) -> tuple[str, ...]:
+    def first(values: Any) -> str:
+        return f"{values[0]:+.4f}" if len(values) else "-"
+
+    return (test["name"], shown(test["spindle_speed"], "rad/s"), f"{test['axial_depth_of_cut'] * 1e3:.4g} mm",
+            first(test["measured"]), first(test["model"]), "yes" if test["used"] else "no")

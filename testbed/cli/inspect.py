@@ -1,0 +1,152 @@
+"""`testbed inspect`: what was read, record by record, in rpm, Hz, mm and um, with pictures on request."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from testbed.cli._answer import Answer, output_folder, progress
+from testbed.cli._options import shared
+from testbed.problem import InputProblem
+
+if TYPE_CHECKING:
+    from analysis.inspection import Inspection
+    from analysis.record_report import RecordReport
+
+_RPM = 30.0 / 3.141592653589793
+_SHOWN = {"m": (1e6, "um"), "m/s": (1e3, "mm/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
+
+
+@click.command(
+    short_help="What was read: channels, units, conditions, speed, segments, noise floor.",
+    epilog="Example: testbed inspect campaign.yaml -o pictures",
+)
+@click.argument("data", metavar="DATA")
+@click.option("--folder", metavar="DIR", help="Where the files of a campaign are, if not beside it.")
+@click.option("--rate", metavar="RATE", help="Sampling rate of a bare file that states none, such as '12800 Hz'.")
+@click.option(
+    "--records",
+    "most",
+    type=click.IntRange(min=1),
+    default=12,
+    show_default=True,
+    help="How many records of a data set to look at.",
+)
+@click.option("-o", "--output", metavar="DIR", help="Draw every record as PNG and SVG into this folder.")
+@shared
+def command(
+    data: str,
+    folder: str | None,
+    rate: str | None,
+    most: int,
+    output: str | None,
+    json_file: str | None,
+    seed: int | None,
+    quiet: bool,
+) -> None:
+    """Show what was read: channels, units, conditions, speed from the tachometer, segments and noise floor.
+
+    DATA is a campaign.yaml, an HDF5 data set, or one measured file. Nothing here is random: --seed changes nothing.
+    """
+    from analysis.inspection import inspect
+    from testbed.units import UnitProblem, parse_quantity
+
+    answer = Answer(json_file, quiet)
+    try:
+        sampling_rate = parse_quantity(rate, "Hz") if rate else None
+    except UnitProblem as problem:
+        raise InputProblem("--rate", problem.what, problem.do) from None
+    pictures = output_folder(output) if output else None
+    found = inspect(data, folder=folder, sampling_rate=sampling_rate, most=most)
+    for line in _text(found):
+        answer.say(line)
+    if pictures is not None:
+        from analysis.inspection_plot import save
+
+        with progress("drawing", quiet) as tell:
+            for number, record in enumerate(found.records, 1):
+                save(record, pictures)
+                tell(number, len(found.records))
+        answer.say(f"pictures of {len(found.records)} records are in {pictures}")
+    answer.finish(found.as_json())
+
+
+def _text(found: Inspection) -> list[str]:
+    lines = [
+        f"{found.path}: {found.name}, {found.total} records"
+        + (f", the first {len(found.records)} shown" if found.total > len(found.records) else "")
+    ]
+    if found.columns:
+        lines.append("columns: " + ", ".join(f"{name} [{unit or '?'}]" for name, unit in found.columns.items()))
+    lines += [f"  note: {note}" for note in found.notes]
+    for record in found.records:
+        lines += ["", *_record(record)]
+    return lines
+
+
+def _record(record: RecordReport) -> list[str]:
+    recording = record.recording
+    lines = [
+        f"{record.name} ({record.kind}, {recording.origin}): {len(recording)} samples at "
+        f"{recording.sampling_rate:.7g} Hz, "
+        f"{recording.start:.6g} to {recording.start + len(recording) / recording.sampling_rate:.6g} s"
+    ]
+    for name, channel in record.channels.items():
+        factor, unit = _SHOWN.get(channel.unit, (1.0, channel.unit or "?"))
+        clipped = f", {channel.clipped} samples clipped" if channel.clipped else ""
+        lines.append(
+            f"  {name}: {channel.low * factor:.5g} to {channel.high * factor:.5g} {unit}, rms about the mean "
+            f"{channel.rms * factor:.4g} {unit}{clipped}"
+        )
+    conditions = _conditions(record.conditions)
+    if conditions:
+        lines.append("  conditions: " + ", ".join(conditions))
+    nominal = record.conditions.get("spindle_speed")
+    if record.speed_found is not None:
+        against = (
+            f" against {nominal * _RPM:.1f} rpm nominal ({100 * (record.speed_found / nominal - 1):+.2f} %)"
+            if nominal
+            else ""
+        )
+        marks = f", {len(recording.marks)} marks" if record.speed_basis == "tachometer" else ""
+        lines.append(f"  speed: {record.speed_found * _RPM:.1f} rpm from {record.speed_basis}{marks}{against}")
+    elif nominal:
+        lines.append(f"  speed: {nominal * _RPM:.1f} rpm nominal, not confirmed by tachometer or spectrum")
+    if record.segments:
+        lines.append(
+            "  segments: " + ", ".join(f"{part.kind} {part.start:.4f}-{part.stop:.4f} s" for part in record.segments)
+        )
+    if record.noise is not None:
+        own = recording.units[record.noise.channel]
+        factor, unit = _SHOWN.get(own, (1.0, own or "?"))
+        lines.append(
+            f"  noise floor: {record.noise.rms * factor:.4g} {unit} rms in {record.noise.channel}, "
+            f"from {record.noise.basis}"
+        )
+    if record.lines:
+        lines.append(
+            "  lines: "
+            + ", ".join(
+                f"{line.frequency:.1f} Hz {line.kind}{f' x{line.order}' if line.order else ''}"
+                for line in record.lines[:8]
+            )
+        )
+    lines.append(f"  dropped samples: {record.dropped}, repeated samples: {record.repeated}")
+    return lines + [f"  note: {note}" for note in record.notes]
+
+
+def _conditions(known: Any) -> list[str]:
+    """Conditions in the units of the shop floor."""
+    shown = []
+    for key, factor, unit in (
+        ("spindle_speed", _RPM, "rpm"),
+        ("axial_depth_of_cut", 1e3, "mm"),
+        ("feed_per_tooth", 1e3, "mm/tooth"),
+        ("feed_per_revolution", 1e3, "mm/rev"),
+        ("flutes", 1, ""),
+        ("length_cut_before", 1.0, "m"),
+    ):
+        if known.get(key) is not None:
+            shown.append(f"{key} {known[key] * factor:.6g} {unit}".rstrip())
+    return shown

@@ -1,0 +1,73 @@
+"""`testbed multipliers`: the largest characteristic multipliers of a cut, and what they mean."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from testbed.cli._answer import Answer
+from testbed.cli._options import DEPTH, SPEED, catalogue_of, cutting_model, effects_option, shared
+from testbed.problem import InputProblem
+
+MEANING = {"stable": "stable", "neimark_sacker": "Neimark-Sacker (chatter at a frequency of its own)",
+           "flip": "flip (period doubling)", "saddle_node": "saddle-node"}
+
+
+@click.command(short_help="Largest characteristic multipliers of a cut, and their class.",
+               epilog="Example: testbed multipliers model.yaml --speed 3810 --depth 2.9")
+@click.argument("model_file", metavar="MODEL.yaml")
+@click.option("--speed", type=SPEED, required=True, help="Spindle speed, rpm.")
+@click.option("--depth", type=DEPTH, required=True, help="Axial depth of cut, mm.")
+@click.option("--feed", "feed_text", default="0.1016 mm/tooth", show_default=True,
+              help="Feed; it matters only with effects that are not linear.")
+@click.option("--count", type=click.IntRange(1, 50), default=6, show_default=True, help="How many to give.")
+@effects_option
+@shared
+def command(model_file: str, speed: list[float], depth: list[float], feed_text: str, count: int,
+            folders: tuple[str, ...], json_file: str | None, seed: int | None, quiet: bool) -> None:
+    """Largest characteristic multipliers of MODEL.yaml at one cut: over a tooth passing period, largest modulus first.
+
+    With effects, the whole loop is linearised about its periodic motion, over its principal period.
+    """
+    from testbed.cut import Cut
+    from testbed.units import UnitProblem, parse_quantity
+
+    answer = Answer(json_file, quiet)
+    if len(speed) > 1 or len(depth) > 1:
+        raise click.UsageError("give one speed and one depth; `testbed chart` takes ranges")
+    try:
+        feed = parse_quantity(feed_text, "m/tooth")
+    except UnitProblem as problem:
+        raise InputProblem("--feed", problem.what, problem.do) from None
+    if feed <= 0:
+        raise InputProblem("--feed", f"'{feed_text}' must be above 0", "correct the value")
+    catalogue = catalogue_of(folders)
+    model = cutting_model(model_file, catalogue)
+    found = multipliers(model, Cut(speed[0], depth[0], feed), catalogue, model_file)
+    values, period = found["multipliers"][:count], found["period_passes"]
+    answer.say(f"{MEANING[found['class']]}, over {period} tooth passing period{'s' if period > 1 else ''}")
+    answer.table(("multiplier", "modulus"), [(f"{value:+.6f}", f"{abs(value):.6f}") for value in values])
+    answer.finish({**found, "multipliers": values, "spindle_speed": speed[0], "axial_depth_of_cut": depth[0]})
+
+
+def multipliers(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, Any]:
+    """Multipliers of a model, effects and all, their class and the period in passes. InputProblem if there are none."""
+    from analysis.delay_equation import milling_equation
+    from analysis.linearise import linearise
+    from analysis.stability import classify
+    from analysis.temporal_elements import converged_multipliers
+    from testbed.engines.regenerative_loop import regenerative_loop
+
+    loop: Any
+    try:
+        if model.effects:
+            loop = regenerative_loop(model, cut, catalogue)
+            motion = linearise(loop)
+            values, passes = motion.multipliers, motion.passes
+        else:
+            values, passes = converged_multipliers(milling_equation(model, cut)), 1
+    except (ValueError, ArithmeticError) as problem:
+        raise InputProblem(name, f"has no multipliers at this cut ({problem})",
+                           "leave out the effect, or choose another cut") from None
+    return {"multipliers": values, "class": classify(values), "period_passes": passes}

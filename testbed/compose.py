@@ -1,0 +1,170 @@
+"""Turn a catalogue of effects into compiled hooks: one generated module a catalogue, compiled once and cached on disk.
+
+The module is text: the effects' functions joined hook by hook, each behind its effect's flag, followed by the kernels'
+own source, in which the names of `testbed.engines.hooks` now mean the joined functions. Numba caches what it compiles
+beside that file, so the second start of any command compiles nothing.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import inspect
+import os
+import sys
+import tempfile
+from collections.abc import Mapping
+from functools import lru_cache
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from types import ModuleType
+
+from testbed.effect import HOOKS, Effect
+from testbed.engines import hooks as base_hooks
+
+ENGINES = Path(__file__).parent / "engines"
+_SLOTS = {"displacement": "Y[0]", "velocity": "Y[1]", "time": "Y[2]"}
+_COMPILED = [name for name, hook in HOOKS.items() if hook.joins in ("sum", "product", "replace")]
+
+
+class Layout:
+    """Where each effect's flag, parameters and states lie in the arrays the kernels are given."""
+
+    def __init__(self, effects: Mapping[str, Effect]) -> None:
+        self.effects = effects
+        self.flag = {name: index for index, name in enumerate(effects)}
+        self.parameter: dict[tuple[str, str], int] = {}
+        self.state: dict[tuple[str, str], int] = {}
+        for name, effect in effects.items():
+            for parameter in effect.parameters:
+                self.parameter[name, parameter.name] = len(self.parameter)
+            for state in effect.states:
+                self.state[name, state] = 3 + len(self.state)
+
+
+def _argument(layout: Layout, effect: Effect, argument: str) -> str:
+    if (effect.name, argument) in layout.state:
+        return f"Y[{layout.state[effect.name, argument]}]"
+    if (effect.name, argument) in layout.parameter:
+        return f"P[{layout.parameter[effect.name, argument]}]"
+    return _SLOTS.get(argument, argument)
+
+
+def _call(layout: Layout, effect: Effect, hook: str) -> str:
+    arguments = inspect.signature(effect.hooks[hook]).parameters
+    return f"{effect.name}__{hook}({', '.join(_argument(layout, effect, name) for name in arguments)})"
+
+
+def _hook_text(layout: Layout, hook: str) -> list[str]:
+    base = getattr(base_hooks, f"hook_{hook}").py_func
+    joins = HOOKS[hook].joins
+    start = {"sum": "0.0", "product": "1.0", "replace": "penetration"}[joins]
+    lines = ["@njit", f"def hook_{hook}({', '.join(inspect.signature(base).parameters)}):", f"    total = {start}"]
+    for effect in layout.effects.values():
+        if hook in effect.hooks:
+            sign = {"sum": "+=", "product": "*=", "replace": "="}[joins]
+            lines += [f"    if A[{layout.flag[effect.name]}] != 0.0:",
+                      f"        total {sign} {_call(layout, effect, hook)}"]
+    return [*lines, "    return total", "", ""]
+
+
+def _derivatives_text(layout: Layout) -> list[str]:
+    base = base_hooks.hook_derivatives.py_func
+    lines = ["@njit", f"def hook_derivatives({', '.join(inspect.signature(base).parameters)}):", "    pass"]
+    for effect in layout.effects.values():
+        for state in effect.states:
+            slot = layout.state[effect.name, state]
+            lines += [f"    D[{slot}] = 0.0", f"    if A[{layout.flag[effect.name]}] != 0.0:",
+                      f"        D[{slot}] = {_call(layout, effect, f'derivative_{state}')}"]
+    return [*lines, "", ""]
+
+
+def _import_text(effects: Mapping[str, Effect]) -> list[str]:
+    lines = ["from numba import njit", "import testbed.compose as _compose", ""]
+    for effect in effects.values():
+        for hook in effect.hooks:
+            if hook in _COMPILED or hook.startswith("derivative_"):
+                lines.append(f"{effect.name}__{hook} = njit(_compose.source_of({effect.name!r}, {hook!r}))")
+    return [*lines, "", ""]
+
+
+_loading: dict[str, Effect] = {}
+
+
+def source_of(effect: str, hook: str):
+    """The Python function behind a hook of the catalogue being composed (called by the generated module)."""
+    return _loading[effect].hooks[hook]
+
+
+def _kernel_text(name: str) -> str:
+    """A kernel's source without what it imports from the project: those names are in the generated module already."""
+    path = ENGINES / f"{name}.py"
+    lines = path.read_text().splitlines()
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("testbed."):
+            lines[node.lineno - 1 : node.end_lineno] = [""] * ((node.end_lineno or node.lineno) - node.lineno + 1)
+    return "\n".join(lines) + "\n"
+
+
+def _module_text(effects: Mapping[str, Effect], kernels: tuple[str, ...]) -> str:
+    layout = Layout(effects)
+    lines = _import_text(effects) + [f"N_STATES = {len(layout.state)}", "", ""]
+    for hook in _COMPILED:
+        lines += _hook_text(layout, hook)
+    lines += _derivatives_text(layout)
+    return "\n".join(lines) + "\n\n".join(_kernel_text(name) for name in kernels)
+
+
+def cache_folder() -> Path:
+    """Where compiled kernels are kept: TESTBED_CACHE, else the user's cache folder, else a temporary one."""
+    chosen = os.environ.get("TESTBED_CACHE")
+    root = Path(chosen) if chosen else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "testbed"
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=root):
+            pass
+    except OSError:
+        root = Path(tempfile.gettempdir()) / f"testbed-cache-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+        root.mkdir(parents=True, exist_ok=True)
+    return root
+
+
+def _write_once(path: Path, text: str) -> None:
+    if path.exists() and path.read_text() == text:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".tmp", delete=False) as handle:
+        handle.write(text)
+    os.replace(handle.name, path)
+
+
+@lru_cache(maxsize=16)
+def _compose(key: str, kernels: tuple[str, ...], text: str) -> ModuleType:
+    name = f"testbed_kernels_{key}"
+    path = cache_folder() / f"{name}.py"
+    _write_once(path, text)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+_modules: dict[tuple[int, tuple[str, ...]], tuple[Mapping[str, Effect], ModuleType]] = {}
+
+
+def compose(effects: Mapping[str, Effect], kernels: tuple[str, ...]) -> ModuleType:
+    """The kernels (names of files in testbed/engines) over this catalogue's hooks."""
+    known = _modules.get((id(effects), kernels))
+    if known is not None and known[0] is effects:
+        return known[1]
+    text = _module_text(effects, kernels)
+    sources = "".join(effect.path.read_text() for effect in effects.values() if effect.path)
+    stamp = "|".join([text, sources, version("numba"), version("numpy"), sys.version])
+    _loading.clear()
+    _loading.update(effects)
+    module = _compose(sha256(stamp.encode()).hexdigest()[:16], kernels, text)
+    _modules[id(effects), kernels] = (effects, module)
+    return module

@@ -1,0 +1,68 @@
+"""One cut: at what speed, depth and feed, for how many tooth passes, from which state."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Operating conditions and the course of one test (SI).
+
+    spindle_speed (rad/s), axial_depth_of_cut (m), feed_per_tooth (m). The timeline is counted in tooth passes:
+    `idle_passes` before the entry, `passes` in the cut, `ring_down_passes` after the exit; entry and exit fall on
+    the start of a pass. initial_displacement (m) and initial_velocity (m/s) are the structure's state at time 0.
+    length_cut_before (m) is the feed length the tool has already cut.
+    """
+
+    spindle_speed: float
+    axial_depth_of_cut: float
+    feed_per_tooth: float = 0.1016e-3
+    idle_passes: int = 0
+    passes: int = 60
+    ring_down_passes: int = 0
+    initial_displacement: float = 0.0
+    initial_velocity: float = 0.0
+    length_cut_before: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("spindle_speed", "feed_per_tooth"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be above 0")
+        if not (math.isfinite(self.axial_depth_of_cut) and self.axial_depth_of_cut >= 0):
+            raise ValueError("axial_depth_of_cut must be at least 0")
+        for name in ("idle_passes", "passes", "ring_down_passes"):
+            if int(getattr(self, name)) != getattr(self, name) or getattr(self, name) < 0:
+                raise ValueError(f"{name} must be a whole number of at least 0")
+
+    def tooth_passing_period(self, flutes: int) -> float:
+        """Time between two teeth at the nominal speed, s."""
+        return 2.0 * math.pi / (flutes * self.spindle_speed)
+
+    @property
+    def total_passes(self) -> int:
+        """Idle, cutting and ring-down passes together."""
+        return self.idle_passes + self.passes + self.ring_down_passes
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """When the simulated motion is looked at: `count` samples at `rate` (Hz), the first at `start` (s)."""
+
+    rate: float
+    count: int
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.rate) and self.rate > 0):
+            raise ValueError("rate must be above 0")
+        if self.count < 1:
+            raise ValueError("count must be at least 1")
+
+
+def whole_cut_sampling(cut: Cut, flutes: int, rate: float) -> Sampling:
+    """Samples over the nominal length of the whole cut."""
+    duration = cut.total_passes * cut.tooth_passing_period(flutes)
+    return Sampling(rate, max(1, math.floor(duration * rate * (1 + 1e-12))))

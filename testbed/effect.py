@@ -1,0 +1,215 @@
+"""The contract of a physical effect, and the catalogue: the effect files found in a folder.
+
+An effect is one Python file. Its docstring is its manual; `EFFECT = Effect(...)` states its parameters; its hooks are plain
+functions named after a place on the regenerative loop (`HOOKS`). A hook asks for what it needs by the names of its
+arguments: quantities of that place, parameters of the effect, states of the effect. All values are SI.
+
+    \"\"\"Cubic stiffness: F = -k3 x^3 (Duffing). ...\"\"\"
+    from testbed.effect import Effect, Parameter
+
+    EFFECT = Effect(parameters=(Parameter("coefficient", "k_3", "N/m^3", ...),), ...)
+
+    def structure_force(displacement, coefficient):
+        return -coefficient * displacement**3
+
+Effects add up (sums) or scale (products), so a set of them has no order.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import math
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+from types import MappingProxyType, ModuleType
+
+from testbed.problem import InputProblem
+
+BUILT_IN = Path(__file__).parent / "effects"
+SENSOR_EFFECTS = Path(__file__).parent / "sensors"
+
+
+@dataclass(frozen=True)
+class Hook:
+    """A place on the regenerative loop: what a function there may ask for, how contributions join, and their unit."""
+
+    offers: tuple[str, ...]
+    joins: str  # "sum", "product", "replace" (at most one effect), "value" (a derivative), "python"
+    unit: str
+    meaning: str
+
+
+_EVERYWHERE = ("displacement", "velocity", "time")
+_TOOTH = ("chip", "penetration", "angle", "edge_velocity", "depth", "cutting_speed", "length_cut", "radius",
+          "feed_per_tooth", "tooth", *_EVERYWHERE)
+_STRUCTURE = ("mass", "stiffness", "damping", *_EVERYWHERE)
+
+HOOKS: Mapping[str, Hook] = MappingProxyType({
+    "edge_position": Hook(("tooth", "flutes", "radius", "angle", "time"), "sum", "m",
+                          "radial position of a tooth's edge beyond the nominal radius"),
+    "relative_displacement": Hook(_EVERYWHERE, "sum", "m", "displacement of workpiece against tool beyond the mode's"),
+    "relative_velocity": Hook(_EVERYWHERE, "sum", "m/s", "time derivative of relative_displacement"),
+    "engagement": Hook(("phase", "engagement_angle", "entry_angle", "feed_travel", "feed_per_tooth", "radius", "time"),
+                       "product", "1", "share of the edge in the cut at `phase` after the tooth's entry"),
+    "chip": Hook(("penetration",), "replace", "m", "chip thickness left of the edge's penetration below the surface"),
+    "force_factor": Hook(_TOOTH, "product", "1", "factor on both cutting coefficients"),
+    "tangential_force": Hook(_TOOTH, "sum", "N", "tangential force on the tooth beyond K_t b chip"),
+    "normal_force": Hook(_TOOTH, "sum", "N", "normal force on the tooth beyond K_n b chip"),
+    "structure_force": Hook(_STRUCTURE, "sum", "N", "force on the structure along x"),
+    "derivative": Hook(("applied_force", "mean_torque", *_STRUCTURE), "value", "1/s",
+                       "derivative_STATE: time derivative of one of the effect's own states"),
+    "speed": Hook(("time", "spindle_speed"), "sum", "1", "relative change of the spindle speed"),
+    "sensed_displacement": Hook((), "sum", "m", "what the sensor sees beyond the mode, linear in the effect's states"),
+    "sensed_velocity": Hook((), "sum", "m/s", "time derivative of sensed_displacement"),
+    "immersion": Hook(("immersion",), "python", "1", "the true immersion, from the believed one"),
+    "helix_angle": Hook(("helix_angle",), "python", "rad", "the true helix angle, from the believed one"),
+    "measure": Hook(("signal", "rate", "sampling_rate", "quantity", "time"), "python", "channel's",
+                    "the sampled channel as the sensor gives it (numpy)"),
+    "highest_frequency": Hook(("mass", "stiffness"), "python", "rad/s", "fastest motion the effect brings in"),
+})
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect. At `neutral` the effect vanishes exactly; `start` begins a fit; `example` is plain to see."""
+
+    name: str
+    symbol: str
+    unit: str
+    meaning: str
+    neutral: float
+    bounds: tuple[float, float]
+    example: float
+    start: float | None = None
+    vanishes: bool = True  # False: the value alone does not switch the effect off (a frequency, an angle)
+
+    def __post_init__(self) -> None:
+        low, high = self.bounds
+        if not self.unit:
+            raise ValueError(f"parameter {self.name}: no unit (dimensionless is '1')")
+        if not (low <= self.neutral <= high):
+            raise ValueError(f"parameter {self.name}: the neutral value lies outside the bounds")
+        if not (low <= self.example <= high):
+            raise ValueError(f"parameter {self.name}: the example lies outside the bounds")
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A physical effect: what its file says of it, and its hook functions.
+
+    leaves: what it leaves in a measurement. confused_with: (name, the test cut that separates the two).
+    states: names of the effect's own ordinary differential states, each with a `derivative_STATE` hook.
+    smooth: False where its law has kinks, so that integration keeps less than fourth order.
+    """
+
+    title: str
+    parameters: tuple[Parameter, ...]
+    law: str
+    source: str
+    validity: str
+    leaves: str
+    confused_with: tuple[tuple[str, str], ...] = ()
+    states: tuple[str, ...] = ()
+    smooth: bool = True
+    name: str = ""
+    manual: str = ""
+    path: Path | None = None
+    hooks: Mapping[str, Callable] = field(default_factory=dict)
+
+    def parameter(self, name: str) -> Parameter:
+        """The parameter of that name; KeyError if there is none."""
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise KeyError(name)
+
+    def example(self) -> dict[str, float]:
+        """Parameter values at which the effect is plain to see."""
+        return {parameter.name: parameter.example for parameter in self.parameters}
+
+    def neutral(self) -> dict[str, float]:
+        """Parameter values at which the effect vanishes exactly."""
+        return {parameter.name: parameter.neutral for parameter in self.parameters}
+
+    def is_neutral(self, values: Mapping[str, float]) -> bool:
+        """True where any parameter that switches the effect off stands at its neutral value."""
+        deciding = [parameter for parameter in self.parameters if parameter.vanishes]
+        return bool(deciding) and all(values[parameter.name] == parameter.neutral for parameter in deciding)
+
+
+def _load_module(path: Path) -> ModuleType:
+    name = f"testbed_effect_{path.stem}_{sha256(str(path).encode()).hexdigest()[:8]}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise InputProblem(path, "cannot be read as Python", "give a .py file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as fault:  # a user's file may fail in any way; it becomes one clear line
+        del sys.modules[name]
+        raise InputProblem(path, f"{type(fault).__name__}: {fault}", "mend the effect's file",
+                           getattr(fault, "lineno", None)) from fault
+    return module
+
+
+def _check_hook(path: Path, effect: Effect, name: str, function: Callable) -> None:
+    place = "derivative" if name.startswith("derivative_") else name
+    known = {*HOOKS[place].offers, *effect.states, *(parameter.name for parameter in effect.parameters)}
+    for argument in inspect.signature(function).parameters:
+        if argument not in known:
+            raise InputProblem(path, f"{name}() asks for '{argument}'", f"it may ask for {', '.join(sorted(known))}",
+                               function.__code__.co_firstlineno)
+
+
+def read_effect(path: Path) -> Effect:
+    """Read and check one effect file. InputProblem where the contract is broken."""
+    module = _load_module(path)
+    effect = getattr(module, "EFFECT", None)
+    if not isinstance(effect, Effect):
+        raise InputProblem(path, "no EFFECT = Effect(...) in it", "see `testbed effects --new NAME` for a template")
+    hooks = {}
+    for name, function in vars(module).items():
+        place = "derivative" if name.startswith("derivative_") else name
+        if place in HOOKS and inspect.isfunction(function) and function.__module__ == module.__name__:
+            _check_hook(path, effect, name, function)
+            hooks[name] = function
+    if not hooks:
+        raise InputProblem(path, "no hook function in it", f"define one of {', '.join(HOOKS)}")
+    for state in effect.states:
+        if f"derivative_{state}" not in hooks:
+            raise InputProblem(path, f"state '{state}' has no derivative", f"define derivative_{state}(...)")
+    if effect.parameters and not any(parameter.vanishes for parameter in effect.parameters):
+        raise InputProblem(path, "no parameter switches the effect off", "give one a neutral value with vanishes=True")
+    names = [parameter.name for parameter in effect.parameters]
+    if len(set(names)) != len(names):
+        raise InputProblem(path, "two parameters of one name", "rename one")
+    return replace(effect, name=path.stem, manual=(module.__doc__ or "").strip(), path=path,
+                   hooks=MappingProxyType(hooks))
+
+
+@lru_cache(maxsize=8)
+def catalogue(*folders: str | Path) -> Mapping[str, Effect]:
+    """The effects found in the built-in folders and in `folders`, by name, in alphabetical order."""
+    found: dict[str, Effect] = {}
+    for folder in (BUILT_IN, SENSOR_EFFECTS, *map(Path, folders)):
+        if not folder.is_dir():
+            raise InputProblem(folder, "is not a folder", "name a folder of effect files")
+        for path in sorted(folder.glob("*.py")):
+            if path.name.startswith("_") or path.stem == "chain" or path.name.startswith("test_"):
+                continue
+            if path.stem in found:
+                raise InputProblem(path, f"an effect named '{path.stem}' exists already ({found[path.stem].path})",
+                                   "rename the file")
+            found[path.stem] = read_effect(path)
+    return MappingProxyType(dict(sorted(found.items())))
+
+
+def finite_or(value: float | None, fallback: float) -> float:
+    """`value`, or `fallback` where it is None or not finite."""
+    return fallback if value is None or not math.isfinite(value) else value

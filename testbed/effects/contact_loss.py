@@ -1,0 +1,36 @@
+"""Contact loss: an edge that swings clear of the work cuts nothing, and the surface stays where it flew over.
+
+    h = max(0, p),    p = feed position + x - S,    S <- max(S, feed position + x)    at each angle of the cutter
+
+The next tooth meets the surface S left by the last tooth that did cut there, one, two or more passes ago: multiple
+regeneration. Chatter is then bounded, and its amplitude is finite: the cut removes in the long run exactly the feed.
+
+Source: J. Tlusty and F. Ismail (1981), Basic non-linearity in machining chatter, CIRP Annals 30, 299-304; in milling:
+G. Stepan, R. Szalai, B. P. Mann, P. V. Bayly, T. Insperger, J. Gradisek and E. Govekar (2005), Nonlinear dynamics of
+high-speed milling, J. Vibration and Acoustics 127, 197-203.
+
+The law has a kink where contact is lost: integration keeps the first or second order only, so take small steps. Valid
+for vibration along the feed that stays small against the cutter; an edge flying over is taken to touch nowhere else.
+
+No parameters: a model that names the effect has it. It says nothing in a stable cut, where no tooth lets go.
+"""
+
+from testbed.effect import Effect
+
+EFFECT = Effect(
+    title="Loss of contact with multiple regeneration",
+    parameters=(),
+    law="h = max(0, p), S <- max(S, feed position + x)",
+    source="Tlusty and Ismail (1981), CIRP Annals 30, 299; Stepan et al. (2005), J. Vibration and Acoustics 127, 197",
+    validity="vibration along the feed, small against the cutter's radius",
+    leaves="bounded chatter, impacts after flights, sub-harmonics; force exactly zero within the engagement",
+    confused_with=(
+        ("cubic_stiffness", "a ring-down of the chatter's amplitude: only the structure's law acts there"),
+        ("process_damping", "amplitude of chatter against depth: damping moves the stability limit, contact loss not"),
+    ),
+    smooth=False,
+)
+
+
+def chip(penetration):
+    return max(0.0, penetration)

@@ -1,0 +1,60 @@
+"""Dry friction: Coulomb's constant force against the motion, with a stick that holds.
+
+    F = -F_c z / z_c while |z| <= z_c, F = -F_c sign(z) beyond,
+    dz/dt = v                                 while it sticks (|z| < z_c, or the motion leads back)
+    dz/dt = -r sign(z) (|z| - z_c)            while it slips
+
+z is the elastic deflection of the contact and z_c where it breaks away, so F_c / z_c is the stiffness before sliding.
+Source: W. D. Iwan (1966), J. Appl. Mech. 33, 893 (the spring and slider in series, Jenkins' element); P. Dupont, V.
+Hayward, B. Armstrong and F. Altpeter (2002), IEEE Trans. Automatic Control 47, 787 (why a stick must be elastic: Dahl's
+and LuGre's bristles creep under a load that vibrates; this one does not). The state relaxes to z_c, at a rate r of
+three times the frequency of the stuck structure, so that a coarse step cannot carry it past.
+
+Valid for a joint or guideway whose static and kinetic friction are alike. Force and slope jump at breakaway and at the
+turning points, so integration keeps second order at the best. Over a cycle of amplitude X it dissipates 4 F_c X: a
+free vibration loses 4 F_c / k of its amplitude every cycle, then stops.
+
+Start of a fit: k over 4 times the loss of amplitude a cycle at the end of a ring-down.
+"""
+
+import math
+
+from testbed.effect import Effect, Parameter
+
+SLIP_RATE = 3.0  # relaxation while slipping, over the frequency of the stuck structure
+
+EFFECT = Effect(
+    title="Dry (Coulomb) friction on the structure",
+    parameters=(
+        Parameter("force", "F_c", "N", "friction force while sliding",
+                  neutral=0.0, bounds=(0.0, 100.0), example=2.0, start=0.2),
+        Parameter("presliding_displacement", "z_c", "m", "elastic displacement before the contact slides",
+                  neutral=0.2e-6, bounds=(0.02e-6, 20.0e-6), example=0.2e-6, start=0.2e-6, vanishes=False),
+    ),
+    law="F = -F_c z / z_c (|z| <= z_c), dz/dt = v while stuck; F = -F_c sign(z) while sliding",
+    source="Iwan (1966), J. Appl. Mech. 33, 893; Dupont, Hayward, Armstrong and Altpeter (2002), IEEE TAC 47, 787",
+    validity="equal static and kinetic friction, one contact, sliding along x",
+    leaves="a ring-down whose envelope falls in a straight line and ends abruptly; more damping at small amplitude",
+    confused_with=(
+        ("quadratic_damping", "a ring-down of large amplitude: this damps most at its end, drag at its beginning"),
+        ("process_damping", "a ring-down outside the cut, where process damping is absent"),
+    ),
+    states=("deflection",),
+    smooth=False,
+)
+
+
+def derivative_deflection(deflection, velocity, mass, stiffness, force, presliding_displacement):
+    beyond = abs(deflection) - presliding_displacement
+    if beyond < 0.0 or deflection * velocity < 0.0:
+        return velocity
+    rate = SLIP_RATE * math.sqrt((stiffness + force / presliding_displacement) / mass)
+    return -rate * beyond if deflection > 0.0 else rate * beyond
+
+
+def structure_force(deflection, force, presliding_displacement):
+    return -force * min(1.0, max(-1.0, deflection / presliding_displacement))
+
+
+def highest_frequency(mass, stiffness, force, presliding_displacement):
+    return math.sqrt((stiffness + force / presliding_displacement) / mass)

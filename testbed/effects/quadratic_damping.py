@@ -1,0 +1,35 @@
+"""Quadratic damping: a drag that grows with the square of the velocity.
+
+    F = -c2 |v| v
+
+Source: A. H. Nayfeh and D. T. Mook (1979), Nonlinear Oscillations, Wiley, section 3.3. Over a cycle
+x = X sin(omega t) it dissipates as a viscous damper of c_eq = 8 c2 X omega / (3 pi) does.
+
+Valid for turbulent drag and for joints whose loss factor rises with amplitude. The law is continuous with its slope but
+not with its curvature where v changes sign, so integration keeps third order, not fourth.
+
+Start of a fit: the damping ratio of a ring-down against its amplitude has the slope 4 c2 / (3 pi m).
+"""
+
+from testbed.effect import Effect, Parameter
+
+EFFECT = Effect(
+    title="Quadratic damping of the structure",
+    parameters=(
+        Parameter("coefficient", "c_2", "N s^2/m^2", "force per velocity squared",
+                  neutral=0.0, bounds=(0.0, 1.0e5), example=500.0, start=10.0),
+    ),
+    law="F = -c_2 |v| v",
+    source="Nayfeh and Mook (1979), Nonlinear Oscillations, section 3.3",
+    validity="drag of turbulent fluid or of joints that loosen with amplitude",
+    leaves="a damping ratio that rises in proportion to the amplitude: a ring-down steep at first, slow at the end",
+    confused_with=(
+        ("dry_friction", "a ring-down of large amplitude: dry friction damps most at its end, this at its beginning"),
+        ("process_damping", "a ring-down outside the cut, where process damping is absent"),
+    ),
+    smooth=False,
+)
+
+
+def structure_force(velocity, coefficient):
+    return -coefficient * abs(velocity) * velocity

@@ -1,0 +1,140 @@
+"""The regenerative loop at one instant: from the state and the surface to the force of every tooth in the cut.
+
+Both engines call these functions; they share nothing else but the effects' contract. An edge is one axial point of
+one tooth (a straight tooth has one); edge q * slices + s belongs to the tooth that entered q pitches ago. The surface
+is remembered per edge at a fixed set of spindle angles within the tooth pitch, as the radial position left there one
+tooth pass before; so the delay is an angle, right at any speed. Geometry and conditions come in one array G (the
+constants below are its places).
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from testbed.engines.hooks import (
+    hook_chip,
+    hook_derivatives,
+    hook_edge_position,
+    hook_engagement,
+    hook_force_factor,
+    hook_normal_force,
+    hook_relative_displacement,
+    hook_relative_velocity,
+    hook_speed,
+    hook_structure_force,
+    hook_tangential_force,
+)
+
+FLUTES, PITCH, RADIUS, ENTRY, ENGAGED, SLICES, SLICE_LAG, SLICE_COVER, SLICE_DEPTH, KT, KN, FEED, FEED_SPEED, \
+    OMEGA, T_ENTRY, LENGTH_BEFORE, MASS, DAMPING, STIFFNESS, SPLIT, G_SIZE = range(21)
+
+
+MOST_POINTS = 32
+GAUSS_NODES, GAUSS_WEIGHTS = np.zeros((MOST_POINTS + 1, MOST_POINTS)), np.zeros((MOST_POINTS + 1, MOST_POINTS))
+for _count in range(1, MOST_POINTS + 1):
+    GAUSS_NODES[_count, :_count], GAUSS_WEIGHTS[_count, :_count] = np.polynomial.legendre.leggauss(_count)
+
+
+@njit
+def piece_of_edge(G, phase, edge):
+    """(weight as a share of SLICE_DEPTH, angle after entry) of one Gauss point of a tooth's part that is in the cut.
+
+    A helical edge lags by SLICES * SLICE_LAG from tip to top. Its points move with the part in the cut, so that the
+    integral over the depth has no jumps as the edge enters and leaves.
+    """
+    slices = int(G[SLICES])
+    q = edge // slices
+    point = edge - q * slices
+    leading = phase + q * G[PITCH]
+    lag = slices * G[SLICE_LAG]
+    if lag == 0.0:
+        return 1.0, leading
+    low, high = max(leading - lag, 0.0), min(leading, G[ENGAGED])
+    if high <= low:
+        return 0.0, min(max(leading, 0.0), G[ENGAGED])
+    turned = 0.5 * (high + low - (high - low) * GAUSS_NODES[slices, point])
+    return 0.5 * slices * GAUSS_WEIGHTS[slices, point] * (high - low) / lag, turned
+
+
+@njit
+def edge_radius(A, P, G, Y, theta, edge, pass_number):
+    """Radial position of an edge beyond the nominal circle of a tool that does not feed, m."""
+    tooth = (pass_number - edge // int(G[SLICES])) % int(G[FLUTES])
+    feed = G[FEED_SPEED] * (Y[2] - G[T_ENTRY])
+    x = Y[0] + hook_relative_displacement(A, P, Y)
+    return (feed + x) * math.sin(theta) + hook_edge_position(A, P, Y, tooth, G[FLUTES], G[RADIUS], theta)
+
+
+@njit
+def leave_surface(A, P, G, Y, phase, pass_number, teeth, old, new):
+    """Radial positions the edges leave behind them at this instant; `old` is what they met, `new` may be `old`."""
+    for edge in range(teeth * int(G[SLICES])):
+        cover, turned = piece_of_edge(G, phase, edge)
+        radial = edge_radius(A, P, G, Y, G[ENTRY] + turned, edge, pass_number)
+        penetration = radial - old[edge]
+        chip = hook_chip(A, P, penetration)
+        new[edge] = radial if chip == penetration else old[edge] + chip
+
+
+@njit
+def first_surface(A, P, G, Y, phase, teeth, time, new):
+    """Surface before the first tooth: what rigid teeth would have left one pitch earlier. Y is scratch."""
+    Y[0] = 0.0
+    Y[1] = 0.0
+    Y[2] = time - G[PITCH] / G[OMEGA]
+    for place in range(3, Y.shape[0]):
+        Y[place] = 0.0
+    for edge in range(teeth * int(G[SLICES])):
+        cover, turned = piece_of_edge(G, phase, edge)
+        new[edge] = edge_radius(A, P, G, Y, G[ENTRY] + turned, edge, -1)
+
+
+@njit
+def cutting_force(A, P, G, Y, phase, pass_number, teeth, surface):
+    """(F_x on the structure, F_y across the feed, torque on the spindle) of all edges, N and N m."""
+    force_x, force_y, torque = 0.0, 0.0, 0.0
+    slices = int(G[SLICES])
+    cutting_speed = G[RADIUS] * G[OMEGA]
+    velocity = Y[1] + hook_relative_velocity(A, P, Y)
+    feed = G[FEED_SPEED] * (Y[2] - G[T_ENTRY])
+    length = G[LENGTH_BEFORE] + feed
+    for edge in range(teeth * slices):
+        cover, turned = piece_of_edge(G, phase, edge)
+        if cover <= 0.0:
+            continue
+        theta = G[ENTRY] + turned
+        sine, cosine = math.sin(theta), math.cos(theta)
+        cover *= hook_engagement(A, P, Y, turned, G[ENGAGED], G[ENTRY], feed, G[FEED], G[RADIUS])
+        depth = G[SLICE_DEPTH] * cover
+        tooth = (pass_number - edge // slices) % int(G[FLUTES])
+        penetration = edge_radius(A, P, G, Y, theta, edge, pass_number) - surface[edge]
+        chip = hook_chip(A, P, penetration)
+        radial_velocity = velocity * sine
+        factor = depth * chip * hook_force_factor(A, P, Y, chip, penetration, theta, radial_velocity, depth,
+                                                  cutting_speed, length, G[RADIUS], G[FEED], tooth)
+        tangential = G[KT] * factor + hook_tangential_force(
+            A, P, Y, chip, penetration, theta, radial_velocity, depth, cutting_speed, length, G[RADIUS], G[FEED], tooth)
+        normal = G[KN] * factor + hook_normal_force(
+            A, P, Y, chip, penetration, theta, radial_velocity, depth, cutting_speed, length, G[RADIUS], G[FEED], tooth)
+        force_x -= tangential * cosine + normal * sine
+        force_y += tangential * sine - normal * cosine
+        torque += tangential * G[RADIUS]
+    return force_x, force_y, torque
+
+
+@njit
+def derivative(A, P, G, Y, D, force_x, mean_torque):
+    """Time derivative D of the state Y under the applied force: the structure's own law and the effects' states."""
+    mass, damping, stiffness = G[MASS], G[DAMPING], G[STIFFNESS]
+    own = hook_structure_force(A, P, Y, mass, stiffness, damping)
+    D[0] = Y[1]
+    D[1] = (force_x + own - damping * Y[1] - stiffness * Y[0]) / mass
+    D[2] = 1.0
+    hook_derivatives(A, P, Y, D, force_x, mean_torque, mass, stiffness, damping)
+
+
+@njit
+def spindle_speed(A, P, G, Y):
+    """Spindle speed now, rad/s."""
+    return G[OMEGA] * (1.0 + hook_speed(A, P, Y, G[OMEGA]))

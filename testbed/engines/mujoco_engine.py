@@ -1,0 +1,235 @@
+"""The reference engine: MuJoCo integrates the structure, the native plugin cuts.
+
+Shares with the fast engine only the force at one instant (`loop_kernel`), the effects and the packing of inputs; the
+integration (MuJoCo's Runge-Kutta, stepped in time so that every step turns the spindle by one increment of a grid that
+holds entry and exit), the surface memory and the sampling are its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+import models
+from testbed.cut import Cut, Sampling
+from testbed.effect import Effect
+from testbed.effect import catalogue as known_effects
+from testbed.engines import fast_kernel as fk
+from testbed.engines import loop_kernel as lk
+from testbed.engines import mujoco_kernel as mk
+from testbed.engines import mujoco_plugin
+from testbed.engines.measure import measured_channels
+from testbed.engines.mujoco_record import sample_record
+from testbed.engines.packing import Packed, fastest_frequency, pack
+from testbed.machine import Cutter, Model, Structure
+from testbed.recording import Outcome, Recording
+
+LIMIT = 1.0  # m; a displacement beyond it is a run that has diverged
+STEP_PHASE = 0.04  # rad of the fastest vibration a step may cover
+STEP_ANGLE = 0.06  # rad of tooth travel a step in the cut may cover
+FEED_JOINT = "workpiece_feed"
+CHANNELS = ("displacement", "velocity", "acceleration", "force_x", "force_y", "spindle_angle")
+UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "force_x": "N", "force_y": "N",
+         "spindle_angle": "rad"}
+_BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+
+_LEAN = """<mujoco model="one_mode">
+  <option integrator="RK4" gravity="0 0 0">
+    <flag contact="disable" constraint="disable" equality="disable" limit="disable" gravity="disable"
+      warmstart="disable" autoreset="disable"/>
+  </option>
+  <size memory="64K"/>
+  <worldbody>
+    <body name="workpiece">
+      <inertial pos="0 0 0" mass="{mass!r}" diaginertia="1e-3 1e-3 1e-3"/>
+      <joint name="workpiece_feed" type="slide" axis="-1 0 0" stiffness="{stiffness!r}" damping="{damping!r}"/>
+    </body>
+  </worldbody>
+</mujoco>"""
+
+
+def _grid(model: Model, cut: Cut, effects: Mapping[str, Effect], steps: int | None) -> Packed:
+    """Packed inputs with this engine's own grid: plain steps everywhere, of one size before and after the exit."""
+    packed = pack(model, cut, effects, steps)
+    split, pitch = packed.G[lk.SPLIT], packed.G[lk.PITCH]
+    if steps is None:
+        fastest = fastest_frequency(model, effects)
+        steps = max(12, math.ceil(split / cut.spindle_speed * fastest / STEP_PHASE), math.ceil(split / STEP_ANGLE))
+    packed.I[fk.N_A] = steps
+    packed.I[fk.N_B] = math.ceil((pitch - split) / (split / steps) - 1e-9) if pitch - split > 0 else 0
+    return packed
+
+
+def _settings(packed: Packed) -> np.ndarray:
+    """The plugin's settings as one flat array: head, flags, parameters, geometry."""
+    head = np.zeros(mk.N_HEAD)
+    for place, source in ((mk.M_N_A, fk.N_A), (mk.M_N_B, fk.N_B), (mk.M_TEETH_A, fk.TEETH_A),
+                          (mk.M_TEETH_B, fk.TEETH_B), (mk.M_IDLE, fk.IDLE), (mk.M_CUT, fk.CUT),
+                          (mk.M_STATES_ON, fk.STATES_ON), (mk.M_STEADY, fk.STEADY_SPEED)):
+        head[place] = packed.I[source]
+    head[[mk.M_A, mk.M_P, mk.M_Y]] = packed.A.size, packed.P.size, packed.Y.size
+    head[mk.M_EDGES] = max(1, packed.I[fk.TEETH_A] * int(packed.G[lk.SLICES]))
+    return np.concatenate([head, packed.A, packed.P, packed.G])
+
+
+def _state_size(settings: np.ndarray) -> int:
+    n_b = settings[mk.M_N_B] if settings[mk.M_TEETH_B] > 0 else 0
+    rows = 2 * (settings[mk.M_N_A] + n_b) + 1
+    return int(mk.U_HEAD + lk.G_SIZE + mk.Y_BLOCKS * settings[mk.M_Y] + (rows + 2) * settings[mk.M_EDGES])
+
+
+def _fit_structure(root: ElementTree.Element, structure: Structure, own: Structure) -> None:
+    """Give the rig's feed mode the model's mass, stiffness and damping, where they differ from the rig's own."""
+    joint = root.find(f".//joint[@name='{FEED_JOINT}']")
+    platform = root.find(".//geom[@name='platform']")
+    assert joint is not None and platform is not None
+    joint.set("stiffness", repr(structure.stiffness))
+    joint.set("damping", repr(structure.damping))
+    mass = float(platform.get("mass", "0")) + structure.mass - own.mass
+    if mass <= 0:
+        raise ValueError(f"a modal mass of {structure.mass:g} kg is less than the specimen and its clamps weigh")
+    platform.set("mass", repr(mass))
+
+
+def _xml(model: Model, packed: Packed, plugin: str) -> str:
+    if model.machine is None:
+        structure = model.structure
+        root = ElementTree.fromstring(_LEAN.format(mass=structure.mass, stiffness=structure.stiffness,
+                                                   damping=structure.damping))
+    else:
+        machine = models.machine(model.machine)
+        root = ElementTree.fromstring(machine.xml())
+        _fit_structure(root, model.structure, machine.structure())
+        flag = root.find("option/flag")
+        assert flag is not None
+        flag.set("autoreset", "disable")
+    settings = _settings(packed)
+    extension = ElementTree.SubElement(root, "extension")
+    ElementTree.SubElement(extension, "plugin", plugin=plugin)
+    custom = ElementTree.SubElement(root, "custom")
+    ElementTree.SubElement(custom, "numeric", name="cut", data=" ".join(repr(float(value)) for value in settings))
+    body = root.find(".//body[@name='workpiece']")
+    assert body is not None
+    instance = ElementTree.Element("plugin", plugin=plugin)
+    ElementTree.SubElement(instance, "config", key="state_size", value=str(_state_size(settings)))
+    body.insert(0, instance)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def model_xml(model: Model, cut: Cut, *, steps: int | None = None,
+              catalogue: Mapping[str, Effect] | None = None) -> str:
+    """The MJCF text that one run simulates: the machine, its values, and the cut's settings as a custom numeric."""
+    effects = known_effects() if catalogue is None else catalogue
+    return _xml(model, _grid(model, cut, effects, steps), mujoco_plugin.register(effects)[0])
+
+
+@dataclass
+class Run:
+    """One simulation under way: the compiled model, its data, and the record of the steps taken so far (steps, 17)."""
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    record: np.ndarray
+    steps_per_pass: int
+    total_passes: int
+    kernel: ModuleType
+    done: int = 0
+    stopped: float = math.nan
+
+    def advance(self, passes: int) -> None:
+        """Take the steps of so many tooth passes; less where the run diverges."""
+        for _ in range(min(passes, self.total_passes - self.done)):
+            if not math.isnan(self.stopped):
+                return
+            begin = self.data.time
+            mujoco.mj_step(self.model, self.data, nstep=self.steps_per_pass)
+            rows = self.record[self.done * self.steps_per_pass:(self.done + 1) * self.steps_per_pass]
+            beyond = ~(np.abs(rows[:, mk.R_X1]) < LIMIT)
+            if beyond.any():
+                first = int(np.argmax(beyond))
+                self.stopped = float(rows[first, mk.R_T0])
+                rows[first:] = np.nan
+            elif any(self.data.warning[int(kind)].number for kind in _BAD):
+                self.stopped = begin
+                rows[:] = np.nan
+            self.done += 1
+
+
+def prepare(model: Model, cut: Cut, *, steps: int | None = None, catalogue: Mapping[str, Effect] | None = None) -> Run:
+    """Compile the model of one run and set it at time 0."""
+    effects = known_effects() if catalogue is None else catalogue
+    packed = _grid(model, cut, effects, steps)
+    plugin, kernel = mujoco_plugin.register(effects)
+    compiled = mujoco.MjModel.from_xml_string(_xml(model, packed, plugin))
+    per_pass = int(packed.I[fk.N_A] + packed.I[fk.N_B])
+    record = np.full((max(1, per_pass * cut.total_passes), mk.R_SIZE), np.nan)
+    joint = mujoco.mj_name2id(compiled, mujoco.mjtObj.mjOBJ_JOINT, FEED_JOINT)
+    numeric = compiled.numeric("cut").data  # a view; the record's address is this process's own, so not in the text
+    numeric[[mk.M_DOF, mk.M_RECORD, mk.M_ROWS]] = compiled.jnt_dofadr[joint], record.ctypes.data, len(record)
+    data = mujoco.MjData(compiled)
+    data.joint(FEED_JOINT).qpos, data.joint(FEED_JOINT).qvel = cut.initial_displacement, cut.initial_velocity
+    if model.machine is not None:
+        flutes = (model.cutter or Cutter()).flutes
+        speeds = {"spindle": cut.spindle_speed, "feed": cut.feed_per_tooth / cut.tooth_passing_period(flutes)}
+        for name, speed in zip(("spindle_angle", "feed"), speeds.values(), strict=True):
+            data.joint(name).qvel = speed
+        data.actuator("spindle_drive").ctrl, data.actuator("feed_drive").ctrl = speeds["spindle"], speeds["feed"]
+    return Run(compiled, data, record, per_pass, cut.total_passes, kernel)
+
+
+def save_state(run: Run) -> np.ndarray:
+    """The full physics state, the surface and the effects' states among it."""
+    kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    state = np.empty(mujoco.mj_stateSize(run.model, kind))
+    mujoco.mj_getState(run.model, run.data, state, kind)
+    return state
+
+
+def load_state(run: Run, state: np.ndarray, done: int) -> None:
+    """Put a run at a saved state, `done` tooth passes after its start."""
+    mujoco.mj_setState(run.model, run.data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    run.done = done
+
+
+def _pass_times(run: Run, passes: int) -> np.ndarray:
+    """Times at which the tooth passes start, and the end; NaN where a diverged run never came."""
+    times = np.full(passes + 1, np.nan)
+    times[0] = 0.0
+    if passes:
+        times[1:] = run.record[run.steps_per_pass - 1::run.steps_per_pass, mk.R_T1][:passes]
+    return times
+
+
+def simulate(model: Model, cut: Cut, sampling: Sampling, *, channels: Sequence[str] = ("displacement",),
+             steps: int | None = None, catalogue: Mapping[str, Effect] | None = None) -> Recording:
+    """Simulate one test with MuJoCo into a Recording, sampled after the sensor's own effects.
+
+    steps: Runge-Kutta steps while the leading tooth crosses its cut; chosen for an error of about 1e-5 where None.
+    The rig's own MJCF is simulated where the model names a machine, a one-mode model where it does not.
+    """
+    unknown = set(channels) - set(CHANNELS)
+    if unknown:
+        raise ValueError(f"no channel {', '.join(sorted(unknown))}; known: {', '.join(CHANNELS)}")
+    effects = known_effects() if catalogue is None else catalogue
+    run = prepare(model, cut, steps=steps, catalogue=effects)
+    run.advance(cut.total_passes)
+    taken = int(np.count_nonzero(np.isfinite(run.record[:, mk.R_T1])))
+    out = np.full((len(CHANNELS), sampling.count), np.nan)
+    sample_record(run.record[:taken], sampling.start, sampling.rate, out)
+    signals = dict(zip(CHANNELS, out, strict=True))
+    times = _pass_times(run, cut.total_passes)
+    flutes = (model.cutter or Cutter()).flutes
+    outcome: Outcome = "ok" if math.isnan(run.stopped) else "diverged"
+    return Recording(
+        channels=measured_channels(model, effects, signals, channels, sampling), sampling_rate=sampling.rate,
+        units={name: UNITS[name] for name in channels}, origin="predicted", start=sampling.start,
+        marks=times[cut.idle_passes % flutes::flutes], pass_times=times, outcome=outcome, outcome_time=run.stopped,
+        conditions={"spindle_speed": cut.spindle_speed, "axial_depth_of_cut": cut.axial_depth_of_cut,
+                    "feed_per_tooth": cut.feed_per_tooth})

@@ -1,0 +1,278 @@
+"""The cut inside MuJoCo's own Runge-Kutta steps: stage by stage the force, step by step the surface.
+
+MuJoCo integrates the structure; these functions add the force of the cut at each of its four stages, integrate the
+effects' own states beside it, choose each step so that the spindle turns through one increment of the grid in angle,
+and keep the surface. N holds the run's settings (constant), U everything that changes: MuJoCo saves and restores U with
+its physics state, so a run continues bit for bit. Neither knows of MuJoCo: `mujoco_plugin` joins the two.
+"""
+
+from numba import njit
+
+from testbed.engines.hooks import hook_sensed_displacement, hook_sensed_velocity, hook_structure_force
+from testbed.engines.loop_kernel import (
+    DAMPING,
+    G_SIZE,
+    MASS,
+    OMEGA,
+    PITCH,
+    SPLIT,
+    STIFFNESS,
+    T_ENTRY,
+    cutting_force,
+    derivative,
+    first_surface,
+    leave_surface,
+    spindle_speed,
+)
+
+# settings N: this head, then the arrays A, P and G of `packing`
+M_N_A, M_N_B, M_TEETH_A, M_TEETH_B, M_IDLE, M_CUT, M_STATES_ON, M_STEADY, M_A, M_P, M_Y, M_DOF, M_EDGES, M_RECORD, \
+    M_ROWS, N_HEAD = range(16)
+# state U: this head, then G, seven states (Y0, Y, D0 = first slope, three more slopes, D1), two surfaces, the memory
+U_COUNT, U_PASS, U_SEGMENT, U_STEP, U_TIME, U_DT, U_STAGE, U_MEAN_TORQUE, U_IMPULSE, U_PASS_TIME, U_MIDDLE, \
+    U_SPEED0, U_TORQUE, U_FORCE_X, U_FORCE_Y, U_HEAD = (*range(13), 16, 17, 18)
+Y_0, Y_STAGE, SLOPES, D_1, Y_BLOCKS = 0, 1, 2, 6, 7
+# one row of the record a step: times; displacement, velocity, acceleration at both ends; forces at start, middle, end
+R_T0, R_T1, R_X0, R_V0, R_A0, R_X1, R_V1, R_A1, R_FX0, R_FXM, R_FX1, R_FY0, R_FYM, R_FY1, R_ANGLE0, R_ANGLE1, \
+    R_SIZE = range(17)
+
+
+@njit
+def settings_of(N):
+    """Flags A and parameters P."""
+    a = N_HEAD + int(N[M_A])
+    return N[N_HEAD:a], N[a:a + int(N[M_P])]
+
+
+@njit
+def state_block(N, U, block):
+    """One of the seven state-sized arrays kept in U."""
+    size = int(N[M_Y])
+    start = U_HEAD + G_SIZE + block * size
+    return U[start:start + size]
+
+
+@njit
+def surface_row(N, U, row):
+    """Surface memory at one grid angle; row -1 is the pending one, row -2 scratch."""
+    edges = int(N[M_EDGES])
+    start = U_HEAD + G_SIZE + Y_BLOCKS * int(N[M_Y]) + (row + 2) * edges
+    return U[start:start + edges]
+
+
+@njit
+def place_on_grid(N, U):
+    """(steps in this segment, angle of one, phase at the segment's start, its first surface row, teeth in the cut)."""
+    split, pitch = U[U_HEAD + SPLIT], U[U_HEAD + PITCH]
+    n_a, n_b = int(N[M_N_A]), int(N[M_N_B])
+    cutting = 0.0 <= U[U_PASS] - N[M_IDLE] < N[M_CUT]
+    if U[U_SEGMENT] == 0.0:
+        return n_a, split / n_a, 0.0, 0, int(N[M_TEETH_A]) if cutting else 0
+    return n_b, (pitch - split) / n_b, split, 2 * n_a, int(N[M_TEETH_B]) if cutting else 0
+
+
+@njit
+def enter_cut(N, U, time):
+    """The cut begins now: the feed starts, and the memory holds what a rigid cutter would have left."""
+    A, P = settings_of(N)
+    G = U[U_HEAD:U_HEAD + G_SIZE]
+    G[T_ENTRY] = time
+    n_a, n_b, teeth = int(N[M_N_A]), int(N[M_N_B]), int(N[M_TEETH_A])
+    scratch = state_block(N, U, Y_STAGE)
+    rows = 2 * (n_a + (n_b if N[M_TEETH_B] > 0 else 0)) + 1
+    for row in range(rows):
+        phase = 0.5 * row * G[SPLIT] / n_a
+        if row > 2 * n_a:
+            phase = G[SPLIT] + (0.5 * row - n_a) * (G[PITCH] - G[SPLIT]) / n_b
+        first_surface(A, P, G, scratch, phase, teeth, time + phase / G[OMEGA], surface_row(N, U, row))
+
+
+@njit(cache=True)  # an entry, with its callees compiled in
+def start_run(N, U):
+    """Everything that changes, as it stands at time 0."""
+    U[:] = 0.0
+    start = N_HEAD + int(N[M_A]) + int(N[M_P])
+    U[U_HEAD:U_HEAD + G_SIZE] = N[start:start + G_SIZE]
+    if N[M_IDLE] == 0.0 and N[M_CUT] > 0.0:
+        enter_cut(N, U, 0.0)
+
+
+@njit
+def choose_step(N, U, A, P, G, span, end_angle):
+    """Duration of the step that turns the spindle by `span`; also where in angle its middle in time lies."""
+    Y0, D0, Y = state_block(N, U, Y_0), state_block(N, U, SLOPES), state_block(N, U, Y_STAGE)
+    U[U_MIDDLE] = 0.5
+    U[U_SPEED0] = spindle_speed(A, P, G, Y0)
+    if N[M_STEADY] != 0.0:
+        U[U_DT] = end_angle / G[OMEGA] - U[U_TIME]
+        return
+    # dt/dangle = 1/Omega by the classical scheme; the motion within the step is predicted from the slope at its start
+    K = state_block(N, U, D_1)
+    total, ahead, speed = 0.0, 0.0, U[U_SPEED0]
+    K[:] = D0
+    for stage in range(4):
+        if stage > 0:
+            Y[:] = Y0
+            for i in range(1, Y.shape[0]):
+                Y[i] += ahead * K[i]
+            Y[0] += ahead * (Y0[1] + 0.5 * ahead * D0[1])
+            speed = spindle_speed(A, P, G, Y)
+            derivative(A, P, G, Y, K, 0.0, U[U_MEAN_TORQUE])
+            K[1] = D0[1]
+        weight = 1.0 if stage in (0, 3) else 2.0
+        total += weight * span / speed / 6.0
+        ahead = span / speed * (1.0 if stage == 2 else 0.5)
+    U[U_DT] = total
+    U[U_MIDDLE] = 0.5 + 0.125 * total * (U[U_SPEED0] - speed) / span
+
+
+@njit
+def surface_at(N, U, row, share):
+    """Surface met at `share` of the step that starts at `row`: a grid row, or the parabola through the step's three."""
+    if share == 0.0 or share == 0.5 or share == 1.0:
+        return surface_row(N, U, row + int(2.0 * share))
+    met = surface_row(N, U, -2)
+    s0, sm, s1 = surface_row(N, U, row), surface_row(N, U, row + 1), surface_row(N, U, row + 2)
+    for edge in range(met.shape[0]):
+        met[edge] = s0[edge] * (1.0 - share) * (1.0 - 2.0 * share) + sm[edge] * 4.0 * share * (1.0 - share) \
+            + s1[edge] * share * (2.0 * share - 1.0)
+    return met
+
+
+@njit
+def stage_of(U, time):
+    """Which of the four stages MuJoCo is at: by time, and the two middle ones by their order."""
+    if time == U[U_TIME]:
+        return 0
+    if time - U[U_TIME] > 0.75 * U[U_DT]:
+        return 3
+    return 1 if U[U_STAGE] == 0.0 else 2
+
+
+@njit(cache=True)
+def stage_force(N, U, time, x, v):
+    """Force on the structure at one stage beyond its own spring and damper; the first stage also chooses the step."""
+    A, P = settings_of(N)
+    G = U[U_HEAD:U_HEAD + G_SIZE]
+    stage = stage_of(U, time)
+    U[U_STAGE] = stage
+    steps, span, base, row0, teeth = place_on_grid(N, U)
+    Y0, Y, D = state_block(N, U, Y_0), state_block(N, U, Y_STAGE), state_block(N, U, SLOPES + stage)
+    share = 0.0 if stage == 0 else (1.0 if stage == 3 else U[U_MIDDLE])
+    Y[0], Y[1], Y[2] = x, v, time
+    if N[M_STATES_ON] != 0.0:
+        before = state_block(N, U, SLOPES + max(stage - 1, 0))
+        ahead = 0.0 if stage == 0 else U[U_DT] * (1.0 if stage == 3 else 0.5)
+        for i in range(3, Y.shape[0]):
+            Y[i] = Y0[i] + (ahead * before[i] if stage > 0 else 0.0)
+    force, across, torque = 0.0, 0.0, 0.0
+    if teeth > 0:
+        surface = surface_at(N, U, row0 + 2 * int(U[U_STEP]), share)
+        force, across, torque = cutting_force(A, P, G, Y, base + (U[U_STEP] + share) * span,
+                                              int(U[U_PASS] - N[M_IDLE]), teeth, surface)
+    own = hook_structure_force(A, P, Y, G[MASS], G[STIFFNESS], G[DAMPING])
+    U[U_TORQUE + stage] = torque
+    if stage == 0:
+        Y0[:] = Y
+        U[U_FORCE_X], U[U_FORCE_Y] = force, across
+        derivative(A, P, G, Y, D, force, U[U_MEAN_TORQUE])
+        choose_step(N, U, A, P, G, span, U[U_PASS] * G[PITCH] + base + (U[U_STEP] + 1.0) * span)
+    elif N[M_STATES_ON] != 0.0:
+        derivative(A, P, G, Y, D, force, U[U_MEAN_TORQUE])
+    return force + own
+
+
+@njit
+def write_row(N, U, A, P, R, angle, span, force, across, force_middle, across_middle):
+    """Keep what the step just ended looked like, for sampling."""
+    Y0, D0 = state_block(N, U, Y_0), state_block(N, U, SLOPES)
+    Y1, D1 = state_block(N, U, Y_STAGE), state_block(N, U, D_1)
+    start = int(U[U_COUNT]) * R_SIZE
+    if start + R_SIZE > R.shape[0]:
+        return
+    row = R[start:start + R_SIZE]
+    row[R_T0], row[R_T1] = Y0[2], Y1[2]
+    row[R_X0], row[R_X1] = Y0[0] + hook_sensed_displacement(A, P, Y0), Y1[0] + hook_sensed_displacement(A, P, Y1)
+    row[R_V0], row[R_V1] = Y0[1] + hook_sensed_velocity(A, P, Y0), Y1[1] + hook_sensed_velocity(A, P, Y1)
+    row[R_A0], row[R_A1] = D0[1] + hook_sensed_velocity(A, P, D0), D1[1] + hook_sensed_velocity(A, P, D1)
+    row[R_FX0], row[R_FXM], row[R_FX1] = U[U_FORCE_X], force_middle, force
+    row[R_FY0], row[R_FYM], row[R_FY1] = U[U_FORCE_Y], across_middle, across
+    row[R_ANGLE0], row[R_ANGLE1] = angle, angle + span
+
+
+@njit
+def leave_step(N, U, A, P, G, row, phase, span, pass_number, teeth, speed1):
+    """Write the surface the step leaves; returns the force met at its middle. The row at its end is still to be read by
+    the next step, so what is left there waits in the pending row."""
+    Y0, D0 = state_block(N, U, Y_0), state_block(N, U, SLOPES)
+    Y1, D1 = state_block(N, U, Y_STAGE), state_block(N, U, D_1)
+    W = state_block(N, U, SLOPES + 1)
+    begin, middle, end = surface_row(N, U, row), surface_row(N, U, row + 1), surface_row(N, U, row + 2)
+    pending = surface_row(N, U, -1)
+    for i in range(W.shape[0]):  # Hermite in the angle
+        W[i] = 0.5 * (Y0[i] + Y1[i]) + 0.125 * span * (D0[i] / U[U_SPEED0] - D1[i] / speed1)
+    force, across, torque = cutting_force(A, P, G, W, phase + 0.5 * span, pass_number, teeth, middle)
+    if row == 0:
+        leave_surface(A, P, G, Y0, phase, pass_number, teeth, begin, begin)
+    else:
+        begin[:] = pending
+    leave_surface(A, P, G, W, phase + 0.5 * span, pass_number, teeth, middle, middle)
+    pending[:] = end
+    leave_surface(A, P, G, Y1, phase + span, pass_number, teeth, end, pending)
+    return force, across
+
+
+@njit
+def next_place(N, U, time, steps, row_end, teeth):
+    """Move on by one step: to the next segment and the next pass where this one is through."""
+    U[U_COUNT] += 1.0
+    U[U_TIME] = time
+    U[U_STAGE] = 0.0
+    U[U_STEP] += 1.0
+    if U[U_STEP] < steps:
+        return
+    U[U_STEP] = 0.0
+    last = U[U_SEGMENT] == 1.0 or N[M_N_B] == 0.0
+    if teeth > 0 and (last or N[M_TEETH_B] == 0.0):
+        surface_row(N, U, row_end)[:] = surface_row(N, U, -1)
+    if not last:
+        U[U_SEGMENT] = 1.0
+        return
+    U[U_SEGMENT] = 0.0
+    U[U_PASS] += 1.0
+    U[U_MEAN_TORQUE] = U[U_IMPULSE] / (time - U[U_PASS_TIME])
+    U[U_IMPULSE], U[U_PASS_TIME] = 0.0, time
+    if U[U_PASS] == N[M_IDLE] and N[M_CUT] > 0.0:
+        enter_cut(N, U, time)
+
+
+@njit(cache=True)
+def end_step(N, U, R, time, x, v):
+    """MuJoCo has taken the step: finish the effects' states, leave the surface, keep the record, move on."""
+    A, P = settings_of(N)
+    G = U[U_HEAD:U_HEAD + G_SIZE]
+    steps, span, base, row0, teeth = place_on_grid(N, U)
+    Y0, Y1, D1 = state_block(N, U, Y_0), state_block(N, U, Y_STAGE), state_block(N, U, D_1)
+    row, phase = row0 + 2 * int(U[U_STEP]), base + U[U_STEP] * span
+    pass_number, dt = int(U[U_PASS] - N[M_IDLE]), U[U_DT]
+    Y1[0], Y1[1], Y1[2] = x, v, time
+    if N[M_STATES_ON] != 0.0:
+        for i in range(3, Y1.shape[0]):
+            Y1[i] = Y0[i]
+        for stage in range(4):
+            weight = dt / 6.0 if stage in (0, 3) else dt / 3.0
+            K = state_block(N, U, SLOPES + stage)
+            for i in range(3, Y1.shape[0]):
+                Y1[i] += weight * K[i]
+    U[U_IMPULSE] += dt * (U[U_TORQUE] + 2.0 * (U[U_TORQUE + 1] + U[U_TORQUE + 2]) + U[U_TORQUE + 3]) / 6.0
+    force, across, force_middle, across_middle = 0.0, 0.0, 0.0, 0.0
+    if teeth > 0:
+        force, across, torque = cutting_force(A, P, G, Y1, phase + span, pass_number, teeth,
+                                              surface_row(N, U, row + 2))
+    derivative(A, P, G, Y1, D1, force, U[U_MEAN_TORQUE])
+    if teeth > 0:
+        force_middle, across_middle = leave_step(N, U, A, P, G, row, phase, span, pass_number, teeth,
+                                                 spindle_speed(A, P, G, Y1))
+    write_row(N, U, A, P, R, pass_number * G[PITCH] + phase, span, force, across, force_middle, across_middle)
+    Y0[:] = Y1
+    next_place(N, U, time, steps, row + 2, teeth)

@@ -1,0 +1,60 @@
+"""The fast engine as the analysis is handed it: many variants of one record at once, as the sensor would give them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from testbed.compose import compose
+from testbed.cut import Cut, Sampling
+from testbed.effect import Effect
+from testbed.effect import catalogue as known_effects
+from testbed.engines import fast
+from testbed.engines import fast_kernel as fk
+from testbed.engines.measure import measured_channels
+from testbed.engines.packing import STEP_PHASE, fastest_frequency, pack
+from testbed.machine import Model
+
+_STILL = Cut(spindle_speed=1.0, axial_depth_of_cut=0.0)  # a driven structure is not cut
+
+
+def predict_cuts(models: Sequence[Model], cuts: Sequence[Cut], samplings: Sequence[Sampling], channels: Sequence[str], *,
+                 durations: Sequence[np.ndarray] | None = None, catalogue: Mapping[str, Effect] | None = None,
+                 ) -> np.ndarray:
+    """Predicted channels of cuts that share their sampling's count, shape (runs, channels, samples); NaN after divergence."""
+    effects = known_effects() if catalogue is None else catalogue
+    forces = any(name.startswith("force") for name in channels)
+    result = fast.simulate_batch(models, cuts, samplings, forces=forces, catalogue=effects, durations=durations,
+                                 general=forces)
+    return np.stack([_sensed(model, effects, result.out[run], channels, samplings[run])
+                     for run, model in enumerate(models)])
+
+
+def predict_driven(models: Sequence[Model], states: Sequence[tuple[float, float]], force: np.ndarray, rate: float,
+                   channels: Sequence[str], *, catalogue: Mapping[str, Effect] | None = None, limit: float = math.inf,
+                   ) -> np.ndarray:
+    """Predicted channels of a structure under a sampled force (N), from states (x, v) at the first sample.
+
+    Shape (runs, channels, samples); zeros for `force` make it a free decay.
+    """
+    effects = known_effects() if catalogue is None else catalogue
+    fastest = max(fastest_frequency(model, effects) for model in models)
+    substeps = max(1, math.ceil(fastest / rate / STEP_PHASE)) if any(model.effects for model in models) else 1
+    packed = [pack(model, _STILL, effects) for model in models]
+    A, P, G, integers, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIY")
+    Y[:, :2] = states
+    out = np.zeros((len(models), fk.N_CHANNELS, len(force)))
+    kernel = compose(effects, ("loop_kernel", "fast_kernel", "drive_kernel"))
+    kernel.drive_batch(A, P, G, integers, Y, np.broadcast_to(force, (len(models), len(force))), rate, substeps, limit,
+                       out, np.zeros(len(models), dtype=np.bool_))
+    sampling = Sampling(rate, len(force))
+    return np.stack([_sensed(model, effects, out[run], channels, sampling) for run, model in enumerate(models)])
+
+
+def _sensed(model: Model, effects: Mapping[str, Effect], out: np.ndarray, channels: Sequence[str],
+            sampling: Sampling) -> np.ndarray:
+    signals = {name: out[place, : sampling.count] for name, place in fast.CHANNELS.items()}
+    measured = measured_channels(model, effects, signals, channels, sampling)
+    return np.stack([measured[name] for name in channels])

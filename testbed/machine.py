@@ -1,0 +1,183 @@
+"""What a user believes of a machine: structure, cutter, cutting coefficients and the effects it has.
+
+Every value is SI. A model is immutable: taking physics out or putting it in gives another model.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Literal
+
+Direction = Literal["up-milling", "down-milling"]
+DIRECTIONS: tuple[Direction, ...] = ("up-milling", "down-milling")
+
+
+def _require(condition: bool, message: str) -> None:
+    if not condition:
+        raise ValueError(message)
+
+
+def radial_immersion_fraction(radial_depth_of_cut: float, diameter: float) -> float:
+    """Fraction of the spindle period that one tooth spends in the cut: arccos(1 - 2 a/D) / (2 pi)."""
+    _require(0.0 < radial_depth_of_cut <= diameter, "radial depth of cut must be above 0 and at most the diameter")
+    return math.acos(1.0 - 2.0 * radial_depth_of_cut / diameter) / (2.0 * math.pi)
+
+
+@dataclass(frozen=True)
+class Structure:
+    """One vibration mode of the workpiece along the feed: mass (kg), natural frequency (Hz), damping ratio (1)."""
+
+    mass: float
+    natural_frequency: float
+    damping_ratio: float
+
+    def __post_init__(self) -> None:
+        _require(math.isfinite(self.mass) and self.mass > 0, "mass must be above 0")
+        _require(math.isfinite(self.natural_frequency) and self.natural_frequency > 0,
+                 "natural_frequency must be above 0")
+        _require(0.0 <= self.damping_ratio < 1.0, "damping_ratio must be at least 0 and below 1")
+
+    @property
+    def natural_frequency_rad(self) -> float:
+        """Undamped natural frequency, rad/s."""
+        return 2.0 * math.pi * self.natural_frequency
+
+    @property
+    def stiffness(self) -> float:
+        """Modal stiffness m omega^2, N/m."""
+        return self.mass * self.natural_frequency_rad**2
+
+    @property
+    def damping(self) -> float:
+        """Viscous damping 2 m zeta omega, N s/m."""
+        return 2.0 * self.mass * self.damping_ratio * self.natural_frequency_rad
+
+
+@dataclass(frozen=True)
+class Cutter:
+    """A milling cutter: number of flutes, diameter (m), helix angle (rad)."""
+
+    flutes: int = 1
+    diameter: float = 19.05e-3
+    helix_angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require(int(self.flutes) == self.flutes and self.flutes >= 1, "flutes must be a whole number of at least 1")
+        _require(math.isfinite(self.diameter) and self.diameter > 0, "diameter must be above 0")
+        _require(abs(self.helix_angle) < math.pi / 2, "helix_angle must lie within +-90 deg")
+
+    @property
+    def pitch(self) -> float:
+        """Angle between neighbouring teeth, rad."""
+        return 2.0 * math.pi / self.flutes
+
+
+@dataclass(frozen=True)
+class Cutting:
+    """Engagement and the linear force law.
+
+    immersion: fraction of the spindle period one tooth spends in the cut (0 to 0.5; 0.5 is a slot).
+    tangential_coefficient K_t and normal_coefficient K_n: N/m^2.
+    """
+
+    direction: Direction = "up-milling"
+    immersion: float = 0.162
+    tangential_coefficient: float = 5.5e8
+    normal_coefficient: float = 2.0e8
+
+    def __post_init__(self) -> None:
+        _require(self.direction in DIRECTIONS, f"direction must be one of {', '.join(DIRECTIONS)}")
+        _require(0.0 < self.immersion <= 0.5, "immersion must be above 0 and at most 0.5 (0.5 is a slot)")
+        for name in ("tangential_coefficient", "normal_coefficient"):
+            _require(math.isfinite(getattr(self, name)), f"{name} must be finite")
+
+    @property
+    def engagement_angle(self) -> float:
+        """Angle a tooth turns through in the cut, rad."""
+        return 2.0 * math.pi * self.immersion
+
+    @property
+    def entry_angle(self) -> float:
+        """Angle theta at which a tooth enters the cut, rad; zero chip at theta = 0 and pi."""
+        return 0.0 if self.direction == "up-milling" else math.pi - self.engagement_angle
+
+
+_STRUCTURE = ("mass", "natural_frequency", "damping_ratio")
+_CUTTING = ("immersion", "tangential_coefficient", "normal_coefficient")
+BASE_PARAMETERS = _STRUCTURE + _CUTTING
+BASE_UNITS = {"mass": "kg", "natural_frequency": "Hz", "damping_ratio": "1", "immersion": "1",
+              "tangential_coefficient": "N/m^2", "normal_coefficient": "N/m^2"}
+
+
+def _frozen(effects: Mapping[str, Mapping[str, float]]) -> Mapping[str, Mapping[str, float]]:
+    return MappingProxyType({
+        name: MappingProxyType({key: float(value) for key, value in sorted(effects[name].items())})
+        for name in sorted(effects)
+    })
+
+
+@dataclass(frozen=True)
+class Model:
+    """A machine as believed: `structure`, `cutter` and `cutting` (both absent where nothing is cut), `effects`.
+
+    `effects` maps an effect's name to its parameters (SI); the set has no order. `machine` names the folder of
+    `models/` the structure came from, where it came from one.
+    """
+
+    structure: Structure
+    cutter: Cutter | None = None
+    cutting: Cutting | None = None
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    machine: str | None = None
+
+    def __post_init__(self) -> None:
+        _require((self.cutter is None) == (self.cutting is None), "cutter and cutting stand or fall together")
+        object.__setattr__(self, "effects", _frozen(self.effects))
+
+    def __reduce__(self):  # mapping proxies do not pickle
+        effects = {name: dict(values) for name, values in self.effects.items()}
+        return (Model, (self.structure, self.cutter, self.cutting, effects, self.machine))
+
+    def __hash__(self) -> int:
+        effects = tuple((name, tuple(values.items())) for name, values in self.effects.items())
+        return hash((self.structure, self.cutter, self.cutting, effects, self.machine))
+
+    def with_effect(self, name: str, **parameters: float) -> Model:
+        """The same machine with one effect more, or with that effect's parameters changed."""
+        return replace(self, effects={**self.effects, name: {**self.effects.get(name, {}), **parameters}})
+
+    def without_effect(self, name: str) -> Model:
+        """The same machine without one effect; KeyError if it has none of that name."""
+        if name not in self.effects:
+            raise KeyError(name)
+        return replace(self, effects={key: value for key, value in self.effects.items() if key != name})
+
+    def value(self, path: str) -> float:
+        """A parameter by its path: `natural_frequency`, `tangential_coefficient`, `process_damping.coefficient`."""
+        if path in _STRUCTURE:
+            return float(getattr(self.structure, path))
+        if path in _CUTTING:
+            if self.cutting is None:
+                raise KeyError(path)
+            return float(getattr(self.cutting, path))
+        effect, _, parameter = path.partition(".")
+        return self.effects[effect][parameter]
+
+    def with_values(self, values: Mapping[str, float]) -> Model:
+        """The same machine with parameters, named by their paths, replaced. KeyError on an unknown path."""
+        structure, cutting, effects = {}, {}, {name: dict(params) for name, params in self.effects.items()}
+        for path, number in values.items():
+            if path in _STRUCTURE:
+                structure[path] = float(number)
+            elif path in _CUTTING and self.cutting is not None:
+                cutting[path] = float(number)
+            else:
+                effect, _, parameter = path.partition(".")
+                if effect not in effects or not parameter:
+                    raise KeyError(path)
+                effects[effect][parameter] = float(number)
+        return replace(self, structure=replace(self.structure, **structure),
+                       cutting=replace(self.cutting, **cutting) if self.cutting else None, effects=effects)

@@ -1,0 +1,160 @@
+"""The form of campaign.yaml: which keys it has and what they may hold; every mistake is said with its line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, ConfigDict, Field
+
+from testbed.readers.source import Source, base_name
+from testbed.recording import CHANNEL_UNITS
+from testbed.units import UnitProblem, parse_quantity, spelled
+from testbed.yaml_text import Document, Strict, above_zero, at_least_zero, did_you_mean, quantity
+
+Kind = Literal["cut", "ring-down", "excited", "idle"]
+CHANNELS = (*CHANNEL_UNITS, "time")
+
+
+@dataclass(frozen=True)
+class Feed:
+    """A feed as it was written: value (m) a tooth, a revolution, or (m/s) of travel."""
+
+    value: float
+    per: Literal["tooth", "revolution", "second"]
+
+    def per_revolution(self, spindle_speed: float) -> float | None:
+        """Feed a revolution, m; None where it was given a tooth. spindle_speed in rad/s."""
+        if self.per == "tooth":
+            return None
+        return self.value if self.per == "revolution" else self.value * 2 * 3.141592653589793 / spindle_speed
+
+    def per_tooth(self, spindle_speed: float, flutes: int) -> float:
+        """Feed a tooth, m."""
+        turn = self.per_revolution(spindle_speed)
+        return self.value if turn is None else turn / flutes
+
+
+def _feed(value: object) -> Feed:
+    """A feed in mm/tooth, mm/rev or mm/min. Raises UnitProblem."""
+    text = spelled(str(value))
+    for word in ("/revolution", "/rev", "/r", "/turn"):
+        if text.endswith(word):
+            number = parse_quantity(text.removesuffix(word) + "/tooth", "m/tooth")
+            return _positive(value, Feed(number, "revolution"))
+    if text.endswith(("/min", "/s")):
+        return _positive(value, Feed(parse_quantity(text, "m/s"), "second"))
+    try:
+        return _positive(value, Feed(parse_quantity(text, "m/tooth"), "tooth"))
+    except UnitProblem:
+        raise UnitProblem(f"'{value}' is no feed", "write it as '0.1 mm/tooth', '0.1 mm/rev' or '300 mm/min'") from None
+
+
+def _positive(value: object, feed: Feed) -> Feed:
+    if feed.value <= 0:
+        raise UnitProblem(f"'{value}' must be above 0", "correct the value")
+    return feed
+
+
+def _seconds(value: object) -> float:
+    """A time in seconds: a bare number, or a text with its unit."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        value = f"{value!r} s"
+    return parse_quantity(value, "s")
+
+
+def _whole(value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise UnitProblem(f"'{value}' is not a whole number of at least 1", "correct the value")
+    return value
+
+
+def _rows(value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise UnitProblem(f"'{value}' is not a number of lines", "give a whole number of at least 0")
+    return value
+
+
+class ChannelEntry(Strict):
+    """One channel: where it stands in the file and what a number of it means."""
+
+    column: int | str | None = None
+    unit: str | None = None
+    scale: float | int | None = None
+    pulses_per_revolution: Annotated[int, BeforeValidator(_whole)] | None = None
+    edge: Literal["rising", "falling"] | None = None
+
+
+Channels = dict[str, ChannelEntry | Literal["none"] | None]
+
+
+class _Conditions(Strict):
+    """Operating conditions and ways of reading; the campaign gives what its records share."""
+
+    model_config = ConfigDict(populate_by_name=False)
+    channels: Channels = Field(default_factory=dict)
+    sampling_rate: quantity("Hz", above_zero) | None = None  # type: ignore[valid-type]
+    spindle_speed: quantity("rad/s", above_zero) | None = None  # type: ignore[valid-type]
+    depth_of_cut: quantity("m", at_least_zero) | None = None  # type: ignore[valid-type]
+    feed: Annotated[Feed, BeforeValidator(_feed)] | None = None
+    flutes: Annotated[int, BeforeValidator(_whole)] | None = None
+    length_cut_before: quantity("m", at_least_zero) | None = None  # type: ignore[valid-type]
+    skip_rows: Annotated[int, BeforeValidator(_rows)] | None = None
+    delimiter: str | None = None
+    key: str | None = None
+
+
+class RecordEntry(_Conditions):
+    """One record."""
+
+    file: str
+    kind: Kind
+    name: str | None = None
+    note: str | None = None
+    from_: Annotated[float, BeforeValidator(_seconds)] | None = Field(default=None, alias="from")
+    to: Annotated[float, BeforeValidator(_seconds)] | None = None
+
+
+class ManifestEntry(_Conditions):
+    """The whole file."""
+
+    name: str
+    note: str | None = None
+    folder: str | None = None
+    records: list[RecordEntry] = Field(min_length=1)
+
+
+def check_channels(document: Document, manifest: ManifestEntry) -> None:
+    """Raises InputProblem at the first channel whose name is not known."""
+    places: list[tuple[tuple[str | int, ...], Channels]] = [(("channels",), manifest.channels)]
+    places += [(("records", index, "channels"), record.channels) for index, record in enumerate(manifest.records)]
+    for path, channels in places:
+        for name, entry in channels.items():
+            if base_name(name) not in CHANNELS:
+                raise document.problem((*path, name), f"unknown channel '{name}'", did_you_mean(name, CHANNELS))
+            if name != "tachometer" and isinstance(entry, ChannelEntry) and (entry.pulses_per_revolution or entry.edge):
+                raise document.problem(
+                    (*path, name), f"'{name}' has pulses_per_revolution or edge", "these belong to the tachometer"
+                )
+
+
+def sources(manifest: ManifestEntry, record: RecordEntry) -> tuple[dict[str, Source], Source | None | Literal["none"]]:
+    """Channels of one record, the campaign's overridden key by key; and its time column."""
+    result: dict[str, Source] = {}
+    time: Source | None | Literal["none"] = None
+    for name in dict.fromkeys([*manifest.channels, *record.channels]):
+        common, own = manifest.channels.get(name), record.channels.get(name, "inherit")
+        chosen = common if own == "inherit" else own
+        if chosen in (None, "none"):
+            time = "none" if name == "time" else time
+            continue
+        merged: dict[str, Any] = {}
+        for entry in (common, own):
+            if isinstance(entry, ChannelEntry):
+                merged.update({key: value for key, value in entry.model_dump().items() if value is not None})
+        source = Source(**{"column": name, **merged})
+        if name == "time":
+            time = source
+        else:
+            result[name] = source
+    return result, time

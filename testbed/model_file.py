@@ -1,0 +1,228 @@
+"""model.yaml, what the user believes of the machine: read with units and checked, written to read back exactly.
+
+    structure: {mass: 2.573 kg, natural_frequency: 146.6 Hz, damping_ratio: 0.0032}   # or: flexure
+    cutter: {flutes: 1, diameter: 19.05 mm, helix_angle: 0 deg}
+    cutting: {direction: up-milling, immersion: 0.162,                                # or radial_depth: 4.51 mm
+              tangential_coefficient: 550 N/mm^2, normal_coefficient: 200 N/mm^2}
+    effects: {process_damping: {coefficient: 1.0e5 N/m}}
+
+`structure` may also be `{machine: flexure, damping_ratio: 0.004}`: the named machine with some values replaced.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Any
+
+from testbed.atomic import write_text
+from testbed.effect import Effect
+from testbed.effect import catalogue as known_effects
+from testbed.machine import Cutter, Cutting, Direction, Model, Structure, radial_immersion_fraction
+from testbed.units import UnitProblem, format_quantity, parse_quantity
+from testbed.yaml_text import Document, Path_, Strict, above_zero, did_you_mean, in_unit, load, parse, validate
+
+
+def _below_one(number: float) -> str | None:
+    return None if 0.0 <= number < 1.0 else "must be at least 0 and below 1"
+
+
+def _immersion(number: float) -> str | None:
+    return None if 0.0 < number <= 0.5 else "must be above 0 and at most 0.5 (0.5 is a slot)"
+
+
+def _helix(number: float) -> str | None:
+    return None if abs(number) < math.pi / 2 else "must lie between -90 deg and 90 deg"
+
+
+class _Structure(Strict):
+    machine: str | None = None
+    mass: Annotated[float | None, in_unit("kg", above_zero)] = None
+    natural_frequency: Annotated[float | None, in_unit("Hz", above_zero)] = None
+    damping_ratio: Annotated[float | None, in_unit("1", _below_one)] = None
+
+
+class _Cutter(Strict):
+    flutes: int = 1
+    diameter: Annotated[float, in_unit("m", above_zero)] = 19.05e-3
+    helix_angle: Annotated[float, in_unit("rad", _helix)] = 0.0
+
+
+class _Cutting(Strict):
+    direction: Direction = "up-milling"
+    immersion: Annotated[float | None, in_unit("1", _immersion)] = None
+    radial_depth: Annotated[float | None, in_unit("m", above_zero)] = None
+    tangential_coefficient: Annotated[float, in_unit("N/m^2")]
+    normal_coefficient: Annotated[float, in_unit("N/m^2")]
+
+
+class _ModelFile(Strict):
+    structure: Any
+    cutter: Any = None
+    cutting: Any = None
+    effects: Any = None
+
+
+def machines() -> tuple[str, ...]:
+    """Names of the machines that stand in `models/`."""
+    import models
+
+    folders = (entry for place in models.__path__ for entry in Path(place).iterdir())
+    return tuple(sorted(entry.name for entry in folders if (entry / "__init__.py").exists()))
+
+
+def machine_structure(name: str) -> Structure:
+    """The structure of a machine of `models/`; KeyError if there is none of that name."""
+    if name not in machines():
+        raise KeyError(name)
+    return import_module(f"models.{name}").structure()
+
+
+def read_model(path: str | Path, catalogue: Mapping[str, Effect] | None = None) -> Model:
+    """Read model.yaml. InputProblem with file, line and field where anything in it is wrong."""
+    return model_from(load(path), (), catalogue)
+
+
+def model_from(document: Document, path: Path_ = (), catalogue: Mapping[str, Effect] | None = None) -> Model:
+    """The model that stands at `path` of a document; the root, or under `model` in a scenario."""
+    parts = validate(document, _ModelFile, path)
+    structure, machine = _structure(document, (*path, "structure"))
+    if (parts.cutter is None) != (parts.cutting is None):
+        there, absent = ("cutter", "cutting") if parts.cutting is None else ("cutting", "cutter")
+        raise document.problem(path, f"{there} without {absent}", f"add {absent}, or remove both")
+    effects = _effects(document, (*path, "effects"), known_effects() if catalogue is None else catalogue)
+    if parts.cutter is None:
+        return Model(structure, effects=effects, machine=machine)
+    cutter = validate(document, _Cutter, (*path, "cutter"))
+    if cutter.flutes < 1:
+        raise document.problem((*path, "cutter", "flutes"), f"'{cutter.flutes}' must be at least 1", "correct it")
+    return Model(structure, Cutter(cutter.flutes, cutter.diameter, cutter.helix_angle),
+                 _cutting(document, (*path, "cutting"), cutter.diameter), effects, machine)
+
+
+def _structure(document: Document, path: Path_) -> tuple[Structure, str | None]:
+    """The structure and the name of the machine it came from."""
+    given = document.at(path)
+    values: dict[str, float] = {}
+    machine, where = (given, path) if isinstance(given, str) else (None, (*path, "machine"))
+    if machine is None:
+        part = validate(document, _Structure, path)
+        machine = part.machine
+        values = part.model_dump(exclude_none=True, exclude={"machine"})
+    if machine is not None:
+        try:
+            values = asdict(machine_structure(machine)) | values
+        except KeyError:
+            raise document.problem(where, f"unknown machine '{machine}'", did_you_mean(machine, machines())) from None
+    for name in ("mass", "natural_frequency", "damping_ratio"):
+        if name not in values:
+            raise document.problem((*path, name), "is missing", f"add it, or name a machine: {', '.join(machines())}")
+    return Structure(**values), machine
+
+
+def _cutting(document: Document, path: Path_, diameter: float) -> Cutting:
+    part = validate(document, _Cutting, path)
+    if (part.immersion is None) == (part.radial_depth is None):
+        raise document.problem(path, "gives both immersion and radial_depth" if part.immersion is not None
+                               else "gives no immersion", "give one of immersion and radial_depth")
+    immersion, depth = part.immersion, part.radial_depth
+    if immersion is None:
+        assert depth is not None  # one of the two is given
+        if depth > diameter:
+            raise document.problem((*path, "radial_depth"), "is above the cutter's diameter", "correct one of them")
+        immersion = radial_immersion_fraction(depth, diameter)
+    return Cutting(part.direction, immersion, part.tangential_coefficient, part.normal_coefficient)
+
+
+def _effects(document: Document, path: Path_, catalogue: Mapping[str, Effect]) -> dict[str, dict[str, float]]:
+    try:
+        given = document.at(path)
+    except KeyError:
+        return {}
+    if given is None:
+        return {}
+    if isinstance(given, str) or (isinstance(given, list) and all(isinstance(name, str) for name in given)):
+        given = dict.fromkeys([given] if isinstance(given, str) else given)
+    if not isinstance(given, dict):
+        raise document.problem(path, "is no mapping of effects", "write for example `contact_loss: {}`")
+    effects = {}
+    for name, parameters in given.items():
+        if name not in catalogue:
+            raise document.problem((*path, name), "unknown effect", did_you_mean(name, catalogue))
+        effects[name] = _parameters(document, (*path, name), catalogue[name], parameters)
+    return effects
+
+
+def _parameters(document: Document, path: Path_, effect: Effect, given: object) -> dict[str, float]:
+    """An effect's parameters in SI; every one must be given, with its unit, and lie within its bounds."""
+    if not isinstance(given, (dict, type(None))):
+        raise document.problem(path, f"'{given}' is not a mapping", "give the parameters by name")
+    names = [parameter.name for parameter in effect.parameters]
+    for name in given or {}:
+        if name not in names:
+            raise document.problem((*path, name), "unknown parameter", did_you_mean(name, names))
+    values = {}
+    for parameter in effect.parameters:
+        place = (*path, parameter.name)
+        if not given or parameter.name not in given:
+            shown = format_quantity(parameter.example, parameter.unit)
+            raise document.problem(place, f"is missing ({parameter.meaning})", f"add it, for example {shown}")
+        try:
+            value = parse_quantity(given[parameter.name], parameter.unit)
+        except UnitProblem as problem:
+            raise document.problem(place, problem.what, problem.do) from None
+        low, high = parameter.bounds
+        if not low <= value <= high:
+            allowed = f"{format_quantity(low, parameter.unit)} to {format_quantity(high, parameter.unit)}"
+            raise document.problem(place, f"'{given[parameter.name]}' lies outside the law's bounds", f"give {allowed}")
+        values[parameter.name] = value
+    return values
+
+
+def model_text(model: Model, catalogue: Mapping[str, Effect] | None = None) -> str:
+    """The text of a model.yaml that reads back to exactly this model."""
+    lines = _structure_lines(model)
+    if model.cutter is not None and model.cutting is not None:
+        cutter, cutting = model.cutter, model.cutting
+        lines += ["cutter:", f"  flutes: {cutter.flutes}", f"  diameter: {_exact(cutter.diameter, 'mm')}",
+                  f"  helix_angle: {_exact(cutter.helix_angle, 'deg')}",
+                  "cutting:", f"  direction: {cutting.direction}", f"  immersion: {_exact(cutting.immersion, '1')}",
+                  f"  tangential_coefficient: {_exact(cutting.tangential_coefficient, 'N/mm^2')}",
+                  f"  normal_coefficient: {_exact(cutting.normal_coefficient, 'N/mm^2')}"]
+    if not model.effects:
+        return "\n".join(lines) + "\n"
+    known = known_effects() if catalogue is None else catalogue
+    lines.append("effects:")
+    for name, values in model.effects.items():
+        lines.append(f"  {name}:" if values else f"  {name}: {{}}")
+        lines += [f"    {key}: {_exact(value, known[name].parameter(key).unit)}" for key, value in values.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _structure_lines(model: Model) -> list[str]:
+    values = asdict(model.structure)
+    if model.machine is not None:
+        usual = asdict(machine_structure(model.machine))
+        values = {name: value for name, value in values.items() if value != usual[name]}
+        if not values:
+            return [f"structure: {model.machine}"]
+    units = {"mass": "kg", "natural_frequency": "Hz", "damping_ratio": "1"}
+    machine = [f"  machine: {model.machine}"] if model.machine is not None else []
+    return ["structure:", *machine, *(f"  {name}: {_exact(value, units[name])}" for name, value in values.items())]
+
+
+def _exact(value: float, unit: str) -> str:
+    return format_quantity(value, unit, digits=None)
+
+
+def write_model(model: Model, path: str | Path, catalogue: Mapping[str, Effect] | None = None) -> None:
+    """Write model.yaml, whole or not at all. InputProblem where the place cannot be written."""
+    write_text(path, model_text(model, catalogue))
+
+
+def model_from_text(text: str, name: str = "model", catalogue: Mapping[str, Effect] | None = None) -> Model:
+    """The model a text holds; `name` stands for the file in messages."""
+    return model_from(parse(text, name), (), catalogue)

@@ -1,0 +1,177 @@
+"""Value checks after any reader: damaged files mostly read without an error, so the numbers themselves must be asked.
+
+What makes a channel useless raises InputProblem; what a user should know is returned as notes.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from testbed.problem import InputProblem
+
+_FEW_LEVELS = 16
+
+
+def equal_lengths(path: Path, channels: dict[str, np.ndarray]) -> None:
+    """Raises InputProblem where channels differ in length."""
+    lengths = {name: len(values) for name, values in channels.items()}
+    if len(set(lengths.values())) > 1:
+        said = ", ".join(f"{name} {length}" for name, length in lengths.items())
+        raise InputProblem(
+            path, f"channels of unequal length ({said})", "the file was cut off: measure or export it again"
+        )
+
+
+def usable(path: Path, name: str, values: np.ndarray, rate: float, start: float) -> None:
+    """Raises InputProblem for no samples, numbers that are none, absurd ones, and a channel that never changes."""
+    if len(values) < 2:
+        raise InputProblem(
+            path, f"channel {name}: {'no samples' if len(values) == 0 else 'one sample'}", "check from/to and the file"
+        )
+    bad = np.flatnonzero(~np.isfinite(values))
+    if len(bad):
+        raise InputProblem(
+            path,
+            f"channel {name}: {len(bad)} of {len(values)} samples are no number, the first is sample "
+            f"{bad[0] + 1} at {start + bad[0] / rate:.6g} s",
+            "mend the file, or read around it with from/to",
+        )
+    low, high = float(values.min()), float(values.max())
+    if low == high:
+        raise InputProblem(path, f"channel {name}: constant at {low:.6g}", "check the sensor and the column")
+    if max(abs(low), abs(high)) > 1e30:
+        place = int(np.argmax(np.abs(values)))
+        raise InputProblem(
+            path, f"channel {name}: sample {place + 1} is {values[place]:.6g}", "the file is damaged: export it again"
+        )
+
+
+def clipped(values: np.ndarray, full_scale: float | None = None) -> int:
+    """Number of samples stuck at the channel's largest or smallest value, 0 where nothing is clipped.
+
+    A clipped signal piles up at its extreme: runs of equal samples there, far more than in the neighbouring band.
+    """
+    total = 0
+    span = float(values.max() - values.min())
+    for sign in (1.0, -1.0):
+        signed = sign * values
+        top = float(signed.max())
+        if top == 0.0 or span == 0.0:
+            continue
+        at_top = signed == top
+        count = int(at_top.sum())
+        if full_scale is not None and count >= 2 and abs(top) >= 0.9999 * full_scale * (1 - 2**-15):
+            total += count
+            continue
+        below = np.unique(signed[(signed > top - 0.02 * span) & ~at_top])
+        band = max(0.01 * span, 2 * (top - float(below[-1])) if len(below) else 0.0)
+        near = int(((signed > top - band) & ~at_top).sum())
+        if count >= 4 and _longest_run(at_top) >= 3 and count > 3 * near:
+            total += count
+    return total
+
+
+def _longest_run(mask: np.ndarray) -> int:
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
+    return int((edges[1::2] - edges[0::2]).max()) if len(edges) else 0
+
+
+def spikes(values: np.ndarray) -> list[int]:
+    """Samples that stand alone off a smooth curve through their neighbours: wrong digits or bit errors, indices.
+
+    What four neighbours (-1/6, 2/3, 2/3, -1/6) leave of a lone wrong sample is 1 at it, -2/3 beside it and 1/6 two
+    away; a real event is never as short as that.
+    """
+    if len(values) < 32:
+        return []
+    rest = np.zeros(len(values))
+    rest[2:-2] = values[2:-2] - (4 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6
+    size = np.abs(rest)
+    usual = 1.4826 * float(np.median(size[2:-2]))
+    limit = max(12 * usual, 1e-6 * float(np.ptp(values)))
+    found = []
+    for place in np.flatnonzero(size > limit):
+        if not 4 <= place < len(values) - 4:
+            continue
+        here = rest[place]
+        beside = np.abs(rest[[place - 1, place + 1]] + 2 / 3 * here)
+        beyond = np.abs(rest[[place - 2, place + 2]] - here / 6)
+        if max(beside.max(), beyond.max()) < 0.2 * abs(here) + 3 * usual:
+            found.append(int(place))
+    return found
+
+
+def stuck_stretch(values: np.ndarray) -> tuple[int, int] | None:
+    """(first sample, length) of the longest run of equal samples, where the signal's resolution does not explain it."""
+    places = np.flatnonzero(np.diff(values) != 0)
+    if len(places) < 8:
+        return None
+    runs = np.diff(np.concatenate([[-1], places, [len(values) - 1]]))
+    longest = int(np.argmax(runs))
+    length = int(runs[longest])
+    others = np.delete(runs, longest)
+    share = float((others - 1).sum() / max(1, others.sum()))  # of samples that repeat the one before
+    explained = np.log(1e-6 / len(values)) / np.log(share) if share > 0 else 1.0
+    second = int(others.max())
+    if length < 5 or length < max(explained, 4 * second):
+        return None
+    return int(np.concatenate([[-1], places])[longest]) + 1, length
+
+
+def channel_notes(name: str, values: np.ndarray, full_scale: float | None = None) -> list[str]:
+    """What is doubtful about one usable channel: clipping, spikes, hardly any resolution."""
+    notes: list[str] = []
+    if name.startswith("tachometer"):
+        return notes
+    stuck = clipped(values, full_scale)
+    if stuck:
+        notes.append(f"channel {name}: {stuck} samples are clipped at {values.min():.6g} or {values.max():.6g}")
+    lone = spikes(values)
+    if 0 < len(lone) <= max(20, len(values) // 500):
+        notes.append(
+            f"channel {name}: {len(lone)} lone spike{'s' * (len(lone) > 1)}, the first is sample {lone[0] + 1} "
+            f"({values[lone[0]]:.6g})"
+        )
+    frozen = stuck_stretch(values)
+    if frozen and not stuck:
+        notes.append(
+            f"channel {name}: {frozen[1]} samples stand still at {values[frozen[0]]:.6g}, "
+            f"from sample {frozen[0] + 1} on"
+        )
+    levels = len(np.unique(values[:200_000]))
+    if levels < _FEW_LEVELS:
+        notes.append(f"channel {name}: only {levels} different values")
+    return notes
+
+
+def repeated_samples(channels: list[np.ndarray]) -> int:
+    """Rows equal to the row before in every channel, beyond what the resolution explains; 0 where it may be chance."""
+    same = np.ones(len(channels[0]) - 1, dtype=bool)
+    for values in channels:
+        same &= values[1:] == values[:-1]
+    count = int(same.sum())
+    chance = 1.0
+    for values in channels:
+        steps = np.abs(np.diff(values))
+        moving = steps[steps > 0]
+        quantum = float(moving.min()) if len(moving) else 0.0
+        typical = float(np.median(moving)) if len(moving) else 1.0
+        chance *= min(1.0, quantum / typical)
+    return count if count > 3 + 5 * chance * len(same) else 0
+
+
+def rate_notes(rate: float, highest_frequency: float | None) -> list[str]:
+    """A note where the sampling is too slow for the highest frequency (Hz) that the model has."""
+    if highest_frequency is None or rate >= 2.5 * highest_frequency:
+        return []
+    return [f"sampled at {rate:.6g} Hz, less than 2.5 times the model's highest frequency {highest_frequency:.6g} Hz"]
+
+
+def speed_notes(nominal: float | None, found: float | None, source: str) -> list[str]:
+    """A note where the spindle speed found (rad/s) is not the nominal one (rad/s)."""
+    if nominal is None or found is None or abs(found / nominal - 1) <= 0.01:
+        return []
+    rpm = 30 / np.pi
+    return [f"nominal spindle speed {nominal * rpm:.6g} rpm, found {found * rpm:.6g} rpm ({source})"]

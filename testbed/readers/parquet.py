@@ -1,0 +1,49 @@
+"""Parquet tables, by pyarrow (extra `formats`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from testbed.problem import InputProblem
+from testbed.readers.table import FORMATS_EXTRA, Table, unit_in_name
+
+_LIMIT = 2_000_000_000  # values
+
+
+def read_parquet(path: Path) -> Table:
+    """The numeric columns; units from a column's metadata key `unit` or its name. Raises InputProblem."""
+    try:
+        import pyarrow as arrow
+        import pyarrow.parquet as parquet
+    except ImportError:
+        raise InputProblem(path, "Parquet needs the package pyarrow", FORMATS_EXTRA) from None
+    columns: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    notes, rate = [], None
+    try:
+        with path.open("rb") as stream:
+            file = parquet.ParquetFile(stream)
+            if file.metadata.num_rows * max(1, file.metadata.num_columns) > _LIMIT:
+                raise InputProblem(path, f"claims {file.metadata.num_rows} rows", "split the file")
+            content = file.read()
+        for field, column in zip(content.schema, content.columns, strict=True):
+            if not (arrow.types.is_integer(field.type) or arrow.types.is_floating(field.type)):
+                notes.append(f"column '{field.name}' ({field.type}) is not numeric and was left out")
+                continue
+            columns[field.name] = column.cast(arrow.float64(), safe=False).to_numpy(zero_copy_only=False)
+            unit = (field.metadata or {}).get(b"unit", (field.metadata or {}).get(b"units", b""))
+            units[field.name] = unit.decode("utf-8", "replace") or unit_in_name(field.name)
+        for name in (b"sampling_rate", b"fs"):
+            if name in (content.schema.metadata or {}):
+                rate = float(content.schema.metadata[name])
+    except InputProblem:
+        raise
+    except Exception as error:  # a damaged file raises anything
+        raise InputProblem(
+            path, f"not readable as Parquet ({type(error).__name__}: {str(error)[:80]})", "export it again"
+        ) from None
+    if not columns:
+        raise InputProblem(path, "no numeric column", f"the file has {', '.join(content.schema.names) or 'none'}")
+    return Table(path, columns, units, rate if rate and rate > 0 else None, 0.0, tuple(notes))

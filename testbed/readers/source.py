@@ -1,0 +1,26 @@
+"""Where the numbers of a channel come from, and what they mean."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from testbed.recording import CHANNEL_UNITS
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a channel comes from: column (name or number from 1), unit as text (None: the file's), scale (unit per
+    raw value), and for a tachometer its pulses and edge."""
+
+    column: str | int
+    unit: str | None = None
+    scale: float = 1.0
+    pulses_per_revolution: int = 1
+    edge: Literal["rising", "falling"] = "rising"
+
+
+def base_name(channel: str) -> str:
+    """`displacement_2` -> `displacement`: further responses carry a number."""
+    head, _, tail = channel.rpartition("_")
+    return head if head in CHANNEL_UNITS and tail.isdigit() else channel

@@ -1,0 +1,78 @@
+"""Marks of a tachometer: the instants of its edges, found between the samples, one a revolution."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def edges(values: np.ndarray, rate: float, start: float = 0.0, *, rising: bool = True) -> np.ndarray:
+    """Times (s) at which a pulse signal passes half its swing, by linear interpolation between two samples.
+
+    values: (samples,), any unit. The levels are the outermost quantiles, so that a pulse of 0.3 % duty is still seen;
+    a crossing counts once the signal has been a fifth of the swing beyond either side (no double marks from noise).
+    """
+    signal = np.asarray(values, dtype=float) if rising else -np.asarray(values, dtype=float)
+    low, high = np.quantile(signal, [0.002, 0.998])
+    if high - low <= 0 or _unclear(signal, low, high):
+        low, high = float(signal.min()), float(signal.max())
+    swing = high - low
+    if swing <= 0:
+        return np.empty(0)
+    middle = 0.5 * (low + high)
+    state = np.zeros(len(signal), dtype=np.int8)
+    state[signal > middle + 0.2 * swing] = 1
+    state[signal < middle - 0.2 * swing] = -1
+    known = np.flatnonzero(state)
+    if len(known) == 0:
+        return np.empty(0)
+    risen = np.flatnonzero((state[known[:-1]] == -1) & (state[known[1:]] == 1))
+    found = []
+    for place in risen:
+        first, last = known[place], known[place + 1]
+        inside = signal[first : last + 1]
+        # the last passage of the middle before the signal stays high
+        below = first + int(np.flatnonzero(inside[:-1] <= middle)[-1])
+        step = signal[below + 1] - signal[below]
+        found.append(below + (middle - signal[below]) / step)
+    return start + np.array(found) / rate
+
+
+def _unclear(signal: np.ndarray, low: float, high: float) -> bool:
+    """Whether the quantiles missed pulses that are rarer than they look."""
+    return float(signal.max() - signal.min()) > 3 * (high - low)
+
+
+def marks(
+    values: np.ndarray, rate: float, start: float = 0.0, *, rising: bool = True, pulses_per_revolution: int = 1
+) -> tuple[np.ndarray, list[str]]:
+    """One mark a revolution (s) and notes: too few marks, lost or extra pulses, an unsteady speed."""
+    found = edges(values, rate, start, rising=rising)[:: max(1, pulses_per_revolution)]
+    if len(found) < 3:
+        return found, [f"tachometer: {len(found)} marks only, so that it gives no speed"]
+    notes = []
+    periods = np.diff(found)
+    usual = float(np.median(periods))
+    lost, extra = int((periods > 1.5 * usual).sum()), int((periods < 0.6 * usual).sum())
+    if lost or extra:
+        notes.append(
+            f"tachometer: {lost} gaps and {extra} short periods among {len(periods)} revolutions: "
+            "marks were lost or added"
+        )
+    spread = float(np.quantile(np.abs(periods / usual - 1), 0.9))
+    if spread > 0.02:
+        notes.append(f"tachometer: the speed varies by {100 * spread:.2g} %")
+    return found, notes
+
+
+def speed(found: np.ndarray) -> float | None:
+    """Spindle speed (rad/s) from marks once a revolution: the median period refined over all of them; None below 3."""
+    if len(found) < 3:
+        return None
+    periods = np.diff(found)
+    usual = float(np.median(periods))
+    turns = np.round(periods / usual)
+    turns[turns < 1] = 0
+    if turns.sum() < 1:
+        return None
+    good = np.abs(periods / usual - turns) < 0.2
+    return float(2 * np.pi * turns[good].sum() / periods[good].sum()) if good.any() else 2 * np.pi / usual

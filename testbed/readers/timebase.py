@@ -1,0 +1,204 @@
+"""When the samples were taken: an even rate from a time column, a header or the manifest, and rows stored repeatedly.
+
+A time column is printed with few digits, so that its steps look uneven; a line is laid through it and judged against
+the printed resolution. What is left over (gaps, jumps, a time that runs back) is an error with its row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from testbed.problem import InputProblem
+from testbed.readers.table import simplest_between
+
+_AGREE = 2e-3  # relative difference of two stated rates that counts as rounding
+
+
+@dataclass(frozen=True)
+class TimeBase:
+    """sampling_rate (Hz), start (s, time of the first sample) and notes on how they were found.
+
+    dropped: (row, missing samples) at each gap that was found.
+    """
+
+    sampling_rate: float
+    start: float
+    notes: tuple[str, ...] = ()
+    dropped: tuple[tuple[int, int], ...] = ()
+
+
+def repetition(columns: list[np.ndarray]) -> tuple[int, int]:
+    """(factor, phase) of rows that are stored `factor` times each; (1, 0) where they are not.
+
+    A row counts as repeated when every column repeats; the changes must fall on one residue of the factor.
+    """
+    rows = len(columns[0])
+    if rows < 16:
+        return 1, 0
+    changed = np.zeros(rows - 1, dtype=bool)
+    for values in columns:
+        changed |= (values[1:] != values[:-1]) & ~(np.isnan(values[1:]) & np.isnan(values[:-1]))
+    places = np.flatnonzero(changed) + 1
+    if len(places) < 8:
+        return 1, 0
+    for factor in range(20, 1, -1):
+        residues = np.bincount(places % factor, minlength=factor)
+        phase = int(np.argmax(residues))
+        blocks = rows / factor
+        if residues[phase] >= 0.998 * len(places) and len(places) >= 0.6 * blocks:
+            return factor, phase
+    return 1, 0
+
+
+def from_column(path: Path, time: np.ndarray, label: str) -> TimeBase:
+    """Rate and start from a column of times in s, shape (rows,).
+
+    Raises InputProblem where it is no time: not finite, constant, running back, or uneven beyond its printed digits.
+    """
+    rows = len(time)
+    bad = np.flatnonzero(~np.isfinite(time))
+    if len(bad):
+        raise InputProblem(
+            path,
+            f"time column '{label}' has {len(bad)} rows that are no number, the first is row {bad[0] + 1}",
+            "mend the file, or give `sampling_rate` and `time: none`",
+        )
+    if rows < 2:
+        raise InputProblem(path, f"time column '{label}' has {rows} row", "a record needs many samples")
+    steps = np.diff(time)
+    back = np.flatnonzero(steps < 0)
+    if len(back):
+        raise InputProblem(
+            path,
+            f"time column '{label}' runs back at row {back[0] + 2} ({time[back[0]]:.9g} to {time[back[0] + 1]:.9g} s)",
+            "split the file there, or name the right time column",
+        )
+    span = time[-1] - time[0]
+    if span <= 0:
+        raise InputProblem(path, f"time column '{label}' does not advance", "name the right time column")
+    resolution = _resolution(time)
+    gaps = _gaps(steps, resolution)
+    if gaps:
+        return _with_gaps(path, time, label, gaps, resolution)
+    fit = np.polynomial.Polynomial.fit(np.arange(rows), time, 1).convert()
+    start, step = (float(value) for value in fit.coef)
+    worst = np.abs(time - (start + step * np.arange(rows))).max()
+    if worst > max(1.01 * resolution, 0.02 * step):
+        row = int(np.argmax(np.abs(steps - step)))
+        raise InputProblem(
+            path,
+            f"time column '{label}' is uneven: off a straight line by up to {worst / step:.3g} steps, the "
+            f"step at row {row + 2} is {steps[row]:.6g} s against {step:.6g} s",
+            "resample it evenly, or give `sampling_rate` and `time: none` if the samples are even",
+        )
+    error = max(2 * resolution / span, 1e-9)
+    rate = simplest_between((1 - error) / step, (1 + error) / step)
+    notes = []
+    if worst > 0.02 * step:
+        notes.append(
+            f"time column '{label}' is rounded to {resolution:.3g} s; the rate {rate:.7g} Hz "
+            "comes from its whole length"
+        )
+    return TimeBase(rate, float(time[0]), tuple(notes))
+
+
+def _resolution(time: np.ndarray) -> float:
+    """The unit of the last printed digit, s: the coarsest power of ten of which all times are multiples."""
+    sample = time[np.linspace(0, len(time) - 1, min(len(time), 400)).astype(int)]
+    largest = max(float(np.abs(sample).max()), 1e-12)
+    for exponent in range(0, 16):
+        unit = 10.0**-exponent
+        if np.abs(sample / unit - np.round(sample / unit)).max() < 1e-6 + 4e-16 * largest / unit:
+            return unit
+    return 1e-15
+
+
+def _gaps(steps: np.ndarray, resolution: float) -> list[int]:
+    """Where steps are larger than one and a half of the usual one, beyond rounding."""
+    usual = float(np.median(steps))
+    if usual <= resolution:  # several rows share a printed time
+        usual = float(np.mean(steps))
+        return list(np.flatnonzero(steps > 3 * max(usual, resolution)))
+    return list(np.flatnonzero(steps > 1.5 * usual + resolution))
+
+
+def _with_gaps(path: Path, time: np.ndarray, label: str, gaps: list[int], resolution: float) -> TimeBase:
+    """Rate of the even stretches. Raises InputProblem unless the gaps are whole numbers of samples and rare."""
+    steps = np.diff(time)
+    inside = np.delete(steps, gaps)
+    step = float(np.mean(inside)) if len(inside) else float(np.median(steps))
+    missing = [max(1, round(float(steps[gap]) / step) - 1) for gap in gaps]
+    first = gaps[0]
+    if len(gaps) > 0.01 * len(time) or inside.std() > max(resolution, 0.05 * step):
+        raise InputProblem(
+            path,
+            f"time column '{label}' is uneven: the step at row {first + 2} is {steps[first]:.6g} s, the usual "
+            f"one {step:.6g} s",
+            "resample it evenly, or give `sampling_rate` and `time: none` if the samples are even",
+        )
+    error = max(2 * resolution / (step * len(inside)), 1e-9)
+    rate = simplest_between((1 - error) / step, (1 + error) / step)
+    note = (
+        f"{sum(missing)} samples are missing at {len(gaps)} place{'s' * (len(gaps) > 1)}, the first at row {first + 2} "
+        f"({time[first]:.6g} s)"
+    )
+    dropped = tuple((gap + 1, count) for gap, count in zip(gaps, missing, strict=True))
+    return TimeBase(rate, float(time[0]), (note,), dropped)
+
+
+def looks_like_time(values: np.ndarray) -> float | None:
+    """The even step of a rising column, or None: it may be time, an index or an angle, which only the user knows."""
+    if len(values) < 8 or not np.isfinite(values).all():
+        return None
+    steps = np.diff(values)
+    step = (values[-1] - values[0]) / (len(values) - 1)
+    if step <= 0 or np.abs(steps - step).max() > 0.05 * step:
+        return None
+    return float(step)
+
+
+def is_no_time(values: np.ndarray, stated: float) -> bool:
+    """A column that only its name takes for time: it rises by exactly 1 where the stated rate is not about 1 Hz, or it
+    falls as often as not (`t` may be a temperature)."""
+    steps = np.diff(values)
+    counts = abs(stated - 1.0) > 0.01 and len(steps) > 1 and bool((steps == 1.0).all())
+    return counts or bool(len(steps) > 8 and np.mean(steps < 0) > 0.1)
+
+
+def settle(
+    path: Path, stated: float | None, in_file: float | None, file_tolerance: float, column: TimeBase | None
+) -> TimeBase:
+    """The rate from the manifest (`stated`), the file's header and its time column.
+
+    Raises InputProblem where there is none, or where the manifest and the file contradict each other.
+    """
+    if column is not None:
+        notes = list(column.notes)
+        for rate, source, slack in ((stated, "the manifest", 0.0), (in_file, "the file's header", file_tolerance)):
+            if rate is not None and abs(rate / column.sampling_rate - 1) > max(_AGREE, 2 * slack):
+                text = f"{source} says {rate:.7g} Hz, the time column {column.sampling_rate:.7g} Hz"
+                if source == "the manifest":
+                    raise InputProblem(
+                        path, text, "remove `sampling_rate`, or set `time: none` to ignore the time column"
+                    )
+                notes.append(f"{text}; the time column was taken")
+        rate = stated if stated is not None and abs(stated / column.sampling_rate - 1) < 1e-6 else column.sampling_rate
+        return TimeBase(rate, column.start, tuple(notes), column.dropped)
+    if stated is not None:
+        if in_file is not None and abs(stated / in_file - 1) > max(_AGREE, 2 * file_tolerance):
+            raise InputProblem(
+                path,
+                f"the manifest says {stated:.7g} Hz, the file {in_file:.7g} Hz",
+                "remove `sampling_rate` from the manifest, or correct it",
+            )
+        return TimeBase(stated, 0.0)
+    if in_file is not None:
+        return TimeBase(in_file, 0.0, ("the sampling rate was taken from the file",))
+    raise InputProblem(
+        path,
+        "no sampling rate: none in the manifest, none in the file, no time column",
+        "give `sampling_rate: 12800 Hz`, or `time: {column: 1, unit: s}` under `channels`",
+    )

@@ -1,0 +1,58 @@
+"""A recording: sampled channels with units, the time of the first sample, and where they came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+Origin = Literal["measured", "synthetic", "predicted"]
+Outcome = Literal["ok", "diverged", "limit", "crashed"]
+CHANNEL_UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "force": "N", "force_x": "N",
+                 "force_y": "N", "tachometer": "V", "spindle_angle": "rad"}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Channels sampled together.
+
+    channels: name -> float array (samples,), all of one length, in `units[name]` (SI unless uncalibrated).
+    sampling_rate: Hz; start: time of the first sample, s. origin: measured, synthetic or predicted.
+    marks: times (s) of the tachometer's once-per-revolution marks, empty where there is none.
+    pass_times: times (s) of each tooth pass's start (simulated records only).
+    outcome: how a simulated run ended; outcome_time is when (s), NaN if it ran to the end.
+    conditions: operating conditions and whatever else is known of the record.
+    """
+
+    channels: Mapping[str, np.ndarray]
+    sampling_rate: float
+    units: Mapping[str, str]
+    origin: Origin
+    start: float = 0.0
+    marks: np.ndarray = field(default_factory=lambda: np.empty(0))
+    pass_times: np.ndarray = field(default_factory=lambda: np.empty(0))
+    outcome: Outcome = "ok"
+    outcome_time: float = float("nan")
+    conditions: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.channels:
+            raise ValueError("a recording needs at least one channel")
+        lengths = {name: np.shape(data) for name, data in self.channels.items()}
+        if len(set(lengths.values())) != 1 or len(next(iter(lengths.values()))) != 1:
+            raise ValueError(f"channels must be one-dimensional and of one length, not {lengths}")
+        if not self.sampling_rate > 0:
+            raise ValueError("sampling_rate must be above 0")
+        missing = set(self.channels) - set(self.units)
+        if missing:
+            raise ValueError(f"no unit for channel {', '.join(sorted(missing))}")
+
+    def __len__(self) -> int:
+        return len(next(iter(self.channels.values())))
+
+    @property
+    def time(self) -> np.ndarray:
+        """Sample times, s, shape (samples,)."""
+        return self.start + np.arange(len(self)) / self.sampling_rate

@@ -1,0 +1,241 @@
+"""scenario.yaml: read with units and checked; what is wrong is said with its file, line and field.
+
+    name: five tests
+    seed: 1
+    model: {file: model.yaml}               # or the whole of a model.yaml, written here
+    cut: {feed: 0.1016 mm/tooth, idle: 10 rev, cutting: 60 rev, ring_down: 40 rev}
+    tests:                                  # or sweep: {spindle_speed: .., depth_of_cut: ..}, a grid
+      - {spindle_speed: 3810 rpm, depth_of_cut: 2.9 mm}
+    sensors:
+      sampling_rate: 12800 Hz
+      displacement: {noise: 0.5 um, bits: 16, range: 1 mm}
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from testbed.axis import MAX_VALUES, axis, check_all
+from testbed.effect import Effect
+from testbed.model_file import model_from, read_model
+from testbed.recording import CHANNEL_UNITS
+from testbed.scenario import Course, Engine, OperatingPoint, Scenario, grid, whole_passes
+from testbed.sensors.chain import ChannelSensor, SensorChain
+from testbed.units import UnitProblem, parse_quantity
+from testbed.yaml_text import (
+    Document,
+    Path_,
+    Strict,
+    above_zero,
+    at_least_zero,
+    in_unit,
+    load,
+    validate,
+)
+
+MAX_RUNS = MAX_VALUES
+MAX_SAMPLES_A_RUN = 50_000_000
+MAX_SAMPLES = 40_000_000_000  # 80 GB of 16-bit counts
+_RATES = {"m": "m/s", "m/s": "m/s^2"}
+SENSED = ("displacement", "velocity", "acceleration", "force_x", "force_y")
+
+
+class _Spread(Strict):
+    displacement: Annotated[float, in_unit("m", at_least_zero)] = 0.0
+    velocity: Annotated[float, in_unit("m/s", at_least_zero)] = 0.0
+
+
+class _Cut(Strict):
+    feed: Annotated[float, in_unit("m/tooth", above_zero)] = 0.1016e-3
+    idle: Any = "0 rev"
+    cutting: Any = "60 rev"
+    ring_down: Any = "0 rev"
+    initial_displacement: Annotated[float, in_unit("m")] = 0.0
+    initial_velocity: Annotated[float, in_unit("m/s")] = 0.0
+    spread: _Spread = _Spread()
+
+
+class _Test(Strict):
+    spindle_speed: Annotated[float, in_unit("rad/s", above_zero)]
+    depth_of_cut: Annotated[float, in_unit("m", at_least_zero)]
+
+
+class _Sweep(Strict):
+    spindle_speed: Any
+    depth_of_cut: Any
+
+
+class _Channel(Strict):
+    noise: Any = None
+    bits: int = 0
+    range: Any = None
+    offset: Any = None
+    drift: Any = None
+
+
+class _Sensors(Strict):
+    sampling_rate: Annotated[float, in_unit("Hz", above_zero)] = 12_800.0
+    mark_angle: Annotated[float, in_unit("rad")] = 0.0
+    mark_jitter: Annotated[float, in_unit("s", at_least_zero)] = 0.0
+    displacement: Any = None
+    velocity: Any = None
+    acceleration: Any = None
+    force_x: Any = None
+    force_y: Any = None
+
+
+class _Engine(Strict):
+    name: Engine = "fast"
+    steps: int | None = None
+
+
+class _ScenarioFile(Strict):
+    name: str | None = None
+    description: str = ""
+    seed: int = 0
+    model: Any
+    cut: Any = None
+    tests: Any = None
+    sweep: Any = None
+    repeats: int = 1
+    sensors: Any = None
+    engine: Any = None
+
+
+def read_scenario(path: str | Path, catalogue: Mapping[str, Effect] | None = None) -> Scenario:
+    """Read scenario.yaml; `path` may also be the name of one of the shipped scenarios.
+
+    Raises InputProblem with file, line and field where anything in it is wrong.
+    """
+    from scenarios import find
+
+    return scenario_from(load(find(path)), catalogue)
+
+
+def scenario_from(document: Document, catalogue: Mapping[str, Effect] | None = None) -> Scenario:
+    """The scenario a document holds."""
+    given = validate(document, _ScenarioFile)
+    if given.seed < 0:
+        raise document.problem(("seed",), f"'{given.seed}' must be at least 0", "correct the value")
+    if given.repeats < 1:
+        raise document.problem(("repeats",), f"'{given.repeats}' must be at least 1", "correct the value")
+    model = _model(document, catalogue)
+    if model.cutter is None:
+        raise document.problem(("model",), "has no cutter and cutting", "a scenario cuts: add both to the model")
+    engine = validate(document, _Engine, ("engine",)) if given.engine is not None else _Engine()
+    if engine.steps is not None and engine.steps < 1:
+        raise document.problem(("engine", "steps"), f"'{engine.steps}' must be at least 1", "correct the value")
+    rate, chains = _sensors(document, given.sensors is not None)
+    scenario = Scenario(
+        name=given.name or Path(document.file).stem, model=model, tests=_tests(document, given),
+        course=_course(document, given.cut is not None, model.cutter.flutes), sensors=chains, sampling_rate=rate,
+        repeats=given.repeats, seed=given.seed, engine=engine.name, steps=engine.steps, text=document.text,
+        file=document.file)
+    _check_size(document, scenario)
+    return scenario
+
+
+def _check_size(document: Document, scenario: Scenario) -> None:
+    if len(scenario) > MAX_RUNS:
+        raise document.problem((), f"asks for {len(scenario)} runs", f"at most {MAX_RUNS} in one scenario")
+    if scenario.longest() > MAX_SAMPLES_A_RUN or scenario.longest() * len(scenario) > MAX_SAMPLES:
+        raise document.problem((), f"asks for {len(scenario)} runs of {scenario.longest()} samples",
+                               "shorten the cut, lower sampling_rate, or split the scenario")
+
+
+def _model(document: Document, catalogue: Mapping[str, Effect] | None) -> Any:
+    given = document.at(("model",))
+    if isinstance(given, dict) and "file" not in given:
+        return model_from(document, ("model",), catalogue)
+    if isinstance(given, dict) and set(given) != {"file"}:
+        other = next(key for key in given if key != "file")
+        raise document.problem(("model", other), "stands beside file", "give the file alone, or the model written out")
+    name = given["file"] if isinstance(given, dict) else given
+    if not isinstance(name, str):
+        raise document.problem(("model",), "is not a model", "write `file: model.yaml`, or the model itself")
+    path = Path(document.file).parent / name
+    if not path.is_file():
+        raise document.problem(("model",), f"there is no file '{name}' beside the scenario", "check the path")
+    return read_model(path, catalogue)
+
+
+def _course(document: Document, given: bool, flutes: int) -> Course:
+    cut = validate(document, _Cut, ("cut",)) if given else _Cut()
+    idle, passes, ring_down = (_passes(document, ("cut", name), getattr(cut, name), flutes)
+                               for name in ("idle", "cutting", "ring_down"))
+    if idle + passes + ring_down == 0:
+        raise document.problem(("cut",), "is over before it begins", "give idle, cutting or ring_down, such as 60 rev")
+    return Course(cut.feed, idle, passes, ring_down, cut.initial_displacement, cut.initial_velocity,
+                  cut.spread.displacement, cut.spread.velocity)
+
+
+def _passes(document: Document, path: Path_, value: object, flutes: int) -> int:
+    try:
+        unit = "passes" if re.search(r"pass(es)?\s*$", str(value)) else "revolutions"
+        return whole_passes(parse_quantity(value, unit), unit, flutes)
+    except UnitProblem as problem:
+        raise document.problem(path, problem.what, "write it as revolutions (60 rev) or tooth passes (60 passes)") \
+            from None
+    except ValueError as problem:
+        raise document.problem(path, f"'{value}' {problem}", "correct the value") from None
+
+
+def _tests(document: Document, given: _ScenarioFile) -> tuple[OperatingPoint, ...]:
+    if (given.tests is None) == (given.sweep is None):
+        both = "gives both tests and sweep" if given.tests is not None else "gives no tests and no sweep"
+        raise document.problem(() if given.tests is None else ("sweep",), both, "give one of the two")
+    if given.sweep is not None:
+        sweep = validate(document, _Sweep, ("sweep",))
+        speeds = axis(document, ("sweep", "spindle_speed"), sweep.spindle_speed, "rad/s")
+        depths = axis(document, ("sweep", "depth_of_cut"), sweep.depth_of_cut, "m")
+        check_all(document, ("sweep", "spindle_speed"), speeds, above_zero)
+        check_all(document, ("sweep", "depth_of_cut"), depths, at_least_zero)
+        if len(speeds) * len(depths) > MAX_RUNS:
+            raise document.problem(("sweep",), f"has {len(speeds) * len(depths)} points", f"at most {MAX_RUNS}")
+        return grid(speeds, depths)
+    if not isinstance(given.tests, list) or not given.tests:
+        raise document.problem(("tests",), "holds no test", "write `- {spindle_speed: 3810 rpm, depth_of_cut: 2.9 mm}`")
+    checked = (validate(document, _Test, ("tests", index)) for index in range(len(given.tests)))
+    return tuple(OperatingPoint(test.spindle_speed, test.depth_of_cut) for test in checked)
+
+
+def _sensors(document: Document, given: bool) -> tuple[float, tuple[SensorChain, ...]]:
+    """Sampling rate (Hz), and one chain a noise level."""
+    sensors = validate(document, _Sensors, ("sensors",)) if given else _Sensors()
+    names = [name for name in SENSED if getattr(sensors, name) is not None] or ["displacement"]
+    levels = {name: _channel(document, ("sensors", name), CHANNEL_UNITS[name])
+              if getattr(sensors, name) is not None else (ChannelSensor(),) for name in names}
+    count = max(len(level) for level in levels.values())
+    for name, level in levels.items():
+        if len(level) not in (1, count):
+            raise document.problem(("sensors", name, "noise"), f"has {len(level)} levels, another channel {count}",
+                                   "give as many, or one")
+    return sensors.sampling_rate, tuple(
+        SensorChain({name: level[index % len(level)] for name, level in levels.items()},
+                    sensors.mark_angle, sensors.mark_jitter) for index in range(count))
+
+
+def _channel(document: Document, path: Path_, si: str) -> tuple[ChannelSensor, ...]:
+    """One channel's sensor at each of its noise levels."""
+    channel = validate(document, _Channel, path)
+    numbers = {}
+    for name, unit in (("range", si), ("offset", si), ("drift", _RATES.get(si, f"{si}/s"))):
+        value = getattr(channel, name)
+        try:
+            numbers[name] = 0.0 if value is None else parse_quantity(value, unit)
+        except UnitProblem as problem:
+            raise document.problem((*path, name), problem.what, problem.do) from None
+    if bool(channel.bits) != (channel.range is not None):
+        missing = "range" if channel.bits else "bits"
+        raise document.problem((*path, missing), "is missing", "a converter needs bits and range, such as 16 and 1 mm")
+    try:
+        sensor = ChannelSensor(0.0, channel.bits, numbers["range"], numbers["offset"], numbers["drift"])
+    except ValueError as problem:
+        raise document.problem(path, str(problem), "correct the value") from None
+    levels = axis(document, (*path, "noise"), channel.noise, si) if channel.noise is not None else (0.0,)
+    check_all(document, (*path, "noise"), levels, at_least_zero)
+    return tuple(replace(sensor, noise=level) for level in levels)

@@ -1,0 +1,105 @@
+"""The chain of a simulated measurement: offset, slow drift, white noise, then an analogue-to-digital converter.
+
+    measured = LSB round((true + offset + drift t + noise) / LSB),   LSB = 2 range / 2^bits,   clipped at +-range
+
+The tachometer's mark sits at a constant angle from the tooth's entry, unknown to whoever reads the record.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from testbed.recording import Recording
+
+
+@dataclass(frozen=True)
+class ChannelSensor:
+    """One channel's sensor, in the channel's SI unit.
+
+    noise: white noise, rms. bits, full_scale: a converter of 2 full_scale / 2^bits a count; none where bits is 0.
+    offset: constant. drift: slope of the slow drift, unit/s.
+    """
+
+    noise: float = 0.0
+    bits: int = 0
+    full_scale: float = 0.0
+    offset: float = 0.0
+    drift: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not all(math.isfinite(value) for value in (self.noise, self.full_scale, self.offset, self.drift)):
+            raise ValueError("a sensor's values must be finite")
+        if self.noise < 0:
+            raise ValueError("noise must be at least 0")
+        if self.bits != 0 and not 2 <= self.bits <= 24:
+            raise ValueError("bits must be 0 (no converter) or 2 to 24")
+        if self.bits and not self.full_scale > 0:
+            raise ValueError("a converter needs a range above 0")
+
+    @property
+    def step(self) -> float | None:
+        """The value of one count, or None where there is no converter."""
+        return 2.0 * self.full_scale / 2**self.bits if self.bits else None
+
+    def apply(self, signal: np.ndarray, time: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """The measured samples, shape (samples,), of a true signal; a NaN (after a run diverged) stays one."""
+        measured = signal + self.offset + self.drift * time
+        if self.noise:
+            measured = measured + self.noise * rng.standard_normal(len(signal))
+        if self.step is None:
+            return measured
+        # The lowest count is left out, so that it can mean "no sample" in a file.
+        highest = 2 ** (self.bits - 1) - 1
+        return np.clip(np.rint(measured / self.step), -highest, highest) * self.step
+
+
+@dataclass(frozen=True)
+class SensorChain:
+    """All sensors of a test: `channels` by name, and the tachometer.
+
+    mark_angle (rad): how far the spindle turns from a tooth's entry to the mark. mark_jitter: rms error of its time, s.
+    """
+
+    channels: Mapping[str, ChannelSensor] = field(default_factory=lambda: {"displacement": ChannelSensor()})
+    mark_angle: float = 0.0
+    mark_jitter: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
+        if not self.channels:
+            raise ValueError("a sensor chain needs at least one channel")
+        if not (math.isfinite(self.mark_angle) and self.mark_jitter >= 0):
+            raise ValueError("mark_angle must be finite and mark_jitter at least 0")
+
+    def __reduce__(self):  # mapping proxies do not pickle
+        return (SensorChain, (dict(self.channels), self.mark_angle, self.mark_jitter))
+
+    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+        """What these sensors make of a predicted recording: the channels they see, origin "synthetic".
+
+        Raises KeyError where the recording lacks a channel. The same generator state gives the same samples.
+        """
+        time = recording.time - recording.start
+        measured = {name: sensor.apply(np.asarray(recording.channels[name], float), time, rng)
+                    for name, sensor in self.channels.items()}
+        marks = shifted_marks(recording.marks, self.mark_angle)
+        if self.mark_jitter:
+            marks = marks + self.mark_jitter * rng.standard_normal(len(marks))
+        return replace(recording, channels=measured, units={name: recording.units[name] for name in measured},
+                       origin="synthetic", marks=marks)
+
+
+def shifted_marks(marks: np.ndarray, angle: float) -> np.ndarray:
+    """Times (s) at which the spindle stands `angle` (rad) beyond each once-per-revolution mark.
+
+    Each revolution's own duration is used, so that a changing speed is followed; the last takes the one before.
+    """
+    if len(marks) < 2:
+        return np.asarray(marks, float)
+    durations = np.diff(marks)
+    return marks + angle / (2.0 * math.pi) * np.append(durations, durations[-1])

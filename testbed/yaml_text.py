@@ -1,0 +1,220 @@
+"""YAML files with the line of every key, and their checking: whatever is wrong is said in one line, with its place.
+
+ruamel.yaml rather than PyYAML, which reads `1e6` as text and lets a repeated key win in silence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_args
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
+
+from testbed.problem import InputProblem
+from testbed.units import UnitProblem, nearest, parse_quantity
+
+MAX_BYTES = 4_000_000
+MAX_NODES = 400_000
+Path_ = tuple[str | int, ...]
+
+
+class Strict(BaseModel):
+    """A mapping of the file: unknown keys, NaN and silent conversions are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+Checked = TypeVar("Checked", bound=Strict)
+
+
+def quantity(si: str, check: Callable[[float], str | None] | None = None) -> Any:
+    """A pydantic field type, for a file's annotations that no type checker reads: see `in_unit`."""
+    return Annotated[float, in_unit(si, check)]
+
+
+def in_unit(si: str, check: Callable[[float], str | None] | None = None) -> BeforeValidator:
+    """`Annotated[float, in_unit("m")]` is a text with a unit, read in the SI unit `si`; `check` says what is wrong."""
+
+    def read(value: object) -> float:
+        number = parse_quantity(value, si)
+        wrong = check(number) if check else None
+        if wrong:
+            raise UnitProblem(f"'{value}' {wrong}", "correct the value")
+        return number
+
+    return BeforeValidator(read)
+
+
+def above_zero(number: float) -> str | None:
+    """What is wrong with a number that must be above 0."""
+    return None if number > 0 else "must be above 0"
+
+
+def at_least_zero(number: float) -> str | None:
+    """What is wrong with a number that must not be negative."""
+    return None if number >= 0 else "must be at least 0"
+
+
+@dataclass(frozen=True)
+class Document:
+    """A YAML file: plain `data`, its `text`, and the line (from 1) of every path of keys and indices."""
+
+    file: str
+    data: Any
+    text: str
+    lines: dict[Path_, int]
+
+    def at(self, path: Path_) -> Any:
+        """The plain value at a path of keys and indices."""
+        value = self.data
+        for key in path:
+            value = value[key]
+        return value
+
+    def problem(self, path: Path_, what: str, do: str = "") -> InputProblem:
+        """The one line that names the file, the line and the field."""
+        known = path
+        while known and known not in self.lines:
+            known = known[:-1]
+        field = ".".join(str(key) for key in path)
+        return InputProblem(self.file, f"{field}: {what}" if field else what, do, line=self.lines.get(known, 1))
+
+
+def load(file: str | Path) -> Document:
+    """Read a YAML file whose top level is a mapping. InputProblem if it is missing, not text or too large."""
+    path = Path(file)
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputProblem(file, f"is larger than {MAX_BYTES // 1_000_000} MB", "give a YAML file, not data")
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputProblem(file, "there is no such file", "check the path") from None
+    except IsADirectoryError:
+        raise InputProblem(file, "is a folder", "name the file in it") from None
+    except OSError as problem:
+        raise InputProblem(file, f"cannot be read ({problem.strerror})", "check its permissions") from None
+    except UnicodeDecodeError:
+        raise InputProblem(file, "is not a UTF-8 text file", "save it as UTF-8") from None
+    return parse(text, str(file))
+
+
+def parse(text: str, file: str) -> Document:
+    """A YAML text whose top level is a mapping; `file` is the name to use in messages."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+    try:
+        tree = YAML(typ="rt").load(text)
+    except MarkedYAMLError as problem:
+        mark = problem.problem_mark or problem.context_mark
+        # ruamel adds advice for programmers to some messages; the first line is what is wrong.
+        said = (problem.problem or problem.context or "not YAML").splitlines()[0]
+        raise InputProblem(file, f"not valid YAML: {said}", "correct the line",
+                           line=mark.line + 1 if mark else None) from None
+    except (YAMLError, ValueError, RecursionError) as problem:
+        said = (str(problem).splitlines() or ["not YAML"])[0]
+        raise InputProblem(file, f"not valid YAML: {said}", "correct the file") from None
+    if not isinstance(tree, dict):
+        raise InputProblem(file, "holds no `key: value` mapping", "start from an example in scenarios/ or the README")
+    lines: dict[Path_, int] = {}
+    try:
+        data = _plain(tree, (), lines, file)
+    except RecursionError:
+        raise InputProblem(file, "a YAML alias contains itself", "write the values out") from None
+    return Document(file, data, text, lines)
+
+
+def _plain(node: Any, path: Path_, lines: dict[Path_, int], file: str) -> Any:
+    """Plain Python values of a ruamel tree, noting the line of every path on the way."""
+    if len(lines) > MAX_NODES:
+        raise InputProblem(file, f"holds more than {MAX_NODES} values", "give a smaller file")
+    if isinstance(node, dict):
+        plain: dict[Any, Any] = {}
+        for key, value in node.items():
+            name = key if isinstance(key, str) else str(key)
+            place = (*path, name)
+            lines[place] = _line(node, key)
+            plain[name] = _plain(value, place, lines, file)
+        return plain
+    if isinstance(node, list):
+        items = []
+        for index, value in enumerate(node):
+            lines[*path, index] = _line(node, index)
+            items.append(_plain(value, (*path, index), lines, file))
+        return items
+    if node is None or isinstance(node, bool):
+        return node
+    for kind in (int, float, str):
+        if isinstance(node, kind):
+            return kind(node)
+    return str(node)
+
+
+def _line(node: Any, key: Any) -> int:
+    """Line (from 1) of a key or an item; the container's own line where a merge brought it in."""
+    place = node.lc.data.get(key) if node.lc.data else None
+    return (place[0] if place else node.lc.line) + 1
+
+
+def validate(document: Document, kind: type[Checked], path: Path_ = ()) -> Checked:
+    """Check the part of a document at `path`; InputProblem with the line, the field and the nearest known name."""
+    data = document.at(path)
+    if not isinstance(data, dict):
+        fields = ", ".join(_names(kind))
+        raise document.problem(path, "is empty" if data is None else f"'{data}' is not a mapping", f"give {fields}")
+    try:
+        return kind.model_validate(data)
+    except ValidationError as problems:
+        found = problems.errors()
+        # A misspelt key is also a missing one; the misspelling is what helps.
+        first = next((error for error in found if error["type"] == "extra_forbidden"), found[0])
+        where = tuple(first["loc"])
+        what, do = _said(kind, first, where)
+        raise document.problem(path + where, what, do) from None
+
+
+def _said(kind: type[Strict], error: Any, where: Path_) -> tuple[str, str]:
+    """What is wrong and what to do, from one pydantic error."""
+    cause = error.get("ctx", {}).get("error")
+    if isinstance(cause, UnitProblem):
+        return cause.what, cause.do
+    if error["type"] == "missing":
+        return "is missing", "add it"
+    if error["type"] == "extra_forbidden":
+        return "unknown key", did_you_mean(str(where[-1]), _names(_kind_at(kind, where[:-1])))
+    if error["type"] == "literal_error":
+        return f"'{error['input']}' is not known", f"one of {error['ctx']['expected']}"
+    if error["type"] == "value_error":
+        return str(cause), ""
+    if error["type"] == "model_type":
+        return f"'{error['input']}' is not a mapping", f"give {', '.join(_names(_kind_at(kind, where)))}"
+    said = error["msg"].removeprefix("Input ")
+    return f"'{error['input']}' {said}", "correct the value"
+
+
+def did_you_mean(name: str, known: Any) -> str:
+    """`did you mean X?` and all that is known."""
+    names = [str(item) for item in known]
+    close = nearest(name, names)
+    return (f"did you mean {close}? " if close else "") + f"known: {', '.join(names) or 'none'}"
+
+
+def _names(kind: type[BaseModel]) -> list[str]:
+    return [field.alias or name for name, field in kind.model_fields.items()]
+
+
+def _kind_at(kind: type[BaseModel], where: Path_) -> type[BaseModel]:
+    """The mapping type that a path of fields leads to, through Optional, list and the like."""
+    for key in where:
+        fields = {field.alias or name: field.annotation for name, field in kind.model_fields.items()}
+        found = _model_in(fields.get(str(key))) if not isinstance(key, int) else kind
+        kind = found or kind
+    return kind
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((found for part in get_args(annotation) if (found := _model_in(part))), None)

@@ -1,0 +1,122 @@
+"""Identification from multipliers: recovery from the paper's start, intervals, honesty about what cannot be used."""
+
+import math
+
+import numpy as np
+import pytest
+from independent_simulator import simulate
+
+from analysis.collocation import collocation_multipliers
+from analysis.delay_equation import milling_equation
+from analysis.floquet import EmpiricalMultipliers
+from analysis.identify import cut_bounds, identify, identify_multipliers
+from testbed.cut import Cut
+from testbed.machine import Cutter, Cutting, Model, Structure
+from testbed.recording import Recording
+
+MASS = 2.573
+
+
+def machine(zeta, omega, gamma, immersion=0.162):
+    return Model(Structure(MASS, omega / (2 * math.pi), zeta), Cutter(),
+                 Cutting("up-milling", immersion, gamma * MASS, 0.3 * gamma * MASS))
+
+
+TRUTH, PAPER_START = machine(0.0032, 921.1, 2.16e8), machine(0.0032, 930.0, 5.0e8)
+CUTS = [Cut(speed * 2 * math.pi / 60, depth * 1e-3, idle_passes=3, passes=50)
+        for speed, depth in ((3810, 2.9), (2850, 2.9), (4100, 2.2))]
+
+
+def records(noise=0.0, seed=0):
+    return [(simulate(TRUTH, cut, noise=noise, seed=100 * seed + i, offset=1e-5, drift=2e-6), cut)
+            for i, cut in enumerate(CUTS)]
+
+
+def exact(cut, model=TRUTH, count=2, error=1e-3):
+    """Model multipliers dressed as a measurement."""
+    values = collocation_multipliers(milling_equation(model, cut))[:count]
+    return EmpiricalMultipliers(values, error**2 * np.eye(2 * count), np.abs(values), np.abs(values), 0.0, np.zeros(1),
+                                np.zeros((20, 1)), 1.0, 0, 0.0, True, "given")
+
+
+def test_clean_transients_give_the_truth_from_the_papers_start():
+    found = identify(PAPER_START, records())
+    values = found.parameters
+    assert found.converged
+    assert values["damping_ratio"].value == pytest.approx(0.0032, rel=0.01)
+    assert values["natural_frequency"].value * 2 * math.pi == pytest.approx(921.1, abs=0.1)
+    assert values["tangential_coefficient"].value == pytest.approx(2.16e8 * MASS, rel=0.005)
+    ratio = values["normal_coefficient"].value / values["tangential_coefficient"].value
+    assert ratio == pytest.approx(0.3, rel=1e-12)
+    for test in found.tests:
+        assert test.used
+        assert abs(test.measured[0] - test.model[0]) < 1e-3
+
+
+def test_noisy_transients_stay_within_the_targets_and_the_intervals():
+    errors, inside = [], []
+    for seed in range(6):
+        found = identify(PAPER_START, records(5e-7, seed)).parameters
+        errors.append([found["damping_ratio"].value / 0.0032 - 1,
+                       found["natural_frequency"].value * 2 * math.pi - 921.1,
+                       found["tangential_coefficient"].value / (2.16e8 * MASS) - 1])
+        inside += [found[name].low < TRUTH.value(name) < found[name].high
+                   for name in ("damping_ratio", "natural_frequency", "tangential_coefficient")]
+        assert found["damping_ratio"].high - found["damping_ratio"].low < 0.0005
+    rms = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert rms[0] < 0.05
+    assert rms[1] < 0.15
+    assert rms[2] < 0.01
+    assert np.mean(inside) > 0.75
+
+
+@pytest.mark.parametrize("start", [(0.0032, 930.0, 5.0e8), (0.03, 900.0, 1e8), (0.001, 940.0, 6e8), (0.01, 921.0, 3e8)])
+def test_complex_multipliers_lead_home_from_far_starts(start):
+    found = identify_multipliers(machine(*start), CUTS, [exact(cut) for cut in CUTS])
+    assert found.model.structure.damping_ratio == pytest.approx(0.0032, rel=0.005)
+    assert found.model.structure.natural_frequency_rad == pytest.approx(921.1, abs=0.01)
+    assert found.model.cutting.tangential_coefficient == pytest.approx(2.16e8 * MASS, rel=1e-3)
+
+
+def test_growing_and_real_multipliers_count_too():
+    cuts = [Cut(speed * 2 * math.pi / 60, depth * 1e-3) for speed, depth in ((3635, 2.0), (3565, 2.1), (2850, 2.9))]
+    found = identify_multipliers(PAPER_START, cuts, [exact(cut) for cut in cuts])
+    assert found.model.structure.natural_frequency_rad == pytest.approx(921.1, abs=0.01)
+    assert found.model.cutting.tangential_coefficient == pytest.approx(2.16e8 * MASS, rel=1e-3)
+
+
+def test_a_wrong_immersion_shows_in_the_misfit():
+    wrong = machine(0.0032, 921.1, 2.16e8, immersion=0.108)
+    right = identify_multipliers(TRUTH, CUTS, [exact(cut) for cut in CUTS])
+    found = identify_multipliers(wrong, CUTS, [exact(cut) for cut in CUTS])
+    assert right.chi_square < 0.1
+    assert found.chi_square > 20
+    assert found.model.cutting.tangential_coefficient > 1.6 * 2.16e8 * MASS
+
+
+def test_unbelieved_tests_are_left_out_and_said():
+    doubtful = EmpiricalMultipliers(np.array([2.0 + 0j]), np.eye(2), np.ones(1), np.ones(1), 0.0, np.zeros(1),
+                                    np.zeros((9, 1)), 1.0, 0, 0.0, False, "it moves")
+    found = identify_multipliers(TRUTH, CUTS, [exact(CUTS[0]), doubtful, exact(CUTS[2])])
+    assert [test.used for test in found.tests] == [True, False, True]
+    assert found.tests[1].reason == "it moves"
+    assert found.model.structure.natural_frequency_rad == pytest.approx(921.1, abs=0.01)
+    with pytest.raises(ValueError, match="it moves"):
+        identify_multipliers(TRUTH, CUTS[:2], [exact(CUTS[0]), doubtful])
+
+
+def test_same_seed_same_answer():
+    one, two = (identify_multipliers(PAPER_START, CUTS, [exact(cut) for cut in CUTS], seed=5) for _ in range(2))
+    assert one.parameters == two.parameters
+
+
+def test_bounds_of_the_cut_come_from_conditions_then_pass_times():
+    record, cut = records()[0]
+    assert cut_bounds(record, cut) == (record.conditions["entry_time"], record.conditions["exit_time"])
+    bare = Recording(record.channels, record.sampling_rate, record.units, "predicted", pass_times=record.pass_times)
+    assert cut_bounds(bare, cut) == pytest.approx(cut_bounds(record, cut))
+
+
+def test_a_machine_that_cuts_nothing_is_refused():
+    with pytest.raises(ValueError, match="no cutter"):
+        identify(Model(Structure(1.0, 100.0, 0.01)), records())

@@ -1,0 +1,130 @@
+"""Binary formats: the numbers, units and rates that were written come back; unsafe and odd files are refused."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+from made_files import FORMATS, RATE, signals, sources, stated_rate, write
+
+from testbed.problem import InputProblem
+from testbed.readers import read_table, rehearsal
+from testbed.readers.assemble import assemble
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_every_format_gives_the_same_recording(kind: str, tmp_path: Path) -> None:
+    recording, _ = assemble(read_table(write(kind, tmp_path)), sources(kind), sampling_rate=stated_rate(kind))
+    disp, force = signals()
+    step = 1 / 800 if kind == "wav" else 1e-9
+    assert recording.sampling_rate == RATE and recording.units == {"displacement": "m", "force": "N"}
+    assert np.abs(recording.channels["displacement"] * 1e6 - disp).max() <= step
+    assert np.abs(recording.channels["force"] - force).max() <= 2 * step
+
+
+@pytest.mark.parametrize(("kind", "module"), [("tdms", "nptdms"), ("uff", "pyuff"), ("parquet", "pyarrow")])
+def test_a_missing_package_names_the_extra(
+    kind: str, module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write(kind, tmp_path)
+    for name in [name for name in sys.modules if name.split(".")[0] == module]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(InputProblem, match=r"pip install .*\[formats\]"):
+        read_table(path)
+
+
+def test_a_struct_field_of_a_mat_file_is_read_by_its_path(tmp_path: Path) -> None:
+    path = tmp_path / "run.mat"
+    scipy.io.savemat(path, {"run": {"rig": {"disp": np.arange(50.0)}, "note": "x"}})
+    with pytest.raises(InputProblem, match="no numeric array"):
+        read_table(path)
+    assert list(read_table(path, key="run.rig.disp").columns["run.rig.disp"]) == list(range(50))
+    with pytest.raises(InputProblem, match="it has rig, note"):
+        read_table(path, key="run.rg")
+    with pytest.raises(InputProblem, match="no variable 'rum'"):
+        read_table(path, key="rum")
+
+
+def test_a_matrix_becomes_columns_along_its_longer_axis(tmp_path: Path) -> None:
+    values = np.arange(120.0).reshape(40, 3)
+    scipy.io.savemat(tmp_path / "wide.mat", {"data": values.T})
+    table = read_table(tmp_path / "wide.mat")
+    assert list(table.columns) == ["data_1", "data_2", "data_3"] and list(table.columns["data_2"]) == list(values[:, 1])
+
+
+def test_matlab_73_arrays_are_transposed_and_hdf5_groups_are_picked_by_key(tmp_path: Path) -> None:
+    values = np.arange(120.0).reshape(40, 3)
+    path = tmp_path / "new.mat"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("data", data=values.T).attrs["MATLAB_class"] = np.bytes_(b"double")
+        file.create_dataset("words", data=np.arange(40, dtype=np.uint16)).attrs["MATLAB_class"] = np.bytes_(b"char")
+    assert list(read_table(path).columns["data_3"]) == list(values[:, 2])
+    path = tmp_path / "two.h5"
+    with h5py.File(path, "w") as file:
+        file["first/disp"], file["second/disp"] = np.arange(30.0), np.arange(30.0) + 7
+    assert list(read_table(path, key="second").columns["disp"])[0] == 7
+    with pytest.raises(InputProblem, match="the file has first/disp, second/disp"):
+        read_table(path, key="third")
+
+
+def test_an_hdf5_file_that_points_outside_itself_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "secret.bin").write_bytes(np.arange(100.0).tobytes())
+    with h5py.File(tmp_path / "outside.h5", "w") as file:
+        file.create_dataset("disp", (100,), "f8", external=[(str(tmp_path / "secret.bin"), 0, 800)])
+    with pytest.raises(InputProblem, match="another file"):
+        read_table(tmp_path / "outside.h5")
+
+
+def test_tdms_groups_of_different_rates_need_a_key(tmp_path: Path) -> None:
+    from nptdms import ChannelObject, TdmsWriter
+
+    path = tmp_path / "two.tdms"
+    with TdmsWriter(path) as writer:
+        writer.write_segment(
+            [
+                ChannelObject(group, "disp", np.sin(np.arange(100.0) * step), properties={"wf_increment": step})
+                for group, step in (("slow", 0.01), ("fast", 0.001))
+            ]
+        )
+    with pytest.raises(InputProblem, match="different rates"):
+        read_table(path)
+    assert read_table(path, key="fast").sampling_rate == 1000.0
+
+
+def test_a_uff_rate_is_snapped_to_what_its_six_digits_meant(tmp_path: Path) -> None:
+    text = write("uff", tmp_path).read_text()
+    assert " 7.81250e-05" in text
+    (tmp_path / "odd.uff").write_text(text.replace(" 7.81250e-05", " 1.63934e-05"))
+    assert read_table(tmp_path / "odd.uff").sampling_rate == 61000.0
+
+
+def test_a_wav_that_was_cut_or_hits_full_scale_is_noted(tmp_path: Path) -> None:
+    path = write("wav", tmp_path)
+    path.write_bytes(path.read_bytes()[:-400])
+    assert any("cut" in note for note in read_table(path).notes)
+    loud = np.clip(40000 * np.sin(np.arange(2000) * 0.05), -32768, 32767).astype(np.int16)
+    scipy.io.wavfile.write(tmp_path / "loud.wav", 12800, loud)
+    from testbed.readers.assemble import Source
+
+    _, notes = assemble(read_table(tmp_path / "loud.wav"), {"displacement": Source(1, "V")})
+    assert any("clipped" in note for note in notes)
+
+
+def test_a_library_that_crashes_or_hangs_on_a_file_is_an_input_problem(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import os
+    import signal
+    import time
+
+    with pytest.raises(InputProblem, match="crashes on it"):
+        rehearsal.rehearse(tmp_path, lambda: os.kill(os.getpid(), signal.SIGSEGV))
+    monkeypatch.setattr(rehearsal, "_LONGEST", 0.05)
+    with pytest.raises(InputProblem, match="does not end"):
+        rehearsal.rehearse(tmp_path, lambda: time.sleep(5))
+    rehearsal.rehearse(tmp_path, lambda: 1 / 0)  # the real reading will say it

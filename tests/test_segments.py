@@ -1,0 +1,163 @@
+"""Segments, noise floor and spectral lines of synthetic cuts, against when things really happened."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from synthetic_cut import FREQUENCY, RHO, Truth, milling_record
+
+from analysis.lines import comb_speed, follow_line, spectral_lines
+from analysis.noise import noise_floor, samples_of
+from analysis.segments import Segment, find_segments, main_channel
+from testbed.recording import Recording
+
+
+def _kinds(segments: tuple[Segment, ...]) -> list[str]:
+    return [part.kind for part in segments]
+
+
+def _contact_ends(truth: Truth) -> float:
+    """When the last tooth really leaves: in its last revolution it cuts for a fraction rho of it."""
+    return truth.exit - (1 - RHO) * truth.period
+
+
+@pytest.mark.parametrize("noise", [0.3e-6, 1e-6, 5e-6])
+@pytest.mark.parametrize(
+    "case",
+    [
+        {},
+        {"rpm": 2850.0},
+        {"rpm": 3050.0, "depth": 2.7e-3, "cut": 25},
+        {"seed": 4, "offset": -2e-4},
+        {"ring": 200},
+        {"tachometer": False},
+    ],
+)
+def test_entry_and_exit_are_found_within_a_revolution(case: dict, noise: float) -> None:
+    recording, truth = milling_record(noise=noise, **case)
+    segments = find_segments(recording)
+    assert _kinds(segments)[:3] == ["idle", "entry", "steady"] and "ring-down" in _kinds(segments)
+    assert abs(segments[0].stop - truth.entry) < 0.3 * truth.period
+    ring = next(part for part in segments if part.kind == "ring-down")
+    assert abs(ring.start - _contact_ends(truth)) < 0.3 * truth.period
+    assert segments[0].start == recording.start and segments[-1].stop == pytest.approx(
+        len(recording) / recording.sampling_rate
+    )
+    assert all(a.stop == b.start for a, b in zip(segments, segments[1:], strict=False))
+
+
+@pytest.mark.parametrize("noise", [0.3e-6, 5e-6])
+def test_a_hum_and_a_strong_drift_do_not_hide_the_cut(noise: float) -> None:
+    recording, truth = milling_record(noise=noise, hum=3e-6, drift=1e-4)
+    segments = find_segments(recording)
+    assert abs(segments[0].stop - truth.entry) < 0.5 * truth.period
+    ring = next(part for part in segments if part.kind == "ring-down")
+    assert abs(ring.start - _contact_ends(truth)) < truth.period
+
+
+@pytest.mark.parametrize("noise", [0.3e-6, 5e-6])
+def test_what_a_record_lacks_is_not_found(noise: float) -> None:
+    assert "idle" not in _kinds(find_segments(milling_record(noise=noise, idle=0)[0]))
+    assert "ring-down" not in _kinds(find_segments(milling_record(noise=noise, ring=0)[0]))
+    growing = milling_record(noise=noise, rpm=3050.0, depth=2.7e-3, cut=25, idle=0)[0]
+    assert _kinds(find_segments(growing))[0] == "entry"
+    only = np.random.default_rng(1).standard_normal(20000) * noise
+    silent = Recording(
+        {"displacement": only}, 12800.0, {"displacement": "m"}, "measured", conditions={"spindle_speed": 400.0}
+    )
+    assert "ring-down" not in _kinds(find_segments(silent)) and "entry" not in _kinds(find_segments(silent))
+
+
+def test_the_stable_cut_settles_and_the_quieter_sensor_sees_it_later() -> None:
+    starts = []
+    for noise in (0.3e-6, 5e-6):
+        recording, truth = milling_record(noise=noise)
+        steady = next(part for part in find_segments(recording) if part.kind == "steady")
+        starts.append((steady.start - truth.entry) / truth.period)
+    # |mu| = 0.8: a transient of 30 um is below 5 um after 8 revolutions, below 0.3 um after 20
+    assert 4 < starts[1] < 10 < starts[0] < 22
+
+
+def test_a_ring_down_ends_where_it_is_lost_in_the_noise() -> None:
+    recording, truth = milling_record(noise=5e-6, ring=200)
+    ring, after = find_segments(recording)[-2:]
+    assert (ring.kind, after.kind) == ("ring-down", "idle")
+    level = 30e-6 * np.exp(-2 * np.pi * FREQUENCY * 0.0032 * ring.duration)
+    assert 0.3e-6 < level < 10e-6
+
+
+def test_a_tap_is_quiet_then_rings() -> None:
+    random = np.random.default_rng(2)
+    time = np.arange(25600) / 12800
+    decay = np.where(time > 0.5, 2e-5 * np.exp(-8 * (time - 0.5)) * np.sin(2 * np.pi * 146.6 * (time - 0.5)), 0.0)
+    recording = Recording(
+        {"displacement": decay + 2e-7 * random.standard_normal(len(time))}, 12800.0, {"displacement": "m"}, "measured"
+    )
+    segments = find_segments(recording, kind="ring-down")
+    assert _kinds(segments)[:2] == ["idle", "ring-down"] and abs(segments[1].start - 0.5) < 0.01
+    assert find_segments(recording, kind="excited") == ()
+    assert _kinds(find_segments(recording, kind="idle")) == ["idle"]
+
+
+def test_the_main_channel_is_the_one_that_moves() -> None:
+    channels = {name: np.zeros(3) for name in ("tachometer", "force_y", "acceleration")}
+    assert main_channel(Recording(channels, 1.0, dict.fromkeys(channels, "1"), "measured")) == "acceleration"
+
+
+@pytest.mark.parametrize("noise", [0.3e-6, 1e-6, 5e-6])
+@pytest.mark.parametrize(
+    ("case", "basis", "slack"),
+    [
+        ({}, "idle", 0.03),
+        ({"idle": 0}, "repeated periods", 0.2),
+        ({"idle": 0, "rpm": 3050.0, "depth": 2.7e-3, "cut": 25}, "high-frequency residual", 0.05),
+    ],
+)
+def test_the_noise_floor_from_every_basis(case: dict, basis: str, slack: float, noise: float) -> None:
+    recording, truth = milling_record(noise=noise, **case)
+    found = noise_floor(recording, find_segments(recording))
+    assert found.basis == basis and found.rms == pytest.approx(truth.noise, rel=slack)
+
+
+def test_hum_tooth_passing_and_natural_lines_are_told_apart() -> None:
+    recording, truth = milling_record(hum=1e-6, noise=0.3e-6)
+    values, segments = recording.channels["displacement"], find_segments(recording)
+    parts = {part.kind: values[samples_of(recording, part)] for part in segments}
+    options = {"spindle_speed": 2 * np.pi / truth.period, "natural_frequencies": (FREQUENCY,), "idle": parts["idle"]}
+    steady = spectral_lines(parts["steady"], 12800.0, **options)
+    assert [line.order for line in steady if line.kind == "tooth-passing"][:3] == [2, 1, 3]
+    assert all(line.kind != "other" for line in steady[:6])  # no side lobe of a strong line is a line
+    hum = [line for line in steady if line.kind == "hum"]
+    assert len(hum) >= 1 and abs(hum[0].frequency - 50) < 0.5 and hum[0].amplitude == pytest.approx(1e-6, rel=0.1)
+    ring = spectral_lines(parts["ring-down"], 12800.0, **options)
+    assert ring[0].kind == "natural" and abs(ring[0].frequency - FREQUENCY) < 0.2
+
+
+def test_the_speed_is_found_from_the_spectrum_alone() -> None:
+    recording, truth = milling_record(noise=1e-6)
+    part = next(part for part in find_segments(recording) if part.kind == "steady")
+    values = recording.channels["displacement"][samples_of(recording, part)]
+    found = comb_speed(values, 12800.0, 1.05 * 2 * np.pi / truth.period)
+    assert found is not None and found.basis == "tooth-passing lines"
+    assert found.spindle_speed == pytest.approx(2 * np.pi / truth.period, rel=2e-3)
+    noises = [np.random.default_rng(seed).standard_normal(8000) for seed in range(12)]
+    assert [comb_speed(noise, 12800.0, 400.0) for noise in noises] == [None] * 12
+
+
+def test_side_bands_give_the_speed_and_a_drifting_line_is_followed() -> None:
+    time = np.arange(10000) / 5000
+    phase = 2 * np.pi * (720 * time - 10 * time**2)
+    values = np.cos(phase) * (1 + 0.4 * np.cos(2 * np.pi * 300 * time)) + 0.02 * np.random.default_rng(
+        3
+    ).standard_normal(10000)
+    times, frequencies, _ = follow_line(values, 5000.0, 718.0, window=0.15)
+    assert np.abs(frequencies - (720 - 20 * times)).max() < 1.5
+    still = np.cos(2 * np.pi * 720 * time) * (1 + 0.4 * np.cos(2 * np.pi * 300 * time)) + 0.01 * np.random.default_rng(
+        3
+    ).standard_normal(10000)
+    found = comb_speed(still, 5000.0, 5000 * np.pi / 30, flutes=4)
+    assert (
+        found is not None
+        and found.basis == "side bands"
+        and found.spindle_speed == pytest.approx(4500 * np.pi / 30, rel=1e-3)
+    )

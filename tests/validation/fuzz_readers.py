@@ -1,0 +1,140 @@
+"""Damaged files: every format, mutated at random, must give the right numbers, a warning or one line of error.
+
+As a script it prints a table: python tests/validation/fuzz_readers.py [MUTATIONS]. Outcomes: refused (InputProblem),
+right (all numbers as in the sound file), short (a part of them, in order), warned (other numbers, and a note that the
+sound file does not cause), silent (other numbers without a note: one bit in a sample's low digits
+cannot be seen), and the two that may not happen: crashed and hung.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parents[2])]
+
+from made_files import FORMATS, sources, stated_rate, write  # noqa: E402
+
+from testbed.problem import InputProblem  # noqa: E402
+from testbed.readers import read_table  # noqa: E402
+from testbed.readers.assemble import assemble  # noqa: E402
+from testbed.recording import Recording  # noqa: E402
+
+TEXT = ("csv", "tsv", "dynoware", "labview", "uff")
+SLOW = 5.0  # s; a small file that takes longer counts as hung
+
+
+def read(kind: str, path: Path) -> tuple[Recording, tuple[str, ...]]:
+    """A file of one of the made formats, as a campaign would read it."""
+    return assemble(read_table(path), sources(kind), sampling_rate=stated_rate(kind))
+
+
+def mutate(raw: bytes, random: np.random.Generator, text: bool) -> bytes:
+    """One damage: flipped bits, a cut, a hole, a doubled or foreign piece; in text also fields and lines."""
+    size = len(raw)
+    data = bytearray(raw)
+    choice = int(random.integers(0, 12 if text else 7))
+    place = int(random.integers(0, size))
+    length = int(random.integers(1, max(2, size // 20)))
+    if choice == 0:
+        data[place] ^= 1 << int(random.integers(0, 8))
+    elif choice == 1:
+        for spot in random.integers(0, size, 20):
+            data[spot] = int(random.integers(0, 256))
+    elif choice == 2:
+        del data[place:]
+    elif choice == 3:
+        del data[place : place + length]
+    elif choice == 4:
+        data[place : place + length] = bytes(len(data[place : place + length]))
+    elif choice == 5:
+        data[place:place] = data[place : place + length]
+    elif choice == 6:
+        data[place:place] = random.bytes(length)
+    else:
+        return _mutate_text(raw, random, choice)
+    return bytes(data)
+
+
+def _mutate_text(raw: bytes, random: np.random.Generator, choice: int) -> bytes:
+    wide = raw.startswith(b"\xff\xfe")
+    lines = (raw.decode("utf-16") if wide else raw.decode("utf-8", "replace")).splitlines(keepends=True)
+    place = int(random.integers(0, len(lines)))
+    if choice == 7:
+        del lines[place]
+    elif choice == 8:
+        lines.insert(place, lines[int(random.integers(0, len(lines)))])
+    elif choice == 9:
+        fields = lines[place].replace("\t", ",").split(",")
+        lines[place] = lines[place].replace(fields[int(random.integers(0, len(fields)))], "OVL", 1)
+    elif choice == 10:
+        lines[place] = lines[place].replace(",", ";")
+    else:
+        other = int(random.integers(0, len(lines)))
+        lines[place], lines[other] = lines[other], lines[place]
+    text = "".join(lines)
+    return text.encode("utf-16") if wide else text.encode("utf-8")
+
+
+def outcome(kind: str, path: Path, sound: Recording, usual: tuple[str, ...]) -> str:
+    """What a damaged file gives."""
+    started = time.perf_counter()
+    try:
+        recording, notes = read(kind, path)
+    except InputProblem as problem:
+        return "hung" if time.perf_counter() - started > SLOW else "refused" if "\n" not in str(problem) else "crashed"
+    except Exception as error:  # what this is all about
+        return f"crashed ({type(error).__name__}: {error})"
+    if time.perf_counter() - started > SLOW:
+        return "hung"
+    if recording.sampling_rate == sound.sampling_rate and set(recording.channels) == set(sound.channels):
+        worst = 0.0
+        for name, values in sound.channels.items():
+            rows = min(len(values), len(recording))
+            worst = max(worst, float(np.abs(recording.channels[name][:rows] - values[:rows]).max() / np.ptp(values)))
+        if worst < 1e-3:
+            return "right" if len(recording) == len(sound) else "short"
+    return "warned" if set(notes) - set(usual) else "silent"
+
+
+def fuzz(kind: str, mutations: int, folder: Path, seed: int = 1) -> tuple[Counter[str], list[str]]:
+    """Outcomes of many mutations of one format, and what crashed or hung."""
+    path = write(kind, folder)
+    raw = path.read_bytes()
+    sound, usual = read(kind, path)
+    random = np.random.default_rng([seed, FORMATS.index(kind)])
+    counted: Counter[str] = Counter()
+    faults = []
+    for number in range(mutations):
+        damaged = mutate(raw, random, kind in TEXT)
+        if damaged == raw:
+            continue
+        path.write_bytes(damaged)
+        found = outcome(kind, path, sound, usual)
+        counted[found.split(" ")[0]] += 1
+        if found.startswith(("crashed", "hung")):
+            faults.append(f"{kind} mutation {number}: {found}")
+    return counted, faults
+
+
+def main(mutations: int = 300) -> int:
+    """Print the table; exit code 1 where anything crashed or hung."""
+    names = ("refused", "right", "short", "warned", "silent", "crashed", "hung")
+    print("format    " + "".join(f"{name:>9}" for name in names))
+    everything: list[str] = []
+    for kind in FORMATS:
+        with tempfile.TemporaryDirectory() as folder:
+            counted, faults = fuzz(kind, mutations, Path(folder))
+        everything += faults
+        print(f"{kind:10}" + "".join(f"{counted[name]:9d}" for name in names), flush=True)
+    print("\n".join(everything))
+    return 1 if everything else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*map(int, sys.argv[1:2])))
