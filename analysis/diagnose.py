@@ -27,6 +27,7 @@ ANCHOR = 1.5  # error over noise floor above which candidates also start from th
 ADEQUATE = 1.02  # error over noise floor up to which nothing is looked for
 COMPLETE = 1.15  # error over noise floor above which something is still missing
 SHARES = (0.1, 0.4, 1.0)  # of an effect's example strength, tried as starts
+SCREENED = 3  # records, the worst fitted, on which starting points are compared
 LEADERS = 4  # candidates refitted in full
 MOST_EFFECTS = 3
 DELTA_BIC = 10.0
@@ -107,8 +108,11 @@ def effect_parameters(effect: Effect) -> list[Free]:
             size = 0.02 * max(abs(parameter.example), 1.0)
         elif parameter.unit == "rad":
             size = 0.3
-        free.append(Free(f"{effect.name}.{parameter.name}", 0.3 * size if parameter.unit not in ("Hz", "rad") else size,
-                         parameter.bounds))
+        free.append(
+            Free(
+                f"{effect.name}.{parameter.name}", 0.3 * size if parameter.unit not in ("Hz", "rad") else size, parameter.bounds
+            )
+        )
     return free
 
 
@@ -161,13 +165,15 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
     best: tuple[float, State] = (math.inf, fit.state)
     places = [place for place, one in enumerate(wider.free) if one.path.startswith(f"{effect.name}.")]
     points = starting_points(effect, fitter.records, fit)
+    worst = [int(place) for place in np.argsort([-float(np.mean(rest**2)) for rest in fit.residuals])[:SCREENED]]
     for origin in origins:
         tried = []
         for values in points:
             state = replace(origin.state, model=origin.state.model.with_effect(effect.name, **values))
-            tried.append((wider.cost(state), state))
+            tried.append((wider.cost(state, worst), state))
         tried.sort(key=lambda pair: pair[0])
-        for cost, state in tried[:2]:
+        tried = [(wider.cost(state), state) for _, state in tried[:2]]
+        for cost, state in tried:
             parts = wider.with_slopes(origin.parts, state, places)
             for damping in (1e-3, 1.0):
                 move, own = wider.step(parts, damping)
@@ -181,14 +187,16 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
     return best[0], best[1], wider
 
 
-def _candidate(fitter: Fitter, fit: WaveformFit, effects: tuple[str, ...], reference: WaveformFit | None,
-               size: float) -> Candidate:
+def _candidate(
+    fitter: Fitter, fit: WaveformFit, effects: tuple[str, ...], reference: WaveformFit | None, size: float
+) -> Candidate:
     errors = held_out_errors(fitter, fit)
     in_sample = [_in_sample(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
     parameters = {path: fit.state.model.value(path) for path in fit.names if "." in path}
     gain = 0.0 if reference is None else bic(reference, size) - bic(fit, size)
-    return Candidate(effects, parameters, pooled(in_sample)[0], pooled(errors)[0], gain, fit.converged, fit, fitter,
-                     tuple(errors))
+    return Candidate(
+        effects, parameters, pooled(in_sample)[0], pooled(errors)[0], gain, fit.converged, fit, fitter, tuple(errors)
+    )
 
 
 def _in_sample(record: Observed, rest: np.ndarray) -> RecordError:
@@ -201,14 +209,17 @@ def _excess(error: float, noise: float) -> float:
     return max(error**2 - noise**2, 0.0)
 
 
-def _round(current: Candidate, catalogue: Mapping[str, Effect], origins: Sequence[Origin], say: Callable[[str], None],
-           ) -> list[Candidate]:
+def _round(
+    current: Candidate,
+    catalogue: Mapping[str, Effect],
+    origins: Sequence[Origin],
+    say: Callable[[str], None],
+) -> list[Candidate]:
     """Candidates that extend the current set by one effect, best held-out error first."""
     assert current.fit is not None and current.fitter is not None
     ranked = []
     for name, effect in catalogue.items():
-        if name in current.effects or name in current.fit.state.model.effects or not applicable(effect,
-                                                                                                  current.fitter.records):
+        if name in current.effects or name in current.fit.state.model.effects or not applicable(effect, current.fitter.records):
             continue
         say(f"trying {name}")
         cost, state, fitter = first_step(current.fitter, effect, current.fit, origins)
@@ -216,17 +227,46 @@ def _round(current: Candidate, catalogue: Mapping[str, Effect], origins: Sequenc
     ranked.sort(key=lambda entry: entry[0])
     size = effective_size(current.fit)
     found = []
+    complete = 0  # once a candidate explains everything, only a rival close to it can still matter
     for place, (cost, name, state, fitter) in enumerate(ranked):
-        if place >= LEADERS or cost > current.fit.cost * (1 - 1e-6):
-            model = current.fit.state.model
+        if place >= LEADERS or complete > 1 or cost > current.fit.cost * (1 - 1e-6):
             found.append(Candidate((*current.effects, name), {}, current.error_fit, current.error_held_out, 0.0, False))
-            assert model is not None
             continue
         say(f"refitting with {name}")
-        fit = polish(fitter, state, rounds=2, iterations=20)
-        found.append(_candidate(fitter, fit, (*current.effects, name), current.fit, effective_size(fit) if fit.cost
-                                < 0.5 * current.fit.cost else size))
+        fit = polish(fitter, state, rounds=2, iterations=20 if not complete else 8)
+        found.append(
+            _candidate(
+                fitter,
+                fit,
+                (*current.effects, name),
+                current.fit,
+                effective_size(fit) if fit.cost < 0.5 * current.fit.cost else size,
+            )
+        )
+        complete += int(complete > 0 or found[-1].error_held_out <= ADEQUATE * pooled(found[-1].errors)[1])
     return sorted(found, key=lambda candidate: candidate.error_held_out)
+
+
+def _nesting_guard(current: Candidate, tried: Sequence[Candidate]) -> Candidate:
+    """The current set refitted from where the best larger set ended: a local minimum must not pass for missing physics."""
+    assert current.fit is not None and current.fitter is not None
+    best = current
+    for one in sorted((one for one in tried if one.fit is not None), key=lambda one: one.error_fit)[:2]:
+        assert one.fit is not None
+        state = replace(one.fit.state, model=one.fit.state.model.without_effect(one.effects[-1]))
+        fit = current.fitter.fit(state, iterations=12)
+        assert best.fit is not None
+        if fit.cost < best.fit.cost * (1.0 - 1e-4):
+            best = _candidate(current.fitter, fit, current.effects, best.fit, effective_size(fit))
+    return best
+
+
+def _against(one: Candidate, reference: Candidate) -> Candidate:
+    """A candidate's gain counted from a better reference."""
+    if one.fit is None or reference.fit is None:
+        return one
+    size = effective_size(one.fit)
+    return replace(one, delta_bic=bic(reference.fit, size) - bic(one.fit, size))
 
 
 def _passes(candidate: Candidate, current: Candidate, noise: float) -> bool:
@@ -245,8 +285,14 @@ def _tied(first: Candidate, other: Candidate, current: Candidate, noise: float) 
     return apart < DELTA_BIC or (lost < 0.02 * gained and apart < 3 * DELTA_BIC)
 
 
-def diagnose(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], *,
-             say: Callable[[str], None] = lambda text: None) -> Diagnosis:
+def diagnose(
+    plant: Plant,
+    records: Sequence[Observed],
+    model: Model,
+    catalogue: Mapping[str, Effect],
+    *,
+    say: Callable[[str], None] = lambda text: None,
+) -> Diagnosis:
     """Name what the model lacks. Deterministic: no random numbers are drawn."""
     say("fitting the believed model")
     fitter, fit = base_fit(plant, records, model)
@@ -261,6 +307,14 @@ def diagnose(plant: Plant, records: Sequence[Observed], model: Model, catalogue:
             state = anchored_state(plant, records, model)
             origins.append(Origin(state, current.fitter.linearise_all(state)))
         last = _round(current, catalogue, origins, say)
+        refitted = _nesting_guard(current, last)
+        if refitted is not current:
+            current = refitted
+            steps[-1] = refitted
+            base = refitted if not refitted.effects else base
+            last = [_against(one, refitted) for one in last]
+            if current.error_held_out <= ADEQUATE * noise:
+                break
         passing = [one for one in last if one.fit is not None and _passes(one, current, noise)]
         if not passing:
             break
@@ -268,8 +322,9 @@ def diagnose(plant: Plant, records: Sequence[Observed], model: Model, catalogue:
         tied = tuple(one.effects[-1] for one in passing[1:] if _tied(first, one, current, noise))
         if tied:
             tied = (first.effects[-1], *tied)
-            current = first
-            steps.append(first)
+            if not current.effects:
+                current = first
+                steps.append(first)
             break
         current = first
         steps.append(first)
@@ -277,48 +332,98 @@ def diagnose(plant: Plant, records: Sequence[Observed], model: Model, catalogue:
     return _verdict(base, current, steps, tries, noise, tied)
 
 
-def _verdict(base: Candidate, best: Candidate, steps: Sequence[Candidate], tries: tuple[Candidate, ...], noise: float,
-             tied: tuple[str, ...]) -> Diagnosis:
+def _verdict(
+    base: Candidate,
+    best: Candidate,
+    steps: Sequence[Candidate],
+    tries: tuple[Candidate, ...],
+    noise: float,
+    tied: tuple[str, ...],
+) -> Diagnosis:
     def answer(verdict: str, effects: tuple[str, ...], sentence: str) -> Diagnosis:
-        return Diagnosis(verdict, effects, sentence, base.error_held_out, best.error_held_out, noise, tries, base, best,
-                         tuple(steps))
+        return Diagnosis(
+            verdict, effects, sentence, base.error_held_out, best.error_held_out, noise, tries, base, best, tuple(steps)
+        )
 
     ratio = base.error_held_out / noise
     if ratio <= ADEQUATE:
-        return answer("adequate", (), f"The model explains the records down to their noise (error {ratio:.3f} of the "
-                                      "noise floor): nothing is missing that these records could show.")
+        return answer(
+            "adequate",
+            (),
+            f"The model explains the records down to their noise (error {ratio:.3f} of the "
+            "noise floor): nothing is missing that these records could show.",
+        )
     if base.fit is not None and not base.fit.converged and not best.effects:
-        return answer("not_converged", (), "The fit of the believed model did not settle, so nothing can be said of what "
-                                           "it lacks: check the conditions and the starting values.")
-    if tied:
-        return answer("undecided", tied, f"Something is missing, and {' and '.join(tied)} explain it equally well: these "
-                                         "records cannot tell them apart.")
+        return answer(
+            "not_converged",
+            (),
+            "The fit of the believed model did not settle, so nothing can be said of what "
+            "it lacks: check the conditions and the starting values.",
+        )
+    if tied and len(best.effects) <= 1 and tied[0] in best.effects:
+        return answer(
+            "undecided",
+            tied,
+            f"Something is missing, and {' and '.join(tied)} explain it equally well: these records cannot tell them apart.",
+        )
     share = 1.0 - _excess(best.error_held_out, noise) / max(_excess(base.error_held_out, noise), 1e-300)
     left = best.error_held_out / noise
     if best.effects and (left <= COMPLETE or share >= EXPLAINED):
-        rest = "" if left <= COMPLETE else f" Something more remains: the error is still {left:.2f} times the noise floor."
-        return answer("missing_effect", best.effects, f"The model lacks {' and '.join(best.effects)}: the error on records "
-                      f"left out of the fit falls from {base.error_held_out:.3g} to {best.error_held_out:.3g}.{rest}")
+        rest = f" A further effect is one of {', '.join(tied)}, which these records cannot tell apart." if tied else ""
+        rest = (
+            rest
+            if left <= COMPLETE or tied
+            else f" Something more remains: the error is still {left:.2f} times the noise floor."
+        )
+        return answer(
+            "missing_effect",
+            best.effects,
+            f"The model lacks {' and '.join(best.effects)}: the error on records "
+            f"left out of the fit falls from {base.error_held_out:.3g} to {best.error_held_out:.3g}.{rest}",
+        )
     if ratio <= 1.05 and not best.effects:
-        return answer("adequate", (), f"The error is {ratio:.3f} of the noise floor and no known effect lowers it: nothing "
-                                      "is missing that these records could show.")
-    return answer("unexplained", (), f"Something is missing (error {ratio:.3g} times the noise floor) that no effect of the "
-                                     "catalogue explains.")
+        return answer(
+            "adequate",
+            (),
+            f"The error is {ratio:.3f} of the noise floor and no known effect lowers it: nothing "
+            "is missing that these records could show.",
+        )
+    return answer(
+        "unexplained",
+        (),
+        f"Something is missing (error {ratio:.3g} times the noise floor) that no effect of the catalogue explains.",
+    )
 
 
 def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
     """The answer of `testbed diagnose --json` (contract), without the next test."""
     after = result.best.fit.state.model if result.best.fit is not None else before
-    units = {"mass": "kg", "natural_frequency": "Hz", "damping_ratio": "1", "tangential_coefficient": "N/m^2",
-             "normal_coefficient": "N/m^2"}
+    units = {
+        "mass": "kg",
+        "natural_frequency": "Hz",
+        "damping_ratio": "1",
+        "tangential_coefficient": "N/m^2",
+        "normal_coefficient": "N/m^2",
+    }
     names = [name for name in (result.base.fit.names if result.base.fit else ()) if name in units]
     return {
-        "verdict": result.verdict, "effects": list(result.effects), "sentence": result.sentence,
+        "verdict": result.verdict,
+        "effects": list(result.effects),
+        "sentence": result.sentence,
         "error": {"baseline": result.baseline, "with_effects": result.with_effects, "noise_floor": result.noise_floor},
-        "candidates": [{"effects": list(one.effects), "parameters": dict(one.parameters), "error_fit": one.error_fit,
-                        "error_held_out": one.error_held_out, "delta_bic": one.delta_bic, "converged": one.converged}
-                       for one in result.candidates],
-        "base_parameters": {name: {"before": before.value(name), "after": after.value(name), "unit": units[name]}
-                            for name in names},
+        "candidates": [
+            {
+                "effects": list(one.effects),
+                "parameters": dict(one.parameters),
+                "error_fit": one.error_fit,
+                "error_held_out": one.error_held_out,
+                "delta_bic": one.delta_bic,
+                "converged": one.converged,
+            }
+            for one in result.candidates
+        ],
+        "base_parameters": {
+            name: {"before": before.value(name), "after": after.value(name), "unit": units[name]} for name in names
+        },
         "next_test": None,
     }

@@ -17,6 +17,7 @@ from scipy.optimize import least_squares, linear_sum_assignment
 
 from analysis.delay_equation import milling_equation
 from analysis.floquet import EmpiricalMultipliers, empirical_multipliers
+from analysis.ring_down import ring_down
 from analysis.temporal_elements import characteristic_multipliers
 from testbed.cut import Cut
 from testbed.machine import Model
@@ -200,12 +201,14 @@ def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, elements: 
              seed: int = 0, channel: str = "displacement", delays: int | None = None) -> Identification:
     """Identify the machine from recorded cuts; `model` is the starting guess.
 
-    Each test is a recording and its cut; entry and exit come from the recording's conditions `entry_time` and
-    `exit_time`, else from its pass times, else the whole recording is taken as the cut.
+    Where free decay follows a cut, natural frequency and damping start from it. Each test is a recording and its cut; entry and exit come from the recording's conditions `entry_time` and
+    `exit_time`, else from its pass times, else the whole recording is taken as the cut. ValueError as above, or when
+    a recording holds too few periods.
     """
     if model.cutter is None:
         raise ValueError("the model has no cutter: multipliers need cuts")
     flutes = model.cutter.flutes
+    model = started_from_ring_down(model, tests, channel)
     measured = []
     for recording, cut in tests:
         start, stop = cut_bounds(recording, cut)
@@ -213,6 +216,26 @@ def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, elements: 
         measured.append(empirical_multipliers(recording, flutes=flutes, period=period, start=start, stop=stop,
                                               channel=channel, delays=delays))
     return identify_multipliers(model, [cut for _, cut in tests], measured, elements=elements, starts=starts, seed=seed)
+
+
+def started_from_ring_down(model: Model, tests: Sequence[tuple[Recording, Cut]], channel: str = "displacement") -> Model:
+    """The model with natural frequency and damping ratio of the surest free decay after a cut, if there is a sure one.
+
+    Sure is a damping ratio known to better than a half of itself and a frequency within a fifth of the model's.
+    """
+    best, surest = model, 0.5
+    for recording, cut in tests:
+        if cut.ring_down_passes == 0:
+            continue
+        try:
+            decay = ring_down(recording, start=cut_bounds(recording, cut)[1], channel=channel)
+        except ValueError:  # too short or too still to say anything: the model's own values stand
+            continue
+        frequency, damping = float(decay.natural_frequency[0]), float(decay.damping_ratio[0])
+        doubt = float(decay.damping_ratio_high[0] - damping) / damping if damping > 0 else math.inf
+        if doubt < surest and abs(frequency / model.structure.natural_frequency - 1.0) < 0.2:
+            best, surest = model.with_values({"natural_frequency": frequency, "damping_ratio": damping}), doubt
+    return best
 
 
 def cut_bounds(recording: Recording, cut: Cut) -> tuple[float, float]:

@@ -110,14 +110,20 @@ class Observed:
         end = self.start + self.samples / self.rate
         total = math.ceil((end - self.pass_start(index, 0.0, Nuisances())) / pitch) + self.flutes
         passes = max(0, min(total - idle, nuisances.exit - index - idle))
-        cut = replace(self.cut, spindle_speed=2 * math.pi / (pitch * self.flutes), idle_passes=idle, passes=passes,
-                      ring_down_passes=total - idle - passes, initial_displacement=nuisances.displacement,
-                      initial_velocity=nuisances.velocity)
+        cut = replace(
+            self.cut,
+            spindle_speed=2 * math.pi / (pitch * self.flutes),
+            idle_passes=idle,
+            passes=passes,
+            ring_down_passes=total - idle - passes,
+            initial_displacement=nuisances.displacement,
+            initial_velocity=nuisances.velocity,
+        )
         return cut, Sampling(self.rate, self.samples, self.start - first)
 
     def pass_durations(self, cut: Cut, sampling: Sampling) -> np.ndarray | None:
         """Measured durations of the simulated passes, or None at a constant speed."""
-        if self.marks is None:
+        if self.marks is None or self.first_mark is None:
             return None
         first = self.start - sampling.start
         nominal = first + np.arange(cut.total_passes + 1) * self.period / self.flutes
@@ -170,9 +176,19 @@ def observe(record: Any, model: Model) -> Observed:
     condition = (record.kind, *(round(float(conditions[key]), 9) for key in known if key in conditions))
     if record.kind != "cut":
         condition = (record.kind, record.name)
-    base = Observed(record.name, record.kind, names, data, recording.sampling_rate,
-                    recording.start + first / recording.sampling_rate, noise, floors[0].basis,
-                    drift_basis(data.shape[1], 1 if excited else DRIFT_ORDER), segments, condition)
+    base = Observed(
+        record.name,
+        record.kind,
+        names,
+        data,
+        recording.sampling_rate,
+        recording.start + first / recording.sampling_rate,
+        noise,
+        floors[0].basis,
+        drift_basis(data.shape[1], 1 if excited else DRIFT_ORDER),
+        segments,
+        condition,
+    )
     if excited:
         drive = next(name for name in record.excitations)
         return replace(base, force=np.asarray(recording.channels[drive], dtype=float)[first:last])
@@ -187,8 +203,9 @@ def _used(kind: str, segments: Sequence[Segment], recording: Any) -> tuple[int, 
         for segment in segments:
             if segment.kind == "ring-down":
                 margin = 2.0 / recording.sampling_rate
-                return min(len(recording) - 64, round((segment.start + margin - recording.start)
-                                                     * recording.sampling_rate)), len(recording)
+                return min(
+                    len(recording) - 64, round((segment.start + margin - recording.start) * recording.sampling_rate)
+                ), len(recording)
     return 0, len(recording)
 
 
@@ -200,8 +217,15 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
         period, anchor, steady = clock_of(marks)
         kept = None if steady else marks
     kinds = {segment.kind for segment in base.segments}
-    return replace(base, cut=cut, flutes=flutes, period=period, first_mark=anchor, marks=kept,
-                   starts_in_cut="idle" not in kinds and "entry" not in kinds)
+    return replace(
+        base,
+        cut=cut,
+        flutes=flutes,
+        period=period,
+        first_mark=anchor,
+        marks=kept,
+        starts_in_cut="idle" not in kinds and "entry" not in kinds,
+    )
 
 
 def first_nuisances(observed: Observed, angle: float) -> Nuisances:
@@ -215,8 +239,16 @@ def first_nuisances(observed: Observed, angle: float) -> Nuisances:
     downs = [s.start for s in observed.segments if s.kind == "ring-down"]
     entry = round((min(starts, default=observed.start) - zero) / pitch)
     end = observed.start + observed.samples / observed.rate
-    leave = last_tooth(observed, downs[0]) if downs else (end if not any(s.kind == "exit" for s in observed.segments) else max(stops, default=end))
-    exit_pass = math.ceil((end - zero) / pitch) + observed.flutes + 1 if leave >= end - pitch else math.ceil((leave - zero) / pitch - 0.1)
+    leave = (
+        last_tooth(observed, downs[0])
+        if downs
+        else (end if not any(s.kind == "exit" for s in observed.segments) else max(stops, default=end))
+    )
+    exit_pass = (
+        math.ceil((end - zero) / pitch) + observed.flutes + 1
+        if leave >= end - pitch
+        else math.ceil((leave - zero) / pitch - 0.1)
+    )
     return Nuisances(entry=observed.first_pass - WARM_UP if observed.starts_in_cut else entry, exit=exit_pass)
 
 
@@ -235,9 +267,13 @@ def last_tooth(observed: Observed, ring_down: float) -> float:
     pair = values[half:] + values[:-half]
     turn = round(observed.period * observed.rate)
     count = len(pair) // turn
-    level = np.array([np.ptp(pair[k * turn:(k + 1) * turn]) for k in range(count)])
-    steady = [k for k in range(count) for s in observed.segments if s.kind == "steady"
-              and s.start < observed.start + k * turn / observed.rate < s.stop - 2 * observed.period]
+    level = np.array([np.ptp(pair[k * turn : (k + 1) * turn]) for k in range(count)])
+    steady = [
+        k
+        for k in range(count)
+        for s in observed.segments
+        if s.kind == "steady" and s.start < observed.start + k * turn / observed.rate < s.stop - 2 * observed.period
+    ]
     if len(steady) < 4 or 2 * half >= turn * 4:
         return ring_down
     usual = float(np.median(level[steady]))
@@ -255,5 +291,6 @@ def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, fl
     lines = [observed.timeline(angle, nuisances) for _, angle, nuisances in variants]
     durations = [observed.pass_durations(cut, sampling) for cut, sampling in lines]
     kept = None if any(d is None for d in durations) else durations
-    return plant.predict_cuts([m for m, _, _ in variants], [cut for cut, _ in lines], [s for _, s in lines],
-                              observed.channels, durations=kept)
+    return plant.predict_cuts(
+        [m for m, _, _ in variants], [cut for cut, _ in lines], [s for _, s in lines], observed.channels, durations=kept
+    )

@@ -229,8 +229,11 @@ def fit_receptance(frequency: np.ndarray, response: np.ndarray, band: tuple[floa
         return data - stacked @ weights, weights
 
     starts = [np.array([peak, zeta]) for zeta in (0.003, 0.01, 0.03, 0.1)]
-    found = min((least_squares(lambda p: solved(p)[0], start, x_scale=[peak, 0.01]) for start in starts),
-                key=lambda fit: fit.cost)
+    def left(parameters: np.ndarray) -> np.ndarray:
+        return solved(parameters)[0]
+
+    fits = [least_squares(left, start, x_scale=[peak, 0.01]) for start in starts]
+    found = fits[int(np.argmin([fit.cost for fit in fits]))]
     natural, zeta = float(found.x[0]), float(abs(found.x[1]))
     weights = solved(found.x)[1]
     noise = 2.0 * found.cost / max(1, 2 * f.size - 5)

@@ -31,14 +31,18 @@ def free_parameters(records: Sequence[Observed], model: Model) -> list[Free]:
     free = []
     if moving:
         structure = model.structure
-        free += [Free("natural_frequency", 0.01 * structure.natural_frequency, _STRUCTURE_BOUNDS["natural_frequency"]),
-                 Free("damping_ratio", max(0.2 * structure.damping_ratio, 1e-4), _STRUCTURE_BOUNDS["damping_ratio"])]
+        free += [
+            Free("natural_frequency", 0.01 * structure.natural_frequency, _STRUCTURE_BOUNDS["natural_frequency"]),
+            Free("damping_ratio", max(0.2 * structure.damping_ratio, 1e-4), _STRUCTURE_BOUNDS["damping_ratio"]),
+        ]
     if "excited" in kinds:
         free.append(Free("mass", 0.05 * model.structure.mass, _STRUCTURE_BOUNDS["mass"]))
     if "cut" in kinds and model.cutting is not None:
         size = max(abs(model.cutting.tangential_coefficient), abs(model.cutting.normal_coefficient))
-        free += [Free("tangential_coefficient", 0.2 * size, (1e-3 * size, 100 * size)),
-                 Free("normal_coefficient", 0.2 * size, (-20 * size, 100 * size))]
+        free += [
+            Free("tangential_coefficient", 0.2 * size, (1e-3 * size, 100 * size)),
+            Free("normal_coefficient", 0.2 * size, (-20 * size, 100 * size)),
+        ]
     return free
 
 
@@ -66,8 +70,12 @@ def decay_start(records: Sequence[Observed], model: Model) -> Model:
     frequency, damping, weight = np.array(found).T
     near = np.abs(frequency / np.median(frequency) - 1) < 0.05
     weight = np.minimum(weight, 20 * np.median(weight)) * near
-    return model.with_values({"natural_frequency": float(np.sum(frequency * weight) / weight.sum()),
-                              "damping_ratio": float(np.sum(damping * weight) / weight.sum())})
+    return model.with_values(
+        {
+            "natural_frequency": float(np.sum(frequency * weight) / weight.sum()),
+            "damping_ratio": float(np.sum(damping * weight) / weight.sum()),
+        }
+    )
 
 
 def softened(record: Observed) -> Observed:
@@ -82,8 +90,12 @@ def _scan(plant: Plant, records: Sequence[Observed], model: Model) -> tuple[floa
     angles = np.arange(ANGLES) * pitch / ANGLES
 
     def one(record: Observed) -> np.ndarray:
-        variants = [(model, angle, first_nuisances(record, angle)) if record.first_mark is not None
-                    else (model, 0.0, replace(first_nuisances(record, angle), angle=angle)) for angle in angles]
+        variants = [
+            (model, angle, first_nuisances(record, angle))
+            if record.first_mark is not None
+            else (model, 0.0, replace(first_nuisances(record, angle), angle=angle))
+            for angle in angles
+        ]
         rest = record.project(record.data - np.nan_to_num(predict(plant, record, variants), nan=1.0))
         rest = np.clip(rest, -1e6, 1e6)
         return np.log(np.mean(rest**2, axis=(1, 2))) * record.samples
@@ -111,8 +123,12 @@ def scan_starts(plant: Plant, records: Sequence[Observed], model: Model, count: 
         return [State(model, 0.0, tuple(Nuisances() for _ in records))]
     found = []
     for factor in COEFFICIENTS:
-        trial = model.with_values({"tangential_coefficient": factor * model.cutting.tangential_coefficient,
-                                   "normal_coefficient": factor * model.cutting.normal_coefficient})
+        trial = model.with_values(
+            {
+                "tangential_coefficient": factor * model.cutting.tangential_coefficient,
+                "normal_coefficient": factor * model.cutting.normal_coefficient,
+            }
+        )
         cost, angle, nuisances = _scan(plant, records, trial)
         found.append((cost, State(trial, angle, nuisances)))
     return [state for _, state in sorted(found, key=lambda pair: pair[0])[:count]]
@@ -143,8 +159,13 @@ def anchored_state(plant: Plant, records: Sequence[Observed], model: Model) -> S
     return polish(fitter, scan_starts(plant, soft, started, 1)[0], rounds=2, iterations=8).state
 
 
-def base_fit(plant: Plant, records: Sequence[Observed], model: Model, *, free: Sequence[Free] | None = None,
-             ) -> tuple[Fitter, WaveformFit]:
+def base_fit(
+    plant: Plant,
+    records: Sequence[Observed],
+    model: Model,
+    *,
+    free: Sequence[Free] | None = None,
+) -> tuple[Fitter, WaveformFit]:
     """The believed model refitted to all records, from several starts, with every nuisance."""
     started = decay_start(records, model)
     free = list(free) if free is not None else free_parameters(records, started)

@@ -119,7 +119,8 @@ class Fitter:
         for place in range(len(self.names)):
             unit = np.zeros(len(self.names))
             at_top = place < len(self.free) and (
-                state.model.value(self.free[place].path) + step * self.free[place].scale > self.free[place].bounds[1])
+                state.model.value(self.free[place].path) + step * self.free[place].scale > self.free[place].bounds[1]
+            )
             unit[place] = -step if at_top else step
             signs.append(-1.0 if at_top else 1.0)
             other = self.moved(state, unit)
@@ -128,7 +129,7 @@ class Fitter:
         rest = self._residuals(record, variants)
         slopes = (rest[1:] - rest[0]) / step
         slopes[: len(signs)] *= np.array(signs)[:, None]
-        return Linearised(rest[0], slopes[: len(self.names)].T, slopes[len(self.names):].T)
+        return Linearised(rest[0], slopes[: len(self.names)].T, slopes[len(self.names) :].T)
 
     def linearise_all(self, state: State) -> tuple[Linearised, ...]:
         """Every record about a state, on threads (the engine lets go of the interpreter)."""
@@ -139,23 +140,28 @@ class Fitter:
         """One record's residual, in units of the noise."""
         return self._residuals(self.records[index], [(state.model, state.angle, state.nuisances[index])])[0]
 
-    def residuals(self, state: State) -> tuple[np.ndarray, ...]:
-        """Every record's residual, in units of the noise."""
+    def residuals(self, state: State, indices: Sequence[int] | None = None) -> tuple[np.ndarray, ...]:
+        """Every record's residual, or some records', in units of the noise."""
+
         def one(index: int) -> np.ndarray:
             return self._residuals(self.records[index], [(state.model, state.angle, state.nuisances[index])])[0]
 
         with ThreadPoolExecutor(WORKERS) as pool:
-            return tuple(pool.map(one, range(len(self.records))))
+            return tuple(pool.map(one, range(len(self.records)) if indices is None else indices))
 
     def settle_passes(self, state: State, reach: int = 1) -> tuple[State, bool]:
         """The state with every cut's entry and exit pass at the best of their neighbours; and whether any moved."""
+
         def one(index: int) -> Nuisances:
             record, nuisances = self.records[index], state.nuisances[index]
             if record.cut is None:
                 return nuisances
             seen = first_nuisances(record, state.angle + nuisances.angle)  # a wrong model must not drag them far
-            last = math.floor((record.start + record.samples / record.rate - record.pass_start(0, state.angle, nuisances))
-                              / record.period * record.flutes)
+            last = math.floor(
+                (record.start + record.samples / record.rate - record.pass_start(0, state.angle, nuisances))
+                / record.period
+                * record.flutes
+            )
             entries = [] if record.starts_in_cut else range(seen.entry - EARLIER, seen.entry + reach + 1)
             exits = [] if seen.exit >= last else range(seen.exit - reach, seen.exit + reach + 1)
             for field, places in (("entry", entries), ("exit", exits)):
@@ -170,13 +176,19 @@ class Fitter:
             best = tuple(pool.map(one, range(len(self.records))))
         return replace(state, nuisances=best), best != state.nuisances
 
-    def cost(self, state: State) -> float:
-        """Half the sum of squared residuals, in units of the noise."""
-        return 0.5 * sum(float(rest @ rest) for rest in self.residuals(state))
+    def cost(self, state: State, indices: Sequence[int] | None = None) -> float:
+        """Half the sum of squared residuals of all records, or of some, in units of the noise."""
+        return 0.5 * sum(float(rest @ rest) for rest in self.residuals(state, indices))
 
-    def with_slopes(self, parts: Sequence[Linearised], state: State, places: Sequence[int], step: float = 1e-3,
-                    ) -> tuple[Linearised, ...]:
+    def with_slopes(
+        self,
+        parts: Sequence[Linearised],
+        state: State,
+        places: Sequence[int],
+        step: float = 1e-3,
+    ) -> tuple[Linearised, ...]:
         """Residuals at a state, with slopes by the free parameters at `places` computed and all others taken from `parts`."""
+
         def one(index: int) -> Linearised:
             variants = [(state.model, state.angle, state.nuisances[index])]
             signs = []
@@ -198,8 +210,12 @@ class Fitter:
 
     # -- steps ---------------------------------------------------------------------------------------------------------
 
-    def step(self, parts: Sequence[Linearised], damping: float, used: Sequence[int] | None = None,
-             ) -> tuple[np.ndarray, list[np.ndarray]]:
+    def step(
+        self,
+        parts: Sequence[Linearised],
+        damping: float,
+        used: Sequence[int] | None = None,
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
         """Damped Gauss-Newton step: (shared unknowns, every record's own unknowns); `used` names the records that count."""
         shared = len(self.names)
         normal, gradient = np.zeros((shared, shared)), np.zeros(shared)
@@ -257,5 +273,4 @@ class Fitter:
                 damping *= 6.0
         size = sum(part.residual.size for part in parts)
         covariance = self.covariance(parts, max(1.0, 2.0 * cost / size))
-        return WaveformFit(state, cost, tuple(part.residual for part in parts), self.names, covariance, converged, count,
-                           parts)
+        return WaveformFit(state, cost, tuple(part.residual for part in parts), self.names, covariance, converged, count, parts)

@@ -23,15 +23,13 @@ class _Spaced(Strict):
     count: int
 
 
-def axis(document: Document, path: Path_, value: object, si: str) -> tuple[float, ...]:
+def axis(document: Document, path: Path_, value: Any, si: str) -> tuple[float, ...]:
     """The values of an axis in SI; never empty."""
     try:
         if isinstance(value, dict):
             return _spaced(document, path, si)
-        if isinstance(value, list):
-            values = tuple(parse_quantity(item, si) for item in value)
-        else:
-            values = _sharing_a_unit(value, si)
+        listed = isinstance(value, list)
+        values = tuple(parse_quantity(item, si) for item in value) if listed else _sharing_a_unit(value, si)
     except UnitProblem as problem:
         raise document.problem(path, problem.what, problem.do) from None
     if not values:

@@ -45,33 +45,62 @@ class Hook:
 
 
 _EVERYWHERE = ("displacement", "velocity", "time")
-_TOOTH = ("chip", "penetration", "angle", "edge_velocity", "depth", "cutting_speed", "length_cut", "radius",
-          "feed_per_tooth", "tooth", *_EVERYWHERE)
+_TOOTH = (
+    "chip",
+    "penetration",
+    "angle",
+    "edge_velocity",
+    "depth",
+    "cutting_speed",
+    "length_cut",
+    "radius",
+    "feed_per_tooth",
+    "tooth",
+    *_EVERYWHERE,
+)
 _STRUCTURE = ("mass", "stiffness", "damping", *_EVERYWHERE)
 
-HOOKS: Mapping[str, Hook] = MappingProxyType({
-    "edge_position": Hook(("tooth", "flutes", "radius", "angle", "time"), "sum", "m",
-                          "radial position of a tooth's edge beyond the nominal radius"),
-    "relative_displacement": Hook(_EVERYWHERE, "sum", "m", "displacement of workpiece against tool beyond the mode's"),
-    "relative_velocity": Hook(_EVERYWHERE, "sum", "m/s", "time derivative of relative_displacement"),
-    "engagement": Hook(("phase", "engagement_angle", "entry_angle", "feed_travel", "feed_per_tooth", "radius", "time"),
-                       "product", "1", "share of the edge in the cut at `phase` after the tooth's entry"),
-    "chip": Hook(("penetration",), "replace", "m", "chip thickness left of the edge's penetration below the surface"),
-    "force_factor": Hook(_TOOTH, "product", "1", "factor on both cutting coefficients"),
-    "tangential_force": Hook(_TOOTH, "sum", "N", "tangential force on the tooth beyond K_t b chip"),
-    "normal_force": Hook(_TOOTH, "sum", "N", "normal force on the tooth beyond K_n b chip"),
-    "structure_force": Hook(_STRUCTURE, "sum", "N", "force on the structure along x"),
-    "derivative": Hook(("applied_force", "mean_torque", *_STRUCTURE), "value", "1/s",
-                       "derivative_STATE: time derivative of one of the effect's own states"),
-    "speed": Hook(("time", "spindle_speed"), "sum", "1", "relative change of the spindle speed"),
-    "sensed_displacement": Hook((), "sum", "m", "what the sensor sees beyond the mode, linear in the effect's states"),
-    "sensed_velocity": Hook((), "sum", "m/s", "time derivative of sensed_displacement"),
-    "immersion": Hook(("immersion",), "python", "1", "the true immersion, from the believed one"),
-    "helix_angle": Hook(("helix_angle",), "python", "rad", "the true helix angle, from the believed one"),
-    "measure": Hook(("signal", "rate", "sampling_rate", "quantity", "time"), "python", "channel's",
-                    "the sampled channel as the sensor gives it (numpy)"),
-    "highest_frequency": Hook(("mass", "stiffness"), "python", "rad/s", "fastest motion the effect brings in"),
-})
+HOOKS: Mapping[str, Hook] = MappingProxyType(
+    {
+        "edge_position": Hook(
+            ("tooth", "flutes", "radius", "angle", "time"),
+            "sum",
+            "m",
+            "radial position of a tooth's edge beyond the nominal radius",
+        ),
+        "relative_displacement": Hook(_EVERYWHERE, "sum", "m", "displacement of workpiece against tool beyond the mode's"),
+        "relative_velocity": Hook(_EVERYWHERE, "sum", "m/s", "time derivative of relative_displacement"),
+        "engagement": Hook(
+            ("phase", "engagement_angle", "entry_angle", "feed_travel", "feed_per_tooth", "radius", "time"),
+            "product",
+            "1",
+            "share of the edge in the cut at `phase` after the tooth's entry",
+        ),
+        "chip": Hook(("penetration",), "replace", "m", "chip thickness left of the edge's penetration below the surface"),
+        "force_factor": Hook(_TOOTH, "product", "1", "factor on both cutting coefficients"),
+        "tangential_force": Hook(_TOOTH, "sum", "N", "tangential force on the tooth beyond K_t b chip"),
+        "normal_force": Hook(_TOOTH, "sum", "N", "normal force on the tooth beyond K_n b chip"),
+        "structure_force": Hook(_STRUCTURE, "sum", "N", "force on the structure along x"),
+        "derivative": Hook(
+            ("applied_force", "mean_torque", *_STRUCTURE),
+            "value",
+            "1/s",
+            "derivative_STATE: time derivative of one of the effect's own states",
+        ),
+        "speed": Hook(("time", "spindle_speed"), "sum", "1", "relative change of the spindle speed"),
+        "sensed_displacement": Hook((), "sum", "m", "what the sensor sees beyond the mode, linear in the effect's states"),
+        "sensed_velocity": Hook((), "sum", "m/s", "time derivative of sensed_displacement"),
+        "immersion": Hook(("immersion",), "python", "1", "the true immersion, from the believed one"),
+        "helix_angle": Hook(("helix_angle",), "python", "rad", "the true helix angle, from the believed one"),
+        "measure": Hook(
+            ("signal", "rate", "sampling_rate", "quantity", "time"),
+            "python",
+            "channel's",
+            "the sampled channel as the sensor gives it (numpy)",
+        ),
+        "highest_frequency": Hook(("mass", "stiffness"), "python", "rad/s", "fastest motion the effect brings in"),
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -143,7 +172,11 @@ class Effect:
 
 
 def _load_module(path: Path) -> ModuleType:
-    name = f"testbed_effect_{path.stem}_{sha256(str(path).encode()).hexdigest()[:8]}"
+    # named by content, as the cache of compiled kernels is: what it holds refers to the module by this name
+    try:
+        name = f"testbed_effect_{path.stem}_{sha256(path.read_bytes()).hexdigest()[:8]}"
+    except OSError as fault:
+        raise InputProblem(path, f"cannot be read ({fault.strerror})", "check the file and its permissions") from None
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise InputProblem(path, "cannot be read as Python", "give a .py file")
@@ -153,8 +186,9 @@ def _load_module(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except Exception as fault:  # a user's file may fail in any way; it becomes one clear line
         del sys.modules[name]
-        raise InputProblem(path, f"{type(fault).__name__}: {fault}", "mend the effect's file",
-                           getattr(fault, "lineno", None)) from fault
+        raise InputProblem(
+            path, f"{type(fault).__name__}: {fault}", "mend the effect's file", getattr(fault, "lineno", None)
+        ) from fault
     return module
 
 
@@ -163,8 +197,12 @@ def _check_hook(path: Path, effect: Effect, name: str, function: Callable) -> No
     known = {*HOOKS[place].offers, *effect.states, *(parameter.name for parameter in effect.parameters)}
     for argument in inspect.signature(function).parameters:
         if argument not in known:
-            raise InputProblem(path, f"{name}() asks for '{argument}'", f"it may ask for {', '.join(sorted(known))}",
-                               function.__code__.co_firstlineno)
+            raise InputProblem(
+                path,
+                f"{name}() asks for '{argument}'",
+                f"it may ask for {', '.join(sorted(known))}",
+                function.__code__.co_firstlineno,
+            )
 
 
 def read_effect(path: Path) -> Effect:
@@ -189,8 +227,7 @@ def read_effect(path: Path) -> Effect:
     names = [parameter.name for parameter in effect.parameters]
     if len(set(names)) != len(names):
         raise InputProblem(path, "two parameters of one name", "rename one")
-    return replace(effect, name=path.stem, manual=(module.__doc__ or "").strip(), path=path,
-                   hooks=MappingProxyType(hooks))
+    return replace(effect, name=path.stem, manual=(module.__doc__ or "").strip(), path=path, hooks=MappingProxyType(hooks))
 
 
 @lru_cache(maxsize=8)
@@ -204,9 +241,14 @@ def catalogue(*folders: str | Path) -> Mapping[str, Effect]:
             if path.name.startswith("_") or path.stem == "chain" or path.name.startswith("test_"):
                 continue
             if path.stem in found:
-                raise InputProblem(path, f"an effect named '{path.stem}' exists already ({found[path.stem].path})",
-                                   "rename the file")
+                raise InputProblem(
+                    path, f"an effect named '{path.stem}' exists already ({found[path.stem].path})", "rename the file"
+                )
             found[path.stem] = read_effect(path)
+            if folder not in (BUILT_IN, SENSOR_EFFECTS):  # the built-in ones are compiled by their tests
+                from testbed.compilable import check_compilable  # it needs this module, and numba is slow to import
+
+                check_compilable(found[path.stem])
     return MappingProxyType(dict(sorted(found.items())))
 
 

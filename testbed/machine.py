@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 Direction = Literal["up-milling", "down-milling"]
 DIRECTIONS: tuple[Direction, ...] = ("up-milling", "down-milling")
@@ -168,7 +168,9 @@ class Model:
 
     def with_values(self, values: Mapping[str, float]) -> Model:
         """The same machine with parameters, named by their paths, replaced. KeyError on an unknown path."""
-        structure, cutting, effects = {}, {}, {name: dict(params) for name, params in self.effects.items()}
+        effects = {name: dict(params) for name, params in self.effects.items()}
+        structure: dict[str, Any] = {}
+        cutting: dict[str, Any] = {}
         for path, number in values.items():
             if path in _STRUCTURE:
                 structure[path] = float(number)

@@ -17,8 +17,9 @@ def simulate(model, cut, sampling, *, channels=("displacement",), steps=None, ca
     motion = (1e-5 + cut.initial_displacement) * np.exp(-0.05 * omega * time) * np.cos(omega * time) \
         + cut.axial_depth_of_cut * 1e-2 * np.sin(cut.spindle_speed * time)
     passes = np.arange(cut.total_passes + 1) * cut.tooth_passing_period(model.cutter.flutes)
-    return Recording({name: motion for name in channels}, sampling.rate, {name: CHANNEL_UNITS[name] for name in channels},
-                     "predicted", marks=passes[::model.cutter.flutes], pass_times=passes)
+    units = {name: CHANNEL_UNITS[name] for name in channels}
+    return Recording({name: motion for name in channels}, sampling.rate, units, "predicted",
+                     marks=passes[::model.cutter.flutes], pass_times=passes)
 
 
 def overflowing(model, cut, sampling, **options):

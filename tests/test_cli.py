@@ -141,7 +141,8 @@ def test_multipliers_know_the_effects(testbed):
 
 
 def test_chart(testbed, data):
-    answer = testbed.json("chart", "true.yaml", "--speed", "2500:4500:9", "--depth", "0.5:4:5", "--data", data, "-o", "p")
+    ranges = ["--speed", "2500:4500:9", "--depth", "0.5:4:5"]
+    answer = testbed.json("chart", "true.yaml", *ranges, "--data", data, "-o", "p")
     assert np.shape(answer["class"]) == (5, 9) and len(answer["tests"]) == 3
     assert {name for row in answer["class"] for name in row} >= {"stable", "neimark_sacker"}
     assert {test["outcome"] for test in answer["tests"]} == {"stable"}
@@ -172,7 +173,8 @@ def test_a_new_effect_is_a_file_that_works(testbed):
     assert effects["my_drag"].hooks["structure_force"](2.0, 3.0) == -12.0
     Path("dragged.yaml").write_text(TRUE + "effects: {my_drag: {coefficient: 50 N s^2/m^2}}\n")
     assert read_model("dragged.yaml", effects).value("my_drag.coefficient") == 50.0
-    assert testbed("multipliers", "dragged.yaml", "--speed", 3000, "--depth", 1) == 2 and "unknown effect" in testbed.err
+    assert testbed("multipliers", "dragged.yaml", "--speed", 3000, "--depth", 1) == 2
+    assert "my_drag: unknown effect" in testbed.err
     assert testbed("effects", "--new", "my_drag") == 2 and testbed("effects", "--new", "contact_loss") == 2
 
 
@@ -190,7 +192,8 @@ BAD = {
                           ["multipliers", "model.yaml", "--speed", "3000", "--depth", "1"], "at most 0.5"),
     "no such effect": ("model.yaml", MODEL + "effects: {contact_los: {}}\n",
                        ["multipliers", "model.yaml", "--speed", "3000", "--depth", "1"], "did you mean contact_loss"),
-    "no cutter": ("model.yaml", "structure: flexure\n", ["chart", "model.yaml", "--speed", "3000", "--depth", "1"], "cutter"),
+    "no cutter": ("model.yaml", "structure: flexure\n",
+                  ["chart", "model.yaml", "--speed", "3000", "--depth", "1"], "has no cutter"),
     "no data set": ("x.h5", "not HDF5", ["score", "x.h5"], "x.h5: is no HDF5 file"),
     "a model as data": ("c.yaml", MODEL, ["identify", "c.yaml", "-m", "model.yaml"], "c.yaml"),
     "text as data": ("c.csv", "1,2", ["identify", "c.csv", "-m", "model.yaml"], "campaign.yaml"),
@@ -208,10 +211,12 @@ def test_bad_input_is_answered_in_one_line(testbed, name):
 
 
 @pytest.mark.parametrize(("arguments", "said"), [
-    (["multiplier"], "did you mean multipliers"), (["run", "s.yaml"], "'--output'"), (["run", "none", "-o", "x.h5"], "none"),
+    (["multiplier"], "did you mean multipliers"), (["run", "s.yaml"], "'--output'"),
+    (["run", "none", "-o", "x.h5"], "none: there is no such file"),
     (["run", "published_test", "-o", "x.h5"], "did you mean published_tests"),
     (["run", "s.yaml", "-o", "none/x.h5"], "there is no folder none"), (["run", "s.yaml", "-o", "."], "is a folder"),
-    (["run", "s.yaml", "-o", "s.yaml"], "s.yaml: exists already"), (["run", "s.yaml", "-o", "x.h5", "--workers", "0"], "workers"),
+    (["run", "s.yaml", "-o", "s.yaml"], "s.yaml: exists already"),
+    (["run", "s.yaml", "-o", "x.h5", "--workers", "0"], "workers"),
     (["run", "s.yaml", "-o", "x.h5", "--json", "none/j.json"], "no folder"),
     (["chart", "model.yaml", "--speed", "2500:4500:0", "--depth", "1"], "0 points"),
     (["chart", "model.yaml", "--speed", "0", "--depth", "1"], "above 0"),
@@ -221,7 +226,8 @@ def test_bad_input_is_answered_in_one_line(testbed, name):
     (["multipliers", "model.yaml", "--speed", "3000", "--depth", "-1"], "at least 0"),
     (["multipliers", "model.yaml", "--speed", "1:2:3", "--depth", "1"], "one speed"),
     (["multipliers", "model.yaml", "--speed", "3000", "--depth", "1", "--feed", "0.1 mm"], "m/tooth"),
-    (["identify", "none.h5", "-m", "model.yaml"], "no such file"), (["identify", "none.h5", "-m", "none.yaml"], "none.yaml"),
+    (["identify", "none.h5", "-m", "model.yaml"], "no such file"),
+    (["identify", "none.h5", "-m", "none.yaml"], "none.yaml"),
     (["effects", "proces_damping"], "did you mean process_damping"), (["effects", "--effects", "none"], "not a folder"),
     (["effects", "--new", "a b"], "no name"),
 ])
@@ -241,8 +247,8 @@ def test_noise_below_what_is_there_cannot_be_scored(testbed, data):
 def test_a_truncated_data_set(testbed, data, share):
     whole = Path(data).read_bytes()
     Path("cut.h5").write_bytes(whole[:int(len(whole) * share)])
-    for arguments in (["identify", "cut.h5", "-m", "model.yaml"], ["score", "cut.h5"], ["run", "s.yaml", "-o", "cut.h5"],
-                      ["run", "s.yaml", "-o", "cut.h5", "--resume"]):
+    run = ["run", "s.yaml", "-o", "cut.h5"]
+    for arguments in (["identify", "cut.h5", "-m", "model.yaml"], ["score", "cut.h5"], run, [*run, "--resume"]):
         assert testbed(*arguments) == 2 and testbed.err.count("\n") == 1
 
 
@@ -269,7 +275,8 @@ def _started(*arguments):
 
 def test_help_imports_nothing_heavy():
     code = "import sys\nfrom testbed.cli import main\ntry:\n    main(['--help'])\nexcept SystemExit:\n    pass\n" \
-           "print('HEAVY', [name for name in ('numpy', 'scipy', 'mujoco', 'matplotlib', 'h5py', 'pydantic') if name in sys.modules])"
+           "heavy = {'numpy', 'scipy', 'mujoco', 'matplotlib', 'h5py', 'pydantic', 'numba', 'rich'}\n" \
+           "print('HEAVY', sorted(heavy & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
     assert "HEAVY []" in done.stdout and "Commands:" in done.stdout
 

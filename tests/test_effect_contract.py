@@ -1,7 +1,6 @@
 """What every effect of the catalogue owes, in every engine: nothing when neutral, the same at every run, order, life.
 
-Nothing here knows an effect by name, but for the laws that no smooth grid can follow: a new file in testbed/effects is
-tested by being there.
+Nothing here treats an effect by its name: a new file in testbed/effects is tested by being there.
 """
 
 from __future__ import annotations
@@ -15,11 +14,11 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from testbed.compose import compose
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.effect import catalogue
 from testbed.engines import fast, mujoco_engine
 from testbed.engines import fast_kernel as fk
+from testbed.engines.compose import compose
 from testbed.engines.packing import pack
 from testbed.machine import Cutter, Cutting, Model, Structure
 
@@ -104,7 +103,7 @@ def test_the_law_itself_is_nothing_at_its_neutral_values(name):
 
 
 def _parameters(name: str, values: dict[str, float]) -> np.ndarray:
-    from testbed.compose import Layout
+    from testbed.engines.compose import Layout
 
     layout = Layout(EFFECTS)
     P = np.zeros(max(1, len(layout.parameter)))
@@ -177,7 +176,8 @@ def test_effects_commute():
     other = fast.simulate_batch([having(*NAMES)], [CUT], [SAMPLING], steps=20, catalogue=backwards)
     one = fast.simulate_batch([having(*NAMES)], [CUT], [SAMPLING], steps=20)
     assert difference(other.pass_states[0], one.pass_states[0]) < 1e-9
-    assert difference(one.pass_states[0], fast.simulate_batch([MODEL], [CUT], [SAMPLING], steps=20).pass_states[0]) > 0.01
+    base = fast.simulate_batch([MODEL], [CUT], [SAMPLING], steps=20)
+    assert difference(one.pass_states[0], base.pass_states[0]) > 0.01
 
 
 def can_be_together(one: str, other: str) -> bool:
@@ -196,13 +196,12 @@ def test_every_pair_runs_and_is_neither_of_its_two():
             assert difference(both, motion(having(single))) > 1e-5, (one, other, single)
 
 
-FINE = 60  # steps in the cut for the comparison of the engines
+FINE = 160  # steps in the cut for the comparison of the engines
 
 
 @pytest.mark.parametrize("first", NAMES)
 def test_the_engines_agree_with_every_effect_and_every_pair(first):
-    """To 1e-6 where both laws are smooth. Kinks fall differently into the two engines' steps, so there to 1e-3."""
+    """To 1e-6 of the peak, laws with kinks among them."""
     for names in [(first,), *(pair for pair in PAIRS if pair[0] == first)]:
-        smooth = all(EFFECTS[name].smooth for name in names)
         ours, theirs = motion(having(*names), "fast", FINE), motion(having(*names), "mujoco", FINE)
-        assert difference(theirs, ours) < (1e-6 if smooth else 1e-3), names
+        assert difference(theirs, ours) < 1e-6, names

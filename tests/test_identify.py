@@ -9,7 +9,7 @@ from independent_simulator import simulate
 from analysis.collocation import collocation_multipliers
 from analysis.delay_equation import milling_equation
 from analysis.floquet import EmpiricalMultipliers
-from analysis.identify import cut_bounds, identify, identify_multipliers
+from analysis.identify import cut_bounds, identify, identify_multipliers, started_from_ring_down
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.recording import Recording
@@ -108,6 +108,15 @@ def test_unbelieved_tests_are_left_out_and_said():
 def test_same_seed_same_answer():
     one, two = (identify_multipliers(PAPER_START, CUTS, [exact(cut) for cut in CUTS], seed=5) for _ in range(2))
     assert one.parameters == two.parameters
+
+
+def test_free_decay_after_a_cut_gives_the_start():
+    cut = Cut(CUTS[0].spindle_speed, 2.9e-3, passes=30, ring_down_passes=60)
+    far = machine(0.03, 990.0, 5e8)
+    started = started_from_ring_down(far, [(simulate(TRUTH, cut, noise=5e-7, offset=1e-5), cut)])
+    assert started.structure.natural_frequency_rad == pytest.approx(921.1, rel=1e-3)
+    assert started.structure.damping_ratio == pytest.approx(0.0032, rel=0.1)
+    assert started_from_ring_down(far, records()) == far
 
 
 def test_bounds_of_the_cut_come_from_conditions_then_pass_times():

@@ -40,12 +40,13 @@ def samples(path):
 
 def test_a_sweep_holds_every_run_once_in_order(scenario, tmp_path):
     seen = []
-    report = sweep.run(scenario, plain_engine.simulate, tmp_path / "a.h5", progress=lambda done, total: seen.append((done, total)))
+    report = sweep.run(scenario, plain_engine.simulate, tmp_path / "a.h5",
+                       progress=lambda done, total: seen.append((done, total)))
     data = read_data_set(report.output)
     assert (report.runs, report.computed, report.outcomes) == (20, 20, {"ok": 20})
     assert data.scenario_run.tolist() == list(range(20)) and data.verify()
     assert [data.conditions["axial_depth_of_cut"][k] for k in range(3)] == pytest.approx([1e-3, 1.6e-3, 2.2e-3])
-    assert seen[0] == (0, 20) and seen[-1] == (20, 20) and [done for done, _ in seen] == sorted(done for done, _ in seen)
+    assert seen[0] == (0, 20) and seen[-1] == (20, 20) and seen == sorted(seen)
     assert len({tuple(values) for values in samples(report.output)}) == 20
     assert [path.name for path in tmp_path.iterdir()] == ["a.h5"]
 

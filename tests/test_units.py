@@ -25,7 +25,8 @@ def test_known_quantities(text, si, value):
     (2.573, "kg", "has no unit"), ("2.573", "kg", "has no unit"), ("2 mmm", "m", "did you mean mm"),
     ("5 hz", "Hz", "did you mean Hz"), ("3 kg", "m", "does not convert to m"), ("nan mm", "m", "finite"),
     ("inf", "1", "finite"), ("1e999 mm", "m", "finite"), (True, "1", "not a number"), (None, "m", "is empty"),
-    ("1 2 mm", "m", "unknown unit"), ([1], "m", "not a number"), ("3 mm", "m/tooth", "mm/tooth"), ("1 V", "m", "convert"),
+    ("1 2 mm", "m", "unknown unit"), ([1], "m", "not a number"), ("3 mm", "m/tooth", "mm/tooth"),
+    ("1 V", "m", "convert"),
 ])
 def test_refused(value, si, said):
     with pytest.raises(UnitProblem) as problem:

@@ -10,34 +10,6 @@ from testbed.cli._answer import Answer, check_place
 from testbed.cli._options import catalogue_of, effects_option, shared
 from testbed.problem import InputProblem
 
-TEMPLATE = '''"""{title}: say here what the effect is.
-
-Law: F = -c v |v|, a force on the structure against its motion. Replace it by your own, with its symbols.
-Source: author (year), title, journal, doi.
-Valid: say where the law holds, and where it does not.
-"""
-
-from testbed.effect import Effect, Parameter
-
-EFFECT = Effect(
-    title="{title}",
-    parameters=(
-        Parameter("coefficient", "c", "N s^2/m^2", "strength of the effect", neutral=0.0, bounds=(0.0, 1e4),
-                  example=50.0),
-    ),
-    law="F = -c v |v|",
-    source="author (year), title, doi",
-    validity="say where the law holds",
-    leaves="say what it leaves in a measurement",
-    confused_with=(),
-)
-
-
-def structure_force(velocity, coefficient):
-    """Force on the structure along x, N. The arguments are asked for by name; `testbed effects --hooks` lists them."""
-    return -coefficient * velocity * abs(velocity)
-'''
-
 
 @click.command(short_help="The catalogue of effects, one effect's card, or a template of a new one.",
                epilog="Example: testbed effects process_damping; testbed effects --new my_effect")
@@ -60,7 +32,7 @@ def command(name: str | None, new_name: str | None, hooks: bool, folders: tuple[
     elif name is None:
         _list_effects(catalogue_of(folders), answer)
     else:
-        _show(name, catalogue_of(folders), answer)
+        _show(name, catalogue_of(folders), answer, quiet)
 
 
 def _list_effects(catalogue: Any, answer: Answer) -> None:
@@ -68,7 +40,7 @@ def _list_effects(catalogue: Any, answer: Answer) -> None:
     answer.finish({"effects": [_card(effect) for effect in catalogue.values()]})
 
 
-def _show(name: str, catalogue: Any, answer: Answer) -> None:
+def _show(name: str, catalogue: Any, answer: Answer, quiet: bool) -> None:
     from testbed.units import nearest
 
     if name not in catalogue:
@@ -86,7 +58,21 @@ def _show(name: str, catalogue: Any, answer: Answer) -> None:
     if rows:
         answer.table(("  parameter", "symbol", "unit", "neutral", "bounds", "example"), rows)
     answer.say("  in model.yaml: " + _as_yaml(effect))
+    if not quiet:
+        _draw(effect, catalogue, answer)
     answer.finish(_card(effect))
+
+
+def _draw(effect: Any, catalogue: Any, answer: Answer) -> None:
+    from testbed.cli._fingerprint import fingerprint, picture
+
+    found = fingerprint(effect, catalogue)
+    answer.say(f"  at its example values, in {found.story}:")
+    for title, values in (("displacement", found.with_effect), ("change by the effect", found.change)):
+        answer.say(f"  {title}, um")
+        for line in picture(found.time * 1e3, values * 1e6):
+            answer.say("  " + line)
+    answer.say("  time, ms")
 
 
 def _as_yaml(effect: Any) -> str:
@@ -120,16 +106,20 @@ def _write_template(name: str, answer: Answer) -> None:
     from pathlib import Path
 
     from testbed.atomic import write_text
+    from testbed.cli._effect_template import EFFECT, TEST
     from testbed.effect import catalogue
 
-    path = Path(f"{name}.py")
-    if not name.isidentifier():
-        raise InputProblem(name, "is no name for an effect", "use letters, digits and _")
+    if not name.isidentifier() or name.startswith(("_", "test_")):
+        raise InputProblem(name, "is no name for an effect", "use letters, digits and _, a letter first")
     if name in catalogue():
         raise InputProblem(name, "is an effect of the catalogue", "choose another name")
-    if path.exists():
-        raise InputProblem(path, "exists already", "choose another name, or remove it")
-    check_place(path)
-    write_text(path, TEMPLATE.format(title=name.replace("_", " ").capitalize()))
-    answer.say(f"{path}: a template; edit it, then give its folder as --effects {path.resolve().parent}")
-    answer.finish({"file": str(path)})
+    paths = Path(f"{name}.py"), Path(f"test_{name}.py")
+    for path in paths:
+        if path.exists():
+            raise InputProblem(path, "exists already", "choose another name, or remove it")
+        check_place(path)
+    for path, text in zip(paths, (EFFECT, TEST), strict=True):
+        write_text(path, text.replace("NAME", name).replace("TITLE", name.replace("_", " ").capitalize()))
+    answer.say(f"{paths[0]}: a working effect; edit it, then give its folder as --effects {paths[0].resolve().parent}")
+    answer.say(f"{paths[1]}: its test, to edit too; run: python -m pytest {paths[1]}")
+    answer.finish({"file": str(paths[0]), "test": str(paths[1])})

@@ -43,7 +43,7 @@ def command(scenario_file: str, output: str, workers: int, engine: str | None, r
         with progress(scenario.name, quiet) as show:
             report = sweep.run(scenario, engine_named(scenario.engine), output, workers=workers, resume=resume,
                                progress=show, processes=processes, folders=folders,
-                               model_xml=_xml(scenario, catalogue))
+                               model_xml=_xml(scenario, catalogue, folders))
     except sweep.Interrupted as stop:
         again = _again(scenario_file, output, workers, engine, processes, folders, seed)
         raise KeyboardInterrupt(f"{stop}; continue with: {again}") from None
@@ -62,8 +62,12 @@ def engine_named(name: str) -> Any:
     return simulate
 
 
-def _xml(scenario: Any, catalogue: Any) -> str:
-    """The MuJoCo model of the scenario's first run."""
+def _xml(scenario: Any, catalogue: Any, folders: tuple[str, ...]) -> str:
+    """The MuJoCo model of the scenario's first run; the bare machine's where it would compile effects in vain."""
+    if folders and scenario.engine != "mujoco":
+        import models
+
+        return models.machine(scenario.model.machine).xml() if scenario.model.machine else ""
     from testbed.engines.mujoco_engine import model_xml
 
     run = scenario.run(0)

@@ -72,7 +72,7 @@ def drive_one(A, P, G, I, Y, force, rate, substeps, limit, out):
             Y[0] = e00 * x + e01 * v + f01 * kick
             Y[1] = e10 * x + e11 * v + f11 * kick + h * N4[1] / 6.0
             if not abs(Y[0]) < limit:
-                out[:, sample + 1:] = np.nan
+                out[:, sample + 1 :] = np.nan
                 return False
     return True
 

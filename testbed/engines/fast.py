@@ -7,23 +7,35 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed.compose import compose
 from testbed.cut import Cut, Sampling
 from testbed.effect import Effect
 from testbed.effect import catalogue as known_effects
 from testbed.engines import fast_kernel as fk
 from testbed.engines import linear_kernel
 from testbed.engines import loop_kernel as lk
+from testbed.engines.compose import compose
 from testbed.engines.measure import measured_channels
 from testbed.engines.packing import Packed, pack
 from testbed.machine import Cutter, Model
 from testbed.recording import Outcome, Recording
 
 LIMIT = 1.0  # m; a displacement beyond it is a run that has diverged
-CHANNELS = {"displacement": fk.SENSED_X, "velocity": fk.SENSED_V, "acceleration": fk.SENSED_A, "force_x": fk.FORCE_X,
-            "force_y": fk.FORCE_Y, "spindle_angle": fk.ANGLE}
-UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "force_x": "N", "force_y": "N",
-         "spindle_angle": "rad"}
+CHANNELS = {
+    "displacement": fk.SENSED_X,
+    "velocity": fk.SENSED_V,
+    "acceleration": fk.SENSED_A,
+    "force_x": fk.FORCE_X,
+    "force_y": fk.FORCE_Y,
+    "spindle_angle": fk.ANGLE,
+}
+UNITS = {
+    "displacement": "m",
+    "velocity": "m/s",
+    "acceleration": "m/s^2",
+    "force_x": "N",
+    "force_y": "N",
+    "spindle_angle": "rad",
+}
 _OUTCOMES: dict[int, Outcome] = {fk.OUTCOME_OK: "ok", fk.OUTCOME_DIVERGED: "diverged"}
 _LINEAR_CHANNELS = {"displacement", "velocity", "acceleration"}
 
@@ -39,27 +51,63 @@ class BatchResult:
     outcome_time: np.ndarray
 
 
-def _run(packed: Sequence[Packed], clock: np.ndarray, durations: np.ndarray, forces: bool, count: int, passes: int,
-         catalogue: Mapping[str, Effect], linear: bool) -> BatchResult:
+def _run(
+    packed: Sequence[Packed],
+    clock: np.ndarray,
+    durations: np.ndarray,
+    forces: bool,
+    count: int,
+    passes: int,
+    catalogue: Mapping[str, Effect],
+    linear: bool,
+) -> BatchResult:
     runs = len(packed)
     A, P, G, integers, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIY")
-    result = BatchResult(np.empty((runs, fk.N_CHANNELS, count)), np.empty((runs, passes + 1)),
-                         np.empty((runs, passes + 1, 2)), np.empty(runs, dtype=np.int64), np.empty(runs))
+    result = BatchResult(
+        np.empty((runs, fk.N_CHANNELS, count)),
+        np.empty((runs, passes + 1)),
+        np.empty((runs, passes + 1, 2)),
+        np.empty(runs, dtype=np.int64),
+        np.empty(runs),
+    )
     if linear:
-        linear_kernel.run_linear_batch(G, integers, Y, clock, LIMIT, result.out, result.pass_times, result.pass_states,
-                                       result.outcome, result.outcome_time)
+        linear_kernel.run_linear_batch(
+            G, integers, Y, clock, LIMIT, result.out, result.pass_times, result.pass_states, result.outcome, result.outcome_time
+        )
     else:
         wanted = np.zeros(fk.N_CHANNELS, dtype=np.bool_)
         wanted[[fk.FORCE_X, fk.FORCE_Y]] = forces
         kernel = compose(catalogue, ("loop_kernel", "fast_kernel"))
-        kernel.run_batch(A, P, G, integers, Y, durations, clock, wanted, LIMIT, result.out, result.pass_times,
-                         result.pass_states, result.outcome, result.outcome_time)
+        kernel.run_batch(
+            A,
+            P,
+            G,
+            integers,
+            Y,
+            durations,
+            clock,
+            wanted,
+            LIMIT,
+            result.out,
+            result.pass_times,
+            result.pass_states,
+            result.outcome,
+            result.outcome_time,
+        )
     return result
 
 
-def simulate_batch(models: Sequence[Model], cuts: Sequence[Cut], samplings: Sequence[Sampling], *, forces: bool = False,
-                   steps: int | None = None, catalogue: Mapping[str, Effect] | None = None,
-                   durations: Sequence[np.ndarray] | None = None, general: bool = False) -> BatchResult:
+def simulate_batch(
+    models: Sequence[Model],
+    cuts: Sequence[Cut],
+    samplings: Sequence[Sampling],
+    *,
+    forces: bool = False,
+    steps: int | None = None,
+    catalogue: Mapping[str, Effect] | None = None,
+    durations: Sequence[np.ndarray] | None = None,
+    general: bool = False,
+) -> BatchResult:
     """Simulate runs side by side; every run's samples and passes are padded with NaN to the longest.
 
     durations: measured times of the tooth passes (s), one array a run, in place of the nominal speed. general: take the
@@ -67,8 +115,7 @@ def simulate_batch(models: Sequence[Model], cuts: Sequence[Cut], samplings: Sequ
     of the sensor itself.
     """
     effects = known_effects() if catalogue is None else catalogue
-    packed = [pack(model, cut, effects, steps, durations is not None)
-              for model, cut in zip(models, cuts, strict=True)]
+    packed = [pack(model, cut, effects, steps, durations is not None) for model, cut in zip(models, cuts, strict=True)]
     count = max(sampling.count for sampling in samplings)
     passes = max(cut.total_passes for cut in cuts)
     clock = np.array([[sampling.start, sampling.rate] for sampling in samplings])
@@ -81,9 +128,16 @@ def simulate_batch(models: Sequence[Model], cuts: Sequence[Cut], samplings: Sequ
     return _run(packed, clock, table, forces, count, passes, effects, linear)
 
 
-def simulate(model: Model, cut: Cut, sampling: Sampling, *, channels: Sequence[str] = ("displacement",),
-             steps: int | None = None, catalogue: Mapping[str, Effect] | None = None,
-             durations: np.ndarray | None = None) -> Recording:
+def simulate(
+    model: Model,
+    cut: Cut,
+    sampling: Sampling,
+    *,
+    channels: Sequence[str] = ("displacement",),
+    steps: int | None = None,
+    catalogue: Mapping[str, Effect] | None = None,
+    durations: np.ndarray | None = None,
+) -> Recording:
     """Simulate one test. See `testbed.recording` for what comes back; sampled after the sensor's own effects.
 
     steps: Runge-Kutta steps while the leading tooth crosses its cut; chosen for an error below 1e-6 where None.
@@ -93,18 +147,36 @@ def simulate(model: Model, cut: Cut, sampling: Sampling, *, channels: Sequence[s
         raise ValueError(f"no channel {', '.join(sorted(unknown))}; known: {', '.join(CHANNELS)}")
     effects = known_effects() if catalogue is None else catalogue
     general = not set(channels) <= _LINEAR_CHANNELS
-    result = simulate_batch([model], [cut], [sampling], forces=bool({"force_x", "force_y"} & set(channels)), steps=steps,
-                            catalogue=effects, durations=None if durations is None else [durations], general=general)
+    result = simulate_batch(
+        [model],
+        [cut],
+        [sampling],
+        forces=bool({"force_x", "force_y"} & set(channels)),
+        steps=steps,
+        catalogue=effects,
+        durations=None if durations is None else [durations],
+        general=general,
+    )
     signals = {name: result.out[0, place] for name, place in CHANNELS.items()}
     times = result.pass_times[0]
     cutter = model.cutter or Cutter()
     return Recording(
-        channels=measured_channels(model, effects, signals, channels, sampling), sampling_rate=sampling.rate,
-        units={name: UNITS[name] for name in channels}, origin="predicted", start=sampling.start,
-        marks=once_per_revolution(times, cut, cutter.flutes), pass_times=times,
-        outcome=_OUTCOMES[int(result.outcome[0])], outcome_time=float(result.outcome_time[0]),
-        conditions={"spindle_speed": cut.spindle_speed, "axial_depth_of_cut": cut.axial_depth_of_cut,
-                    "feed_per_tooth": cut.feed_per_tooth, "pass_states": result.pass_states[0]})
+        channels=measured_channels(model, effects, signals, channels, sampling),
+        sampling_rate=sampling.rate,
+        units={name: UNITS[name] for name in channels},
+        origin="predicted",
+        start=sampling.start,
+        marks=once_per_revolution(times, cut, cutter.flutes),
+        pass_times=times,
+        outcome=_OUTCOMES[int(result.outcome[0])],
+        outcome_time=float(result.outcome_time[0]),
+        conditions={
+            "spindle_speed": cut.spindle_speed,
+            "axial_depth_of_cut": cut.axial_depth_of_cut,
+            "feed_per_tooth": cut.feed_per_tooth,
+            "pass_states": result.pass_states[0],
+        },
+    )
 
 
 def once_per_revolution(pass_times: np.ndarray, cut: Cut, flutes: int) -> np.ndarray:

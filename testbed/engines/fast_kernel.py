@@ -46,8 +46,31 @@ def free_map(G, dt):
 
 
 @njit
-def sample_step(A, P, G, clock, wanted, Y0, D0, Y1, D1, angle0, angle1, pass_number, teeth, s0, sm, s1, phase0, phase1, cutting,
-                out, position, scratch, surface):
+def sample_step(
+    A,
+    P,
+    G,
+    clock,
+    wanted,
+    Y0,
+    D0,
+    Y1,
+    D1,
+    angle0,
+    angle1,
+    pass_number,
+    teeth,
+    s0,
+    sm,
+    s1,
+    phase0,
+    phase1,
+    cutting,
+    out,
+    position,
+    scratch,
+    surface,
+):
     """Fill the samples that fall into one step by cubic Hermite interpolation in time; return the next sample."""
     start, rate = clock[0], clock[1]
     dt = Y1[2] - Y0[2]
@@ -65,16 +88,18 @@ def sample_step(A, P, G, clock, wanted, Y0, D0, Y1, D1, angle0, angle1, pass_num
         h11 = u * u * (u - 1.0)
         out[SENSED_X, position] = (1.0 - h01) * x0 + h01 * x1 + dt * (h10 * v0 + h11 * v1)
         out[SENSED_V, position] = (1.0 - h01) * v0 + h01 * v1 + dt * (h10 * a0 + h11 * a1)
-        out[SENSED_A, position] = 6.0 * u * (1.0 - u) * (v1 - v0) / dt + (1.0 - u) * (1.0 - 3.0 * u) * a0 \
-            + u * (3.0 * u - 2.0) * a1
+        out[SENSED_A, position] = (
+            6.0 * u * (1.0 - u) * (v1 - v0) / dt + (1.0 - u) * (1.0 - 3.0 * u) * a0 + u * (3.0 * u - 2.0) * a1
+        )
         out[ANGLE, position] = angle0 + h01 * (angle1 - angle0) + dt * (h10 * w0 + h11 * w1)
         if wanted[FORCE_X] and cutting:
             for place in range(Y0.shape[0]):
                 scratch[place] = (1.0 - h01) * Y0[place] + h01 * Y1[place] + dt * (h10 * D0[place] + h11 * D1[place])
             scratch[2] = t
             for edge in range(teeth * int(G[SLICES])):
-                surface[edge] = s0[edge] * (1.0 - u) * (1.0 - 2.0 * u) + sm[edge] * 4.0 * u * (1.0 - u) \
-                    + s1[edge] * u * (2.0 * u - 1.0)
+                surface[edge] = (
+                    s0[edge] * (1.0 - u) * (1.0 - 2.0 * u) + sm[edge] * 4.0 * u * (1.0 - u) + s1[edge] * u * (2.0 * u - 1.0)
+                )
             fx, fy, torque = cutting_force(A, P, G, scratch, phase0 + u * (phase1 - phase0), pass_number, teeth, surface)
             out[FORCE_X, position] = fx
             out[FORCE_Y, position] = fy
@@ -212,8 +237,30 @@ def fly(A, P, G, I, Y, W, clock, steps, span, angle, out, position):
 
 
 @njit
-def cross_segment(A, P, G, I, Y, S, row0, steps, span, base, angle, pass_number, teeth, first, mean_torque, clock, wanted,
-                  limit, out, position, work, pending):
+def cross_segment(
+    A,
+    P,
+    G,
+    I,
+    Y,
+    S,
+    row0,
+    steps,
+    span,
+    base,
+    angle,
+    pass_number,
+    teeth,
+    first,
+    mean_torque,
+    clock,
+    wanted,
+    limit,
+    out,
+    position,
+    work,
+    pending,
+):
     """Step through one segment of a pass, reading the surface S and leaving a new one behind.
 
     Row 2k of S is the surface at step k, row 2k+1 at its middle. The row at a step's end is still to be read by the next
@@ -226,13 +273,55 @@ def cross_segment(A, P, G, I, Y, S, row0, steps, span, base, angle, pass_number,
     for step in range(steps):
         row, phase = row0 + 2 * step, base + step * span
         after = phase + span
-        impulse += advance(A, P, G, I, Y, D0, torque0, speed0, Y1, work[4:8], W, span, phase, pass_number, teeth,
-                           S[row], S[row + 1], S[row + 2], mean_torque)
+        impulse += advance(
+            A,
+            P,
+            G,
+            I,
+            Y,
+            D0,
+            torque0,
+            speed0,
+            Y1,
+            work[4:8],
+            W,
+            span,
+            phase,
+            pass_number,
+            teeth,
+            S[row],
+            S[row + 1],
+            S[row + 2],
+            mean_torque,
+        )
         if not abs(Y1[0]) < limit:
             return position, impulse, False
         speed1, torque1 = slope(A, P, G, Y1, D1, after, pass_number, teeth, S[row + 2], mean_torque)
-        position = sample_step(A, P, G, clock, wanted, Y, D0, Y1, D1, angle + phase, angle + after, pass_number, teeth,
-                               S[row], S[row + 1], S[row + 2], phase, after, teeth > 0, out, position, W, column)
+        position = sample_step(
+            A,
+            P,
+            G,
+            clock,
+            wanted,
+            Y,
+            D0,
+            Y1,
+            D1,
+            angle + phase,
+            angle + after,
+            pass_number,
+            teeth,
+            S[row],
+            S[row + 1],
+            S[row + 2],
+            phase,
+            after,
+            teeth > 0,
+            out,
+            position,
+            W,
+            column,
+        )
         if teeth > 0:
             if first and step == 0:
                 leave_surface(A, P, G, Y, phase, pass_number, teeth, S[row], S[row])
@@ -280,7 +369,7 @@ def run_one(A, P, G, I, Y, durations, clock, wanted, limit, out, pass_times, pas
             G[T_ENTRY] = Y[2]
             for row in range(rows):
                 phase = 0.5 * row * step_a if row <= 2 * n_a else G[SPLIT] + (0.5 * row - n_a) * step_b
-                first_surface(A, P, G, work[1, :Y.shape[0]], phase, I[TEETH_A], Y[2] + phase / G[OMEGA], S[row])
+                first_surface(A, P, G, work[1, : Y.shape[0]], phase, I[TEETH_A], Y[2] + phase / G[OMEGA], S[row])
         impulse = 0.0
         for segment in range(2):
             steps, span = (n_a, step_a) if segment == 0 else (n_b, step_b)
@@ -291,11 +380,32 @@ def run_one(A, P, G, I, Y, durations, clock, wanted, limit, out, pass_times, pas
             if steps == 0:
                 continue
             if teeth == 0 and linear:
-                position = fly(A, P, G, I, Y, work[1, :Y.shape[0]], clock, steps, span, angle + base, out, position)
+                position = fly(A, P, G, I, Y, work[1, : Y.shape[0]], clock, steps, span, angle + base, out, position)
                 continue
-            position, load, bounded = cross_segment(A, P, G, I, Y, S, row0, steps, span, base, angle, pass_number, teeth,
-                                                    segment == 0, mean_torque, clock, wanted, limit, out, position,
-                                                    work, pending)
+            position, load, bounded = cross_segment(
+                A,
+                P,
+                G,
+                I,
+                Y,
+                S,
+                row0,
+                steps,
+                span,
+                base,
+                angle,
+                pass_number,
+                teeth,
+                segment == 0,
+                mean_torque,
+                clock,
+                wanted,
+                limit,
+                out,
+                position,
+                work,
+                pending,
+            )
             impulse += load
             if not bounded:
                 out[:, position:] = np.nan
@@ -315,5 +425,17 @@ def run_one(A, P, G, I, Y, durations, clock, wanted, limit, out, pass_times, pas
 def run_batch(A, P, G, I, Y, durations, clock, wanted, limit, out, pass_times, pass_states, outcome, outcome_time):
     """run_one over the first axis of every array."""
     for run in range(G.shape[0]):
-        outcome[run], outcome_time[run] = run_one(A[run], P[run], G[run], I[run], Y[run], durations[run], clock[run],
-                                                  wanted, limit, out[run], pass_times[run], pass_states[run])
+        outcome[run], outcome_time[run] = run_one(
+            A[run],
+            P[run],
+            G[run],
+            I[run],
+            Y[run],
+            durations[run],
+            clock[run],
+            wanted,
+            limit,
+            out[run],
+            pass_times[run],
+            pass_states[run],
+        )

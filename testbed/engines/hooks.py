@@ -1,6 +1,6 @@
 """The places on the regenerative loop, as the base model leaves them: every hook contributes nothing.
 
-The kernels are written against these names. `testbed.compose` puts the catalogue's functions in their place.
+The kernels are written against these names. `testbed.engines.compose` puts the catalogue's functions in their place.
 A holds one flag per effect, P all effects' parameters, Y the state [x (m), v (m/s), t (s), effects' states ...].
 """
 

@@ -65,7 +65,7 @@ def cross(G, x, v, t0, dt, steps, kappa, memory, row0, first, last, clock, out, 
     for step in range(steps):
         row = row0 + 2 * step
         n1 = -kappa[2 * step] * (feed + x - memory[row])
-        hx, hv = f00 * x + f01 * v, f10 * x + f11 * v
+        hx = f00 * x + f01 * v
         ex, ev = e00 * x + e01 * v, e10 * x + e11 * v
         n2 = -kappa[2 * step + 1] * (feed + hx + 0.5 * dt * f01 * n1 - memory[row + 1])
         n3 = -kappa[2 * step + 1] * (feed + hx - memory[row + 1])
@@ -84,8 +84,9 @@ def cross(G, x, v, t0, dt, steps, kappa, memory, row0, first, last, clock, out, 
                 h10, h01, h11 = u * (1.0 - u) ** 2, u * u * (3.0 - 2.0 * u), u * u * (u - 1.0)
                 out[SENSED_X, position] = (1.0 - h01) * x + h01 * x1 + dt * (h10 * v + h11 * v1)
                 out[SENSED_V, position] = (1.0 - h01) * v + h01 * v1 + dt * (h10 * a0 + h11 * a1)
-                out[SENSED_A, position] = 6.0 * u * (1.0 - u) * (v1 - v) / dt + (1.0 - u) * (1.0 - 3.0 * u) * a0 \
-                    + u * (3.0 * u - 2.0) * a1
+                out[SENSED_A, position] = (
+                    6.0 * u * (1.0 - u) * (v1 - v) / dt + (1.0 - u) * (1.0 - 3.0 * u) * a0 + u * (3.0 * u - 2.0) * a1
+                )
                 position += 1
         memory[row] = x if first and step == 0 else pending
         memory[row + 1] = 0.5 * (x + x1) + 0.125 * dt * (v - v1)
@@ -120,12 +121,14 @@ def run_linear(G, I, Y, clock, limit, out, pass_times, pass_states):  # noqa: E7
             position = fly_linear(G, x, v, t0, tau, clock, out, position)
             x, v = a * x + b * v, c * x + d * v
         else:
-            x, v, position, last, bounded = cross(G, x, v, t0, dt_a, n_a, kappa_a, memory, 0, True, last, clock, out,
-                                                  position, limit)
+            x, v, position, last, bounded = cross(
+                G, x, v, t0, dt_a, n_a, kappa_a, memory, 0, True, last, clock, out, position, limit
+            )
             if bounded and n_b > 0:
                 if I[TEETH_B] > 0:
-                    x, v, position, last, bounded = cross(G, x, v, t0 + n_a * dt_a, dt_b, n_b, kappa_b, memory, 2 * n_a,
-                                                          False, last, clock, out, position, limit)
+                    x, v, position, last, bounded = cross(
+                        G, x, v, t0 + n_a * dt_a, dt_b, n_b, kappa_b, memory, 2 * n_a, False, last, clock, out, position, limit
+                    )
                     memory[2 * (n_a + n_b)] = last
                 else:
                     memory[2 * n_a] = last
@@ -135,8 +138,8 @@ def run_linear(G, I, Y, clock, limit, out, pass_times, pass_states):  # noqa: E7
                 memory[2 * n_a] = last
             if not bounded:
                 out[:, position:] = np.nan
-                pass_times[number + 1:] = np.nan
-                pass_states[number + 1:, :] = np.nan
+                pass_times[number + 1 :] = np.nan
+                pass_states[number + 1 :, :] = np.nan
                 return OUTCOME_DIVERGED, t0
         pass_times[number + 1], pass_states[number + 1, 0], pass_states[number + 1, 1] = Y[2] + (number + 1) * tau, x, v
     Y[0], Y[1] = x, v
@@ -187,5 +190,6 @@ def fly_linear(G, x, v, t0, dt, clock, out, position):
 def run_linear_batch(G, I, Y, clock, limit, out, pass_times, pass_states, outcome, outcome_time):  # noqa: E741
     """run_linear over the first axis of every array."""
     for run in range(G.shape[0]):
-        outcome[run], outcome_time[run] = run_linear(G[run], I[run], Y[run], clock[run], limit, out[run],
-                                                     pass_times[run], pass_states[run])
+        outcome[run], outcome_time[run] = run_linear(
+            G[run], I[run], Y[run], clock[run], limit, out[run], pass_times[run], pass_states[run]
+        )

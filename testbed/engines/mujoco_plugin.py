@@ -16,9 +16,9 @@ import mujoco
 from numba import carray, cfunc, types
 from numba.extending import intrinsic
 
-from testbed.compose import compose
 from testbed.effect import Effect
 from testbed.engines import mujoco_abi as abi
+from testbed.engines.compose import compose
 from testbed.engines.mujoco_kernel import M_DOF, M_RECORD, M_ROWS, R_SIZE, U_DT, U_STAGE
 
 _CALLBACKS = ("nstate", "nsensordata", "init", "destroy", "copy", "reset", "compute", "advance", "visualize",

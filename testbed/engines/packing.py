@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbed.compose import Layout
 from testbed.cut import Cut
 from testbed.effect import Effect
 from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
+from testbed.engines.compose import Layout
 from testbed.machine import Cutter, Cutting, Model, Structure
 
 POINT_ANGLE = 0.3  # rad of helical lag that one Gauss point more is spent on
@@ -63,8 +63,7 @@ def true_geometry(model: Model, catalogue: Mapping[str, Effect]) -> tuple[Cutter
         if "immersion" in effect.hooks:
             cutting = replace(cutting, immersion=_python_hook(effect, "immersion", values, immersion=cutting.immersion))
         if "helix_angle" in effect.hooks:
-            cutter = replace(cutter, helix_angle=_python_hook(effect, "helix_angle", values,
-                                                              helix_angle=cutter.helix_angle))
+            cutter = replace(cutter, helix_angle=_python_hook(effect, "helix_angle", values, helix_angle=cutter.helix_angle))
     return cutter, cutting
 
 
@@ -74,8 +73,9 @@ def fastest_frequency(model: Model, catalogue: Mapping[str, Effect]) -> float:
     rates = [structure.natural_frequency_rad]
     for name, values in active_effects(model, catalogue).items():
         if "highest_frequency" in catalogue[name].hooks:
-            rates.append(_python_hook(catalogue[name], "highest_frequency", values, mass=structure.mass,
-                                      stiffness=structure.stiffness))
+            rates.append(
+                _python_hook(catalogue[name], "highest_frequency", values, mass=structure.mass, stiffness=structure.stiffness)
+            )
     return max(rates)
 
 
@@ -101,8 +101,17 @@ def _touches_loop(effect: Effect) -> bool:
     return any(hook not in _PYTHON_HOOKS and hook not in ("immersion", "helix_angle") for hook in effect.hooks)
 
 
-def _grid(steps: int | None, split: float, cutter: Cutter, speed: float, fastest: float, stepped: bool,
-          steady: bool, lag: float, free_phase: float = STEP_PHASE) -> tuple[int, int]:
+def _grid(
+    steps: int | None,
+    split: float,
+    cutter: Cutter,
+    speed: float,
+    fastest: float,
+    stepped: bool,
+    steady: bool,
+    lag: float,
+    free_phase: float = STEP_PHASE,
+) -> tuple[int, int]:
     """Steps before and after the split of the pitch."""
     rest = cutter.pitch - split
     n_a = steps or max(math.ceil(split / speed * fastest / STEP_PHASE), math.ceil(split / STEP_ANGLE), 6)
@@ -127,28 +136,41 @@ def _layout(catalogue: Mapping[str, Effect]) -> Layout:
     return known[1]
 
 
-def _geometry(cutter: Cutter, cutting: Cutting, structure: Structure, cut: Cut, slices: int, lag: float,
-              split: float) -> np.ndarray:
+def _geometry(
+    cutter: Cutter, cutting: Cutting, structure: Structure, cut: Cut, slices: int, lag: float, split: float
+) -> np.ndarray:
     """The array G of loop_kernel."""
     values = {
-        lk.FLUTES: cutter.flutes, lk.PITCH: cutter.pitch, lk.RADIUS: cutter.diameter / 2,
-        lk.ENTRY: cutting.entry_angle, lk.ENGAGED: cutting.engagement_angle, lk.SLICES: slices,
-        lk.SLICE_LAG: lag / slices, lk.SLICE_COVER: lag / slices, lk.SLICE_DEPTH: cut.axial_depth_of_cut / slices,
-        lk.KT: cutting.tangential_coefficient, lk.KN: cutting.normal_coefficient, lk.FEED: cut.feed_per_tooth,
-        lk.FEED_SPEED: cut.feed_per_tooth / cut.tooth_passing_period(cutter.flutes), lk.OMEGA: cut.spindle_speed,
-        lk.LENGTH_BEFORE: cut.length_cut_before, lk.SPLIT: split, lk.MASS: structure.mass,
-        lk.DAMPING: structure.damping, lk.STIFFNESS: structure.stiffness,
+        lk.FLUTES: cutter.flutes,
+        lk.PITCH: cutter.pitch,
+        lk.RADIUS: cutter.diameter / 2,
+        lk.ENTRY: cutting.entry_angle,
+        lk.ENGAGED: cutting.engagement_angle,
+        lk.SLICES: slices,
+        lk.SLICE_LAG: lag / slices,
+        lk.SLICE_COVER: lag / slices,
+        lk.SLICE_DEPTH: cut.axial_depth_of_cut / slices,
+        lk.KT: cutting.tangential_coefficient,
+        lk.KN: cutting.normal_coefficient,
+        lk.FEED: cut.feed_per_tooth,
+        lk.FEED_SPEED: cut.feed_per_tooth / cut.tooth_passing_period(cutter.flutes),
+        lk.OMEGA: cut.spindle_speed,
+        lk.LENGTH_BEFORE: cut.length_cut_before,
+        lk.SPLIT: split,
+        lk.MASS: structure.mass,
+        lk.DAMPING: structure.damping,
+        lk.STIFFNESS: structure.stiffness,
     }
     return np.array([values.get(place, 0.0) for place in range(lk.G_SIZE)])
 
 
-def pack(model: Model, cut: Cut, catalogue: Mapping[str, Effect], steps: int | None = None,
-         measured_clock: bool = False) -> Packed:
+def pack(
+    model: Model, cut: Cut, catalogue: Mapping[str, Effect], steps: int | None = None, measured_clock: bool = False
+) -> Packed:
     """Arrays for one run. `steps` is the number of steps while the leading tooth crosses the split; None chooses it."""
     layout = _layout(catalogue)
     active = active_effects(model, catalogue)
-    cutter, cutting = true_geometry(model, catalogue) if active else (model.cutter or Cutter(),
-                                                                      model.cutting or Cutting())
+    cutter, cutting = true_geometry(model, catalogue) if active else (model.cutter or Cutter(), model.cutting or Cutting())
     structure, depth = model.structure, cut.axial_depth_of_cut
     A, P = np.zeros(max(1, len(catalogue))), np.zeros(max(1, len(layout.parameter)))
     for name, values in active.items():
@@ -165,12 +187,20 @@ def pack(model: Model, cut: Cut, catalogue: Mapping[str, Effect], steps: int | N
     stepped = not linear or teeth_b > 0
     fastest = fastest_frequency(model, catalogue) * (1.0 if steady else 2.0)  # the classical scheme gathers phase error
     weak = steady and not states and teeth_b == 0
-    n_a, n_b = _grid(steps, split, cutter, cut.spindle_speed, fastest, stepped, steady, lag,
-                     FREE_PHASE if weak else STEP_PHASE)
+    n_a, n_b = _grid(steps, split, cutter, cut.spindle_speed, fastest, stepped, steady, lag, FREE_PHASE if weak else STEP_PHASE)
     G = _geometry(cutter, cutting, structure, cut, slices, lag, split)
-    settings = {fk.N_A: n_a, fk.N_B: n_b, fk.TEETH_A: teeth_a, fk.TEETH_B: teeth_b, fk.IDLE: cut.idle_passes,
-                fk.CUT: cut.passes, fk.RING_DOWN: cut.ring_down_passes, fk.LINEAR: linear, fk.STATES_ON: states,
-                fk.STEADY_SPEED: steady}
+    settings = {
+        fk.N_A: n_a,
+        fk.N_B: n_b,
+        fk.TEETH_A: teeth_a,
+        fk.TEETH_B: teeth_b,
+        fk.IDLE: cut.idle_passes,
+        fk.CUT: cut.passes,
+        fk.RING_DOWN: cut.ring_down_passes,
+        fk.LINEAR: linear,
+        fk.STATES_ON: states,
+        fk.STEADY_SPEED: steady,
+    }
     integers = np.array([settings[place] for place in range(fk.I_SIZE)], dtype=np.int64)
     Y = np.zeros(3 + len(layout.state))
     Y[:2] = cut.initial_displacement, cut.initial_velocity

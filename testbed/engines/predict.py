@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from testbed.compose import compose
 from testbed.cut import Cut, Sampling
 from testbed.effect import Effect
 from testbed.effect import catalogue as known_effects
 from testbed.engines import fast
 from testbed.engines import fast_kernel as fk
+from testbed.engines.compose import compose
 from testbed.engines.measure import measured_channels
 from testbed.engines.packing import STEP_PHASE, fastest_frequency, pack
 from testbed.machine import Model
@@ -20,21 +20,32 @@ from testbed.machine import Model
 _STILL = Cut(spindle_speed=1.0, axial_depth_of_cut=0.0)  # a driven structure is not cut
 
 
-def predict_cuts(models: Sequence[Model], cuts: Sequence[Cut], samplings: Sequence[Sampling], channels: Sequence[str], *,
-                 durations: Sequence[np.ndarray] | None = None, catalogue: Mapping[str, Effect] | None = None,
-                 ) -> np.ndarray:
+def predict_cuts(
+    models: Sequence[Model],
+    cuts: Sequence[Cut],
+    samplings: Sequence[Sampling],
+    channels: Sequence[str],
+    *,
+    durations: Sequence[np.ndarray] | None = None,
+    catalogue: Mapping[str, Effect] | None = None,
+) -> np.ndarray:
     """Predicted channels of cuts that share their sampling's count, shape (runs, channels, samples); NaN after divergence."""
     effects = known_effects() if catalogue is None else catalogue
     forces = any(name.startswith("force") for name in channels)
-    result = fast.simulate_batch(models, cuts, samplings, forces=forces, catalogue=effects, durations=durations,
-                                 general=forces)
-    return np.stack([_sensed(model, effects, result.out[run], channels, samplings[run])
-                     for run, model in enumerate(models)])
+    result = fast.simulate_batch(models, cuts, samplings, forces=forces, catalogue=effects, durations=durations, general=forces)
+    return np.stack([_sensed(model, effects, result.out[run], channels, samplings[run]) for run, model in enumerate(models)])
 
 
-def predict_driven(models: Sequence[Model], states: Sequence[tuple[float, float]], force: np.ndarray, rate: float,
-                   channels: Sequence[str], *, catalogue: Mapping[str, Effect] | None = None, limit: float = math.inf,
-                   ) -> np.ndarray:
+def predict_driven(
+    models: Sequence[Model],
+    states: Sequence[tuple[float, float]],
+    force: np.ndarray,
+    rate: float,
+    channels: Sequence[str],
+    *,
+    catalogue: Mapping[str, Effect] | None = None,
+    limit: float = math.inf,
+) -> np.ndarray:
     """Predicted channels of a structure under a sampled force (N), from states (x, v) at the first sample.
 
     Shape (runs, channels, samples); zeros for `force` make it a free decay.
@@ -47,14 +58,26 @@ def predict_driven(models: Sequence[Model], states: Sequence[tuple[float, float]
     Y[:, :2] = states
     out = np.zeros((len(models), fk.N_CHANNELS, len(force)))
     kernel = compose(effects, ("loop_kernel", "fast_kernel", "drive_kernel"))
-    kernel.drive_batch(A, P, G, integers, Y, np.broadcast_to(force, (len(models), len(force))), rate, substeps, limit,
-                       out, np.zeros(len(models), dtype=np.bool_))
+    kernel.drive_batch(
+        A,
+        P,
+        G,
+        integers,
+        Y,
+        np.broadcast_to(force, (len(models), len(force))),
+        rate,
+        substeps,
+        limit,
+        out,
+        np.zeros(len(models), dtype=np.bool_),
+    )
     sampling = Sampling(rate, len(force))
     return np.stack([_sensed(model, effects, out[run], channels, sampling) for run, model in enumerate(models)])
 
 
-def _sensed(model: Model, effects: Mapping[str, Effect], out: np.ndarray, channels: Sequence[str],
-            sampling: Sampling) -> np.ndarray:
+def _sensed(
+    model: Model, effects: Mapping[str, Effect], out: np.ndarray, channels: Sequence[str], sampling: Sampling
+) -> np.ndarray:
     signals = {name: out[place, : sampling.count] for name, place in fast.CHANNELS.items()}
     measured = measured_channels(model, effects, signals, channels, sampling)
     return np.stack([measured[name] for name in channels])

@@ -13,12 +13,12 @@ from types import ModuleType
 
 import numpy as np
 
-from testbed.compose import Layout, compose
 from testbed.cut import Cut
 from testbed.effect import Effect
 from testbed.effect import catalogue as known_effects
 from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
+from testbed.engines.compose import Layout, compose
 from testbed.engines.packing import Packed, active_effects, fastest_frequency, pack
 from testbed.machine import Model
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-
 import numpy as np
 
 from analysis.collocation import collocation_multipliers
 from analysis.delay_equation import milling_equation
 from analysis.temporal_elements import characteristic_multipliers, converged_multipliers
-from tests.validation.claims import MASS, PAPER, Claim, Section, below, rpm
+from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
+from tests.validation.claims import MASS, PAPER, Claim, Section, below, rpm
 
 # (rpm, mm, largest multiplier, its modulus): Chebyshev collocation with 24 nodes, as published to five digits
 TABLE = ((3050, 2.7, 0.95768 + 0.65254j, 1.15886), (3565, 2.1, -0.97932 + 0.25732j, 1.01256),
@@ -17,7 +17,7 @@ TABLE = ((3050, 2.7, 0.95768 + 0.65254j, 1.15886), (3565, 2.1, -0.97932 + 0.2573
          (2850, 2.9, 0.63601 + 0.27068j, 0.69121))
 
 
-def random_point(random: np.random.Generator):
+def random_point(random: np.random.Generator) -> tuple[Model, Cut]:
     """A milling equation with random speed, depth, damping, frequency, immersion and coefficient ratio."""
     tangential = MASS * random.uniform(1e8, 4e8)
     model = Model(Structure(MASS, random.uniform(100, 200), random.uniform(0.002, 0.05)), Cutter(),

@@ -23,7 +23,7 @@ from types import ModuleType
 from testbed.effect import HOOKS, Effect
 from testbed.engines import hooks as base_hooks
 
-ENGINES = Path(__file__).parent / "engines"
+ENGINES = Path(__file__).parent
 _SLOTS = {"displacement": "Y[0]", "velocity": "Y[1]", "time": "Y[2]"}
 _COMPILED = [name for name, hook in HOOKS.items() if hook.joins in ("sum", "product", "replace")]
 
@@ -81,7 +81,7 @@ def _derivatives_text(layout: Layout) -> list[str]:
 
 
 def _import_text(effects: Mapping[str, Effect]) -> list[str]:
-    lines = ["from numba import njit", "import testbed.compose as _compose", ""]
+    lines = ["from numba import njit", "import testbed.engines.compose as _compose", ""]
     for effect in effects.values():
         for hook in effect.hooks:
             if hook in _COMPILED or hook.startswith("derivative_"):

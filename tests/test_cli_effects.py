@@ -1,0 +1,80 @@
+"""`testbed effects`: the catalogue, a card with its picture, and a template that works as it is written."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+from click.testing import CliRunner
+
+from testbed.cli._fingerprint import picture
+from testbed.cli.effects import command
+from testbed.effect import catalogue
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(command, list(arguments), catch_exceptions=False)
+
+
+def test_the_list_names_every_effect():
+    answer = run()
+    assert answer.exit_code == 0
+    for name, effect in catalogue().items():
+        assert name in answer.output and effect.title in answer.output
+
+
+def test_every_card_says_law_parameters_and_confusions_and_draws_a_live_picture():
+    for name, effect in catalogue().items():
+        answer = run(name)
+        assert answer.exit_code == 0 and effect.law in answer.output and effect.leaves in answer.output
+        for parameter in effect.parameters:
+            assert parameter.name in answer.output and parameter.unit in answer.output
+        for other, test in effect.confused_with:
+            assert other in answer.output and test in answer.output
+        change = answer.output[answer.output.index("change by the effect"):]
+        assert len({line.split("|")[1] for line in change.splitlines() if "|" in line}) > 1, name
+
+
+def test_a_card_as_json():
+    card = json.loads(run("runout", "--json", "-", "--quiet").output)
+    assert card["name"] == "runout" and [one["name"] for one in card["parameters"]] == ["offset", "angle"]
+    assert card["parameters"][0]["unit"] == "m"
+
+
+def test_the_picture_puts_a_ramp_where_it_belongs():
+    x = np.linspace(0.0, 1.0, 400)
+    lines = picture(x, 5.0 * x, width=8, height=2)
+    assert lines[0].strip().startswith("5 |") and lines[1].strip().startswith("0 |")
+    top, bottom = (line.split("|")[1] for line in lines[:2])
+    blank = {"\u2800", " "}
+    assert set(top[:4]) <= blank and set(bottom[4:]) <= blank and top[-1] not in blank and bottom[0] not in blank
+    assert picture(x, np.full(400, np.nan)) == ["(no finite values)"]
+    assert len(picture(x, np.zeros(400))) == 5
+
+
+def test_a_new_effect_works_as_it_is_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    answer = run("--new", "my_effect")
+    assert answer.exit_code == 0 and {path.name for path in tmp_path.iterdir()} == {"my_effect.py", "test_my_effect.py"}
+    effect = catalogue(tmp_path)["my_effect"]
+    assert effect.title == "My effect" and effect.hooks["structure_force"](2.0, 3.0) == -6.0
+    found = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_my_effect.py"],
+                           capture_output=True, text=True, timeout=300, check=False)
+    assert found.returncode == 0 and "4 passed" in found.stdout, found.stdout + found.stderr
+
+
+def test_a_name_that_is_taken_or_is_none_is_refused(tmp_path, monkeypatch):
+    import pytest
+
+    from testbed.problem import InputProblem
+
+    monkeypatch.chdir(tmp_path)
+    for name in ("runout", "no-name", "test_mine", "_mine"):
+        with pytest.raises(InputProblem):
+            run("--new", name)
+    (tmp_path / "mine.py").write_text("kept")
+    with pytest.raises(InputProblem, match="exists already"):
+        run("--new", "mine")
+    assert (tmp_path / "mine.py").read_text() == "kept" and not (tmp_path / "test_mine.py").exists()

@@ -1,0 +1,135 @@
+"""A user's effect file that breaks the contract is refused in one line that says where, what and what to do."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from pathlib import Path
+
+import pytest
+
+from testbed.effect import catalogue, read_effect
+from testbed.problem import InputProblem
+
+GOOD = '''"""An effect of one's own."""
+
+import math
+
+from testbed.effect import Effect, Parameter
+
+EFFECT = Effect(
+    title="One's own", law="F = -c v", source="none", validity="always", leaves="nothing much",
+    parameters=(Parameter("coefficient", "c", "N s/m", "strength", neutral=0.0, bounds=(0.0, 10.0), example=1.0),),
+)
+
+
+def structure_force(velocity, coefficient):
+    return -coefficient * velocity
+'''
+LAW = "    return -coefficient * velocity\n"
+PARAMETER = '''Parameter("coefficient", "c", "N s/m", "strength", neutral=0.0, bounds=(0.0, 10.0), example=1.0)'''
+
+FAULTS = {
+    "no unit": ('"N s/m"', '""', "no unit"),
+    "no neutral value": ("neutral=0.0, ", "", "neutral"),
+    "neutral value out of bounds": ("neutral=0.0", "neutral=-1.0", "neutral value lies outside"),
+    "neutral value not a number": ("neutral=0.0", "neutral=float('nan')", "neutral value lies outside"),
+    "example out of bounds": ("example=1.0", "example=11.0", "example lies outside"),
+    "no law": ('law="F = -c v", ', "", "law"),
+    "syntax": ("def structure_force(", "def structure_force((", "SyntaxError"),
+    "missing module": ("import math", "import no_such_module_at_all", "no_such_module_at_all"),
+    "fails on import": ("import math\n", "import math\n\n1 / 0\n", "ZeroDivisionError"),
+    "no EFFECT": ("EFFECT = ", "effect = ", "no EFFECT"),
+    "no hook": ("def structure_force", "def my_force", "no hook function"),
+    "unknown argument": ("(velocity, coefficient)", "(velocity, coeficient)", "'coeficient'"),
+    "argument of another hook": ("(velocity, coefficient)", "(chip, coefficient)", "'chip'"),
+    "nothing switches it off": ("example=1.0)", "example=1.0, vanishes=False)", "switches the effect off"),
+    "two parameters of one name": (PARAMETER + ",", PARAMETER + ", " + PARAMETER + ",", "two parameters"),
+    "state without derivative": ('title="One\'s own",', 'title="One\'s own", states=("memory",),', "derivative_memory"),
+    "not compilable": (LAW, "    return {}.setdefault(velocity, open('a'))\n", "does not compile"),
+    "unknown name": (LAW, "    return -coefficient * velocty\n", "velocty"),
+    "numpy array": (LAW, "    return (coefficient, velocity)\n", "not a number"),
+    "no return": (LAW, "    coefficient * velocity\n", "not a number"),
+}
+
+
+def one_line(problem: InputProblem, path: Path) -> str:
+    text = str(problem)
+    assert "\n" not in text and "Traceback" not in text and len(text) < 600
+    assert text.startswith(str(path)) and problem.what and problem.do
+    assert str(pickle.loads(pickle.dumps(problem))) == text
+    return text
+
+
+def test_the_good_file_is_taken_and_acts(tmp_path):
+    (tmp_path / "my_drag.py").write_text(GOOD)
+    effects = catalogue(tmp_path)
+    assert effects["my_drag"].hooks["structure_force"](2.0, 3.0) == -6.0
+    assert set(catalogue()) < set(effects) and "my_drag" not in catalogue()
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_wrong_file_is_refused_in_one_line(fault, tmp_path):
+    old, new, says = FAULTS[fault]
+    assert old in GOOD
+    path = tmp_path / "my_drag.py"
+    path.write_text(GOOD.replace(old, new, 1))
+    with pytest.raises(InputProblem) as caught:
+        catalogue(tmp_path)
+    assert says in one_line(caught.value, path)
+
+
+def test_the_line_of_the_fault_is_named(tmp_path):
+    path = tmp_path / "my_drag.py"
+    path.write_text(GOOD.replace("(velocity, coefficient)", "(velocity, mistake)"))
+    with pytest.raises(InputProblem) as caught:
+        read_effect(path)
+    assert str(caught.value).startswith(f"{path}:{1 + GOOD[:GOOD.index('def structure')].count(chr(10))}: ")
+
+
+def test_a_name_of_the_catalogue_is_not_taken_again(tmp_path):
+    path = tmp_path / "contact_loss.py"
+    path.write_text(GOOD)
+    with pytest.raises(InputProblem) as caught:
+        catalogue(tmp_path)
+    assert "exists already" in one_line(caught.value, path)
+
+
+def test_a_file_moved_to_another_folder_runs_on_what_was_compiled_before(tmp_path):
+    """In fresh processes: the cache must not refer to the folder the file was first compiled in."""
+    import os
+    import subprocess
+    import sys
+
+    script = ("import sys, math; from testbed.effect import read_effect; from testbed.compose import compose\n"
+              "from pathlib import Path; effect = read_effect(Path(sys.argv[1]) / 'my_drag.py')\n"
+              "from types import MappingProxyType; module = compose(MappingProxyType({'my_drag': effect}), ('loop_kernel',))\n"
+              "import numpy as np; Y = np.array([0.0, 2.0, 0.0]); D = np.zeros(3); G = np.ones(module.G_SIZE)\n"
+              "from numba import njit\n"
+              "module.derivative(np.ones(1), np.array([3.0]), G, Y, D, 0.0, 0.0); print(D[1])")
+    for folder in ("first", "second"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "my_drag.py").write_text(GOOD)
+        found = subprocess.run([sys.executable, "-c", script, str(tmp_path / folder)], capture_output=True, text=True,
+                               env={**os.environ, "TESTBED_CACHE": str(tmp_path / "cache")}, check=False, timeout=120)
+        assert found.returncode == 0, found.stderr
+        assert float(found.stdout) == -6.0 - 2.0
+
+
+def test_a_missing_folder_is_said(tmp_path):
+    with pytest.raises(InputProblem) as caught:
+        catalogue(tmp_path / "nowhere")
+    assert "is not a folder" in one_line(caught.value, tmp_path / "nowhere")
+
+
+def test_a_model_with_an_unknown_effect_or_without_a_parameter_is_refused():
+    from testbed.cut import Cut, Sampling
+    from testbed.engines import fast
+    from testbed.machine import Cutter, Cutting, Model, Structure
+
+    model = Model(Structure(2.573, 146.4, 0.0032), Cutter(), Cutting())
+    course, sampling = Cut(3810 * 2 * math.pi / 60, 1e-3, passes=2), Sampling(1000.0, 10)
+    with pytest.raises(KeyError, match="proces_damping"):
+        fast.simulate(model.with_effect("proces_damping", coefficient=1.0), course, sampling)
+    with pytest.raises(KeyError, match="angle"):
+        fast.simulate(model.with_effect("runout", offset=1e-5), course, sampling)
