@@ -201,9 +201,9 @@ def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, elements: 
              seed: int = 0, channel: str = "displacement", delays: int | None = None) -> Identification:
     """Identify the machine from recorded cuts; `model` is the starting guess.
 
-    Where free decay follows a cut, natural frequency and damping start from it. Each test is a recording and its cut; entry and exit come from the recording's conditions `entry_time` and
-    `exit_time`, else from its pass times, else the whole recording is taken as the cut. ValueError as above, or when
-    a recording holds too few periods.
+    Where free decay follows a cut, natural frequency and damping start from it. Each test is a recording and its cut;
+    entry and exit come from the recording's conditions `entry_time` and `exit_time`, else from its pass times, else
+    the whole recording is taken as the cut. ValueError as above, or when a recording holds too few periods.
     """
     if model.cutter is None:
         raise ValueError("the model has no cutter: multipliers need cuts")
@@ -218,7 +218,8 @@ def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, elements: 
     return identify_multipliers(model, [cut for _, cut in tests], measured, elements=elements, starts=starts, seed=seed)
 
 
-def started_from_ring_down(model: Model, tests: Sequence[tuple[Recording, Cut]], channel: str = "displacement") -> Model:
+def started_from_ring_down(model: Model, tests: Sequence[tuple[Recording, Cut]],
+                           channel: str = "displacement") -> Model:
     """The model with natural frequency and damping ratio of the surest free decay after a cut, if there is a sure one.
 
     Sure is a damping ratio known to better than a half of itself and a frequency within a fifth of the model's.

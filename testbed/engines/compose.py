@@ -162,7 +162,8 @@ def compose(effects: Mapping[str, Effect], kernels: tuple[str, ...]) -> ModuleTy
         return known[1]
     text = _module_text(effects, kernels)
     sources = "".join(effect.path.read_text() for effect in effects.values() if effect.path)
-    stamp = "|".join([text, sources, version("numba"), version("numpy"), sys.version])
+    modules = " ".join(hook.__module__ for effect in effects.values() for hook in effect.hooks.values())  # kept in code
+    stamp = "|".join([text, sources, modules, version("numba"), version("numpy"), sys.version])
     _loading.clear()
     _loading.update(effects)
     module = _compose(sha256(stamp.encode()).hexdigest()[:16], kernels, text)
