@@ -298,7 +298,8 @@ def diagnose(
     fitter, fit = base_fit(plant, records, model)
     base = _candidate(fitter, fit, (), None, 1.0)
     noise = pooled(base.errors)[1]
-    current, steps, last = base, [base], []
+    current, steps = base, [base]
+    seen: list[Candidate] = []
     tied: tuple[str, ...] = ()
     while len(current.effects) < MOST_EFFECTS and current.error_held_out > ADEQUATE * noise:
         assert current.fit is not None and current.fitter is not None
@@ -315,6 +316,7 @@ def diagnose(
             last = [_against(one, refitted) for one in last]
             if current.error_held_out <= ADEQUATE * noise:
                 break
+        seen += last
         passing = [one for one in last if one.fit is not None and _passes(one, current, noise)]
         if not passing:
             break
@@ -328,8 +330,8 @@ def diagnose(
             break
         current = first
         steps.append(first)
-    tries = tuple(sorted((one for one in (last or [])), key=lambda one: one.error_held_out))
-    return _verdict(base, current, steps, tries, noise, tied)
+    seen.sort(key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))
+    return _verdict(base, current, steps, tuple(seen), noise, tied)
 
 
 def _verdict(

@@ -16,8 +16,8 @@ of the reach, for a real corner is not sharp and an integrator needs a smooth la
 Source: geometry; the milling entry as in Y. Altintas (2012), Manufacturing Automation, 2nd ed., chapter 2, and F.
 Koenigsberger and J. Tlusty (1970), Machine Tool Structures, Pergamon. The rounding is this project's.
 
-Valid for a flat front face and a straight feed. The rounded gate is three times differentiable, so that the fourth order
-of integration is kept.
+Valid for a flat front face and a straight feed. The rounded gate is three times differentiable, so that the fourth
+order of integration is kept.
 
 Start of a fit: g = 1, or the feed travelled until the forced motion is steady, over R sin_m.
 """

@@ -18,7 +18,7 @@ from testbed.machine import Cutter, Cutting, Model, Structure
 
 POINT_ANGLE = 0.3  # rad of helical lag that one Gauss point more is spent on
 STEP_PHASE = 0.15  # rad of the fastest vibration a step may cover
-FREE_PHASE = 0.45  # the same where no tooth cuts and the oscillator's exact map carries all but a weak nonlinearity
+FREE_PHASE = 0.3  # the same where no tooth cuts and the oscillator's exact map carries all but a weak nonlinearity
 STEP_ANGLE = 0.12  # rad of tooth travel a step in the cut may cover
 _PYTHON_HOOKS = ("measure",)
 

@@ -17,6 +17,8 @@ RATE = 12800.0
 TESTS = ((3810, 2.9), (2850, 2.9), (4100, 2.0))
 NOISE = 0.5e-6  # m
 COUNTS = 2e-3 / 2**16  # m, one of the 16-bit counts over +-1 mm
+WIDE = ("intervals wider than need be: the multipliers' covariance is enlarged by what a later first period changes, and "
+        "that change is itself noise")
 # the paper's starting guess: omega 930 rad/s, Gamma1 5e8; damping as one reads it off any decay
 START = replace(PAPER, structure=replace(PAPER.structure, natural_frequency=930 / (2 * math.pi), damping_ratio=0.005),
                 cutting=replace(PAPER.cutting, tangential_coefficient=5e8 * MASS, normal_coefficient=1.5e8 * MASS))
@@ -76,7 +78,7 @@ def check(seeds: int = 100) -> Section:
         claims.append(Claim(f"{symbol}: rms error at 0.5 um, {seeds} seeds", f"<= {loud:g}{unit}", f"{rms:.2g}{unit}",
                             bool(rms <= loud)))
         claims.append(Claim(f"{symbol}: 95 % intervals that hold the truth", "90 to 99 %", f"{cover:.0f} %",
-                            bool(90 <= cover <= 99)))
+                            bool(90 <= cover <= 99), WIDE if cover > 99 else ""))
         rows.append((symbol, f"{bias:+.2g}{unit}", f"{all_errors.std(ddof=1):.2g}{unit}", f"{rms:.2g}{unit}",
                      f"{cover:.0f} %"))
     claims.append(Claim("identifications that gave no answer", "0", str(len(failures)), not failures,

@@ -1,0 +1,129 @@
+"""Add an effect to a model, refit everything to the campaign, and say what that did to the error on held-out records."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from analysis.compare import all_free, estimates
+from analysis.diagnose import ANCHOR, Origin, applicable, first_step
+from analysis.held_out import RecordError, conditions_of, held_out_errors, pooled
+from analysis.identify import Estimate
+from analysis.observed import Observed, Plant
+from analysis.starts import anchored_state, base_fit, polish
+from analysis.waveform import Fitter, State, WaveformFit
+from testbed.effect import Effect
+from testbed.machine import Model
+
+WIDE = 0.5  # half an interval over its value from which the value is called poorly known
+
+
+@dataclass(frozen=True)
+class Addition:
+    """The model with the effect, held-out errors without and with it, parameters with intervals, and warnings."""
+
+    effect: str
+    model: Model
+    before: float
+    after: float
+    noise_floor: float
+    records_before: tuple[RecordError, ...]
+    records_after: tuple[RecordError, ...]
+    held_out: bool
+    parameters: Mapping[str, Estimate]
+    converged: bool
+    warnings: tuple[str, ...]
+    fit: WaveformFit
+
+
+def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: Effect, catalogue: Mapping[str, Effect],
+               say: Callable[[str], None] = lambda text: None) -> Addition:
+    """Fit the model without and with the effect, all parameters jointly, from several starts.
+
+    ValueError where no record could show the effect.
+    """
+    if not applicable(effect, records):
+        raise ValueError(f"no record can show {effect.name}: it acts in the cut, and nothing is cut")
+    say("fitting the model as it is")
+    fitter, fit = base_fit(plant, records, model, free=all_free(records, model, catalogue))
+    before = held_out_errors(fitter, fit)
+    say(f"fitting with {effect.name}")
+    wider, with_it = _fit_with(plant, records, model, effect, fitter, fit, before)
+    say("looking again for a fit without it")
+    again = polish(fitter, _without(with_it.state, effect.name), rounds=1, iterations=8)
+    if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
+        fit, before = again, held_out_errors(fitter, again)
+    after = held_out_errors(wider, with_it)
+    found = estimates(wider, with_it, catalogue)
+    result = Addition(effect.name, with_it.state.model, pooled(before)[0], pooled(after)[0], pooled(after)[1],
+                      tuple(before), tuple(after), len(conditions_of(records)) > 1, found, with_it.converged, (), with_it)
+    return replace(result, warnings=tuple(_warnings(result, wider, catalogue)))
+
+
+def _fit_with(plant: Plant, records: Sequence[Observed], model: Model, effect: Effect, fitter: Fitter, fit: WaveformFit,
+              before: Sequence[RecordError]) -> tuple[Fitter, WaveformFit]:
+    """The fit with the effect; never worse than without, since at its neutral values it contains that."""
+    origins = [Origin(fit.state, fit.parts)]
+    error, noise = pooled(before)
+    if error > ANCHOR * noise:
+        state = anchored_state(plant, records, model)
+        origins.append(Origin(state, fitter.linearise_all(state)))
+    _, state, wider = first_step(fitter, effect, fit, origins)
+    if effect.name not in state.model.effects:
+        state = _with_neutral(fit.state, effect)
+    found = polish(wider, state)
+    if found.cost > fit.cost and any(parameter.vanishes for parameter in effect.parameters):
+        nested = polish(wider, _with_neutral(fit.state, effect))
+        found = min(found, nested, key=lambda one: one.cost)
+    return wider, found
+
+
+def _with_neutral(state: State, effect: Effect) -> State:
+    values = {one.name: one.neutral if one.vanishes else (one.example if one.start is None else one.start)
+              for one in effect.parameters}
+    return replace(state, model=state.model.with_effect(effect.name, **values))
+
+
+def _without(state: State, name: str) -> State:
+    return replace(state, model=state.model.without_effect(name))
+
+
+def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect]) -> list[str]:
+    """What the data do not determine, in sentences."""
+    said = []
+    if not result.converged:
+        said.append("the fit did not converge: the values are those of its last step")
+    if result.after > result.before * (1 - 1e-3):
+        said.append(f"{result.effect} does not lower the error on records held out of the fit: nothing speaks for it")
+    bounds = {one.path: one.bounds for one in fitter.free}
+    for path, one in result.parameters.items():
+        name, _, parameter = path.partition(".")
+        low, high = bounds[path]
+        half = 0.5 * (one.high - one.low)
+        if parameter:
+            known = catalogue[name].parameter(parameter)
+            if known.vanishes and one.low <= known.neutral <= one.high:
+                said.append(f"{path} cannot be told from {known.neutral:g}, where {name} vanishes")
+                continue
+        if half <= 0.0 or not math.isfinite(half):
+            said.append(f"{path} has no influence on these records: its value is a guess")
+        elif one.low <= low or one.high >= high:
+            said.append(f"the interval of {path} reaches the bound of what the law allows")
+        elif half > WIDE * abs(one.value):
+            said.append(f"{path} is poorly known: +-{half:.3g} {one.unit} on {one.value:.3g} {one.unit}")
+    return said
+
+
+def as_json(result: Addition) -> dict[str, Any]:
+    """The answer of `testbed add --json`, SI values."""
+    return {
+        "effect": result.effect,
+        "error": {"before": result.before, "after": result.after}, "noise_floor": result.noise_floor,
+        "records": [{"name": one.name, "before": one.error, "after": other.error, "noise_floor": other.noise_floor,
+                     "held_out": result.held_out}
+                    for one, other in zip(result.records_before, result.records_after, strict=True)],
+        "parameters": {path: vars(one) for path, one in result.parameters.items()},
+        "converged": result.converged, "warnings": list(result.warnings),
+    }

@@ -1,0 +1,268 @@
+"""Where a model fails: every record predicted by the refitted model, its error by segment in units of the noise, and
+whether anything but noise is left.
+
+The error of a record is that of a model fitted without the record's operating condition. What belongs to the record and
+not to the machine (entry, true speed, offset, drift) is estimated and reported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from analysis.diagnose import effect_parameters, effective_size
+from analysis.held_out import RecordError, conditions_of, held_out_errors, pooled
+from analysis.identify import Estimate
+from analysis.observed import Nuisances, Observed, Plant, predict
+from analysis.segments import Segment
+from analysis.starts import base_fit, free_parameters
+from analysis.waveform import Fitter, Free, WaveformFit
+from testbed.effect import Effect
+from testbed.machine import BASE_UNITS, Model
+
+LAGS = 20  # autocorrelations that the Ljung-Box test looks at
+SECTORS = 36  # of the tooth's turn, for the test against its angle
+FALSE_DISCOVERIES = 0.05  # share of false alarms among the tests that fail (Benjamini and Hochberg 1995)
+TRIVIAL = 0.02  # of the noise: what the rms may exceed it by before it counts
+Z_95 = 1.959964
+
+
+@dataclass(frozen=True)
+class SegmentError:
+    """One segment: its error and noise floor against its own rms about the mean, chi-square a sample, bounds in s."""
+
+    kind: str
+    start: float
+    stop: float
+    error: float
+    noise_floor: float
+    chi_square: float
+    samples: int
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """One test of a record's residual: statistic, p value, and whether it fails with the false discoveries controlled."""
+
+    record: str
+    test: str
+    statistic: float
+    p_value: float
+    fails: bool = False
+
+
+@dataclass(frozen=True)
+class RecordComparison:
+    """One record: held-out error, error in the fit, segments, and what belongs to the record alone (SI)."""
+
+    name: str
+    kind: str
+    channels: tuple[str, ...]
+    error: float
+    error_fit: float
+    noise_floor: float
+    noise: tuple[float, ...]
+    noise_basis: str
+    held_out: bool
+    chi_square: float
+    segments: tuple[SegmentError, ...]
+    nuisances: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The whole answer; fit and fitter are kept for the pictures. errors hold the held-out residuals."""
+
+    error: float
+    noise_floor: float
+    records: tuple[RecordComparison, ...]
+    nuisances: Mapping[str, float]
+    parameters: Mapping[str, Estimate]
+    tests: tuple[Adequacy, ...]
+    fitter: Fitter
+    fit: WaveformFit
+    errors: tuple[RecordError, ...]
+
+    @property
+    def adequate(self) -> bool:
+        """Whether nothing but noise is left of any record."""
+        return not any(test.fails for test in self.tests)
+
+
+def all_free(records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> list[Free]:
+    """The base parameters these records can speak of, and those of the effects the model has."""
+    own = [free for name in model.effects for free in effect_parameters(catalogue[name])]
+    return [*free_parameters(records, model), *own]
+
+
+def unit_of(path: str, catalogue: Mapping[str, Effect]) -> str:
+    """SI unit of a fitted parameter by its path."""
+    if path == "mark_angle":
+        return "rad"
+    effect, _, parameter = path.partition(".")
+    return catalogue[effect].parameter(parameter).unit if parameter else BASE_UNITS[path]
+
+
+def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> dict[str, Estimate]:
+    """Every fitted machine parameter with its 95 % interval.
+
+    The interval is that of the linearised fit, widened for residuals that are larger than the noise and correlated.
+    """
+    count = sum(rest.size for rest in fit.residuals)
+    wider = math.sqrt(max(1.0, count / effective_size(fit)))
+    spread = Z_95 * wider * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    found = {}
+    for one, half in zip(fitter.free, spread, strict=False):
+        value = fit.state.model.value(one.path)
+        found[one.path] = Estimate(value, value - float(half), value + float(half), unit_of(one.path, catalogue))
+    return found
+
+
+def mark_angle(fit: WaveformFit, pitch: float) -> float:
+    """Angle (rad) that the spindle turns through from a tooth's entry to the mark; teeth alike, it is one of a pitch."""
+    return (-fit.state.angle) % pitch
+
+
+def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> Comparison:
+    """Refit the model to all records with every nuisance and say where, and by how much, it fails."""
+    fitter, fit = base_fit(plant, records, model, free=all_free(records, model, catalogue))
+    errors = held_out_errors(fitter, fit)
+    groups = conditions_of(records)
+    rows, tests = [], []
+    for index, (record, error) in enumerate(zip(records, errors, strict=True)):
+        rows.append(_record(plant, record, error, fit, index, len(groups) > 1))
+        tests += adequacy_tests(record, error, fit.state.angle, fit.state.nuisances[index])
+    error, noise = pooled(errors)
+    shared = {}
+    if fitter.fits_angle:
+        place = fit.names.index("mark_angle")
+        shared = {"mark_angle": mark_angle(fit, model.cutter.pitch if model.cutter else 2 * math.pi),
+                  "mark_angle_interval": Z_95 * float(fit.covariance[place, place]) ** 0.5}
+    return Comparison(error, noise, tuple(rows), shared, estimates(fitter, fit, catalogue), tuple(controlled(tests)),
+                      fitter, fit, tuple(errors))
+
+
+def _record(plant: Plant, record: Observed, error: RecordError, fit: WaveformFit, index: int,
+            held_out: bool) -> RecordComparison:
+    in_fit = fit.residuals[index].reshape(record.data.shape) * record.noise[:, None]
+    size = record.data - record.data.mean(axis=1, keepdims=True)
+    weight = 1.0 / (size.std(axis=1) if len(record.channels) > 1 else np.ones(1))[:, None]
+    error_fit = float(np.sqrt(np.sum((in_fit * weight) ** 2) / np.sum((size * weight) ** 2)))
+    segments = tuple(found for segment in record.segments if (found := segment_error(record, error.residual, segment)))
+    chi_square = float(np.mean((error.residual / record.noise[:, None]) ** 2))
+    nuisances = _nuisances(plant, record, fit.state.model, fit.state.angle, fit.state.nuisances[index])
+    return RecordComparison(record.name, record.kind, record.channels, error.error, error_fit, error.noise_floor,
+                            tuple(map(float, record.noise)), record.noise_basis, held_out, chi_square, segments, nuisances)
+
+
+def segment_error(record: Observed, residual: np.ndarray, segment: Segment) -> SegmentError | None:
+    """The error within one segment, from the residual (channels, samples) in the channels' units; None without samples."""
+    first = max(0, round((segment.start - record.start) * record.rate))
+    last = min(record.samples, round((segment.stop - record.start) * record.rate))
+    if last - first < 2:
+        return None
+    rest, data = residual[:, first:last], record.data[:, first:last]
+    size = data.std(axis=1)
+    scale = 1.0 / np.maximum(size, 1e-300)
+    share = np.sqrt(np.mean((rest * scale[:, None]) ** 2))
+    noise = np.sqrt(np.mean((record.noise * scale) ** 2))
+    chi_square = np.mean((rest / record.noise[:, None]) ** 2)
+    return SegmentError(segment.kind, segment.start, segment.stop, float(share), float(noise), float(chi_square),
+                        last - first)
+
+
+def _nuisances(plant: Plant, record: Observed, model: Model, angle: float, own: Nuisances) -> dict[str, Any]:
+    """What was found of one record. offset in the channel's unit at mid-record, drift its mean slope a second."""
+    predicted = predict(plant, record, [(model, angle, own)])[0]
+    slow = ((record.data - predicted) @ record.drift) @ record.drift.T
+    duration = (record.samples - 1) / record.rate
+    found: dict[str, Any] = {"offset": dict(zip(record.channels, slow.mean(axis=1).tolist(), strict=True))}
+    if record.drift.shape[1] > 1:
+        found["drift"] = dict(zip(record.channels, ((slow[:, -1] - slow[:, 0]) / duration).tolist(), strict=True))
+    if record.kind != "excited":
+        found |= {"initial_displacement": own.displacement, "initial_velocity": own.velocity}
+    if record.cut is None:
+        return found
+    speed = 2 * math.pi / record.period * own.speed
+    end = record.start + record.samples / record.rate
+    entry, leave = (record.pass_start(place, angle, own) for place in (own.entry, own.exit))
+    return found | {"spindle_speed": speed, "speed_error": speed / record.cut.spindle_speed - 1.0,
+                    "constant_speed": record.marks is None, "tooth_angle": own.angle,
+                    "entry_time": None if record.starts_in_cut else entry, "exit_time": leave if leave < end else None}
+
+
+def tooth_angle(record: Observed, angle: float, own: Nuisances) -> np.ndarray:
+    """Angle (rad) of the spindle since a tooth last stood at its entry, at every sample of a cut: 0 to one pitch."""
+    time = record.start + np.arange(record.samples) / record.rate
+    if record.marks is not None:
+        nominal = np.median(np.diff(record.marks))
+        count = np.round((record.marks - record.marks[0]) / nominal)
+        turns = np.interp(time, record.marks, count) - (angle + own.angle) / (2 * math.pi)
+    else:
+        turns = (time - record.pass_start(0, angle, own)) / record.period * own.speed
+    return (turns * 2 * math.pi) % (2 * math.pi / record.flutes)
+
+
+def adequacy_tests(record: Observed, error: RecordError, angle: float, own: Nuisances) -> list[Adequacy]:
+    """rms against the noise (an F test), Ljung-Box on the effective sample size, and dependence on the tooth's angle."""
+    rest = error.residual[0] / record.noise[0]
+    rest = rest - rest.mean()
+    size, correlation = _independent(rest)
+    idle = max((s.stop - s.start for s in record.segments if s.kind == "idle"), default=0.0) * record.rate
+    ratio = float(rest @ rest) / len(rest)
+    p_rms = float(stats.f.sf(ratio / (1.0 + TRIVIAL) ** 2, size, max(idle, 100.0)))
+    lags = np.arange(1, LAGS + 1)
+    ljung_box = size * (size + 2.0) * float(np.sum(correlation[1:LAGS + 1] ** 2 / np.maximum(size - lags, 1.0)))
+    tests = [Adequacy(record.name, "rms", math.sqrt(ratio), p_rms),
+             Adequacy(record.name, "autocorrelation", ljung_box, float(stats.chi2.sf(ljung_box, LAGS)))]
+    if record.cut is not None:
+        place = (tooth_angle(record, angle, own) * record.flutes / (2 * math.pi) * SECTORS).astype(int) % SECTORS
+        count = np.bincount(place, minlength=SECTORS)
+        mean = np.bincount(place, rest, minlength=SECTORS) / np.maximum(count, 1)
+        statistic = float(np.sum(count * mean**2)) * size / len(rest) / max(ratio, 1e-300)
+        tests.append(Adequacy(record.name, "tooth angle", statistic, float(stats.chi2.sf(statistic, SECTORS - 1))))
+    return tests
+
+
+def _independent(rest: np.ndarray) -> tuple[float, np.ndarray]:
+    """(number of independent values, autocorrelation) of a residual about its mean."""
+    power = np.abs(np.fft.rfft(rest, 2 * len(rest))) ** 2
+    correlation = np.fft.irfft(power)[: len(rest)]
+    correlation = correlation / max(float(correlation[0]), 1e-300)
+    small = np.flatnonzero(correlation <= 0.05)
+    last = int(small[0]) if len(small) else len(rest)
+    return max(len(rest) / (1.0 + 2.0 * float(correlation[1:last].sum())), LAGS + 2.0), correlation
+
+
+def controlled(tests: Sequence[Adequacy], level: float = FALSE_DISCOVERIES) -> list[Adequacy]:
+    """The tests, each marked whether it fails (Benjamini and Hochberg 1995, J. R. Stat. Soc. B 57, 289)."""
+    order = sorted(range(len(tests)), key=lambda place: tests[place].p_value)
+    last = max((rank for rank, place in enumerate(order, 1) if tests[place].p_value <= level * rank / len(tests)), default=0)
+    failing = set(order[:last])
+    return [replace(test, fails=place in failing) for place, test in enumerate(tests)]
+
+
+def as_json(result: Comparison) -> dict[str, Any]:
+    """The answer of `testbed compare --json`, SI values."""
+    def tests_of(name: str) -> dict[str, Any]:
+        return {one.test: {"statistic": one.statistic, "p_value": one.p_value, "fails": one.fails}
+                for one in result.tests if one.record == name}
+
+    return {
+        "error": result.error, "noise_floor": result.noise_floor, "adequate": result.adequate,
+        "converged": result.fit.converged,
+        "records": [{
+            "name": one.name, "kind": one.kind, "channels": list(one.channels), "error": one.error,
+            "error_fit": one.error_fit, "noise_floor": one.noise_floor, "held_out": one.held_out,
+            "chi_square": one.chi_square, "noise": dict(zip(one.channels, one.noise, strict=True)),
+            "noise_basis": one.noise_basis, "segments": [vars(segment) for segment in one.segments],
+            "nuisances": one.nuisances, "tests": tests_of(one.name),
+        } for one in result.records],
+        "nuisances": dict(result.nuisances),
+        "parameters": {path: vars(one) for path, one in result.parameters.items()},
+    }

@@ -1,0 +1,84 @@
+"""What the commands that fit a model to a campaign share: the records made ready, the engine, and a sign of life."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from testbed.problem import InputProblem
+
+PREDICTED = ("cut", "ring-down", "excited")
+
+
+def plant_of(catalogue: Any) -> Any:
+    """The fast engine with the effects known to this command, as the analysis is handed it."""
+    from testbed.engines import predict
+
+    return SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue),
+                           predict_driven=partial(predict.predict_driven, catalogue=catalogue))
+
+
+def observed_records(records: Sequence[Any], model: Any, path: object, model_file: object) -> list[Any]:
+    """Records made ready for a fit of the model. InputProblem names the record that cannot be predicted, and why."""
+    from analysis.observed import observe
+
+    chosen = [record for record in records if record.kind in PREDICTED]
+    if not chosen:
+        raise InputProblem(path, "holds no record that a model predicts", f"record a {', a '.join(PREDICTED)}")
+    if model.cutter is None and any(record.kind == "cut" for record in chosen):
+        name = next(record.name for record in chosen if record.kind == "cut")
+        raise InputProblem(model_file, f"has no cutter and cutting, and record '{name}' is a cut", "add both")
+    ready = []
+    for record in chosen:
+        try:
+            ready.append(observe(record, model))
+        except InputProblem:
+            raise
+        except (ValueError, ArithmeticError) as problem:
+            raise InputProblem(path, f"record '{record.name}': {problem}",
+                               "look at it with testbed inspect, or take it out") from None
+    return ready
+
+
+def read_both(campaign: str, model_file: str, catalogue: Any) -> tuple[Any, list[Any], tuple[Any, ...]]:
+    """(model, records ready for a fit, records as read) of a command's two files."""
+    from testbed.cli._measured import load_records
+    from testbed.model_file import read_model
+
+    model = read_model(model_file, catalogue)
+    records = load_records(campaign)
+    return model, observed_records(records, model, campaign, Path(model_file)), records
+
+
+def uncalibrated(records: Sequence[Any]) -> list[str]:
+    """A line where channels stay in their own unit, so that parameters come out in it."""
+    from testbed.recording import CHANNEL_UNITS
+
+    found = {}
+    for record in records:
+        for name, unit in record.recording.units.items():
+            usual = CHANNEL_UNITS.get(name, CHANNEL_UNITS.get(name.split("_")[0]))
+            if not name.startswith("tachometer") and usual is not None and unit != usual:
+                found[name] = (unit, usual)
+    return [f"{name} is in {unit}, uncalibrated: read {unit} for {usual} in every parameter below"
+            for name, (unit, usual) in found.items()]
+
+
+@contextmanager
+def sign_of_life(title: str, quiet: bool = False) -> Iterator[Callable[[str], None]]:
+    """A function of what is being done now, shown on a terminal with the time gone by; nothing in a pipe."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda text: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=None)
+        yield lambda text: bar.update(task, description=text)

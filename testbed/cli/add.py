@@ -1,0 +1,75 @@
+"""`testbed add`: an effect joins the model, everything is refitted, and the error falls, or does not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from testbed.cli._answer import Answer, check_place, shown
+from testbed.cli._options import catalogue_of, effects_option, model_option, shared
+from testbed.problem import InputProblem
+
+
+@click.command(short_help="Add an effect, refit, and print the error before and after.",
+               epilog="Example: testbed add process_damping -m model.yaml -c campaign.yaml -o better.yaml")
+@click.argument("name", metavar="EFFECT")
+@model_option
+@click.option("-c", "--campaign", required=True, metavar="CAMPAIGN.yaml", help="What was measured.")
+@click.option("-o", "--output", required=True, metavar="NEW.yaml", help="Write the model with the effect, refitted.")
+@effects_option
+@shared
+def command(name: str, model_file: str, campaign: str, output: str, folders: tuple[str, ...], json_file: str | None,
+            seed: int | None, quiet: bool) -> None:
+    """Add EFFECT to MODEL.yaml, fit all parameters jointly to the campaign, and write NEW.yaml.
+
+    The errors before and after are those on records whose operating condition the fit left out. Intervals are 95 %.
+    Nothing here is random: --seed changes nothing.
+    """
+    from analysis.add_effect import add_effect, as_json
+    from testbed.cli._fitting import plant_of, read_both, sign_of_life, uncalibrated
+    from testbed.model_file import write_model
+
+    answer = Answer(json_file, quiet)
+    check_place(output)
+    catalogue = catalogue_of(folders)
+    effect = _effect(name, catalogue)
+    model, records, read = read_both(campaign, model_file, catalogue)
+    if name in model.effects:
+        raise InputProblem(model_file, f"has {name} already", "take it out first, or see testbed identify --method waveform")
+    try:
+        with sign_of_life(f"adding {name}", quiet) as say:
+            found = add_effect(plant_of(catalogue), records, model, effect, catalogue, say)
+    except InputProblem:
+        raise
+    except ValueError as problem:
+        raise InputProblem(campaign, str(problem), "add a record that shows it") from None
+    write_model(found.model, output, catalogue)
+    _say(answer, found, uncalibrated(read))
+    answer.say(f"written: {output}")
+    answer.finish(as_json(found))
+
+
+def _effect(name: str, catalogue: Any) -> Any:
+    from testbed.units import nearest
+
+    if name not in catalogue:
+        close = nearest(name, catalogue)
+        raise InputProblem(name, "unknown effect", (f"did you mean {close}? " if close else "")
+                           + "testbed effects lists them")
+    return catalogue[name]
+
+
+def _say(answer: Answer, found: Any, notes: list[str]) -> None:
+    for note in notes:
+        answer.say(note)
+    rows = [(one.name, f"{one.error:.4f}", f"{other.error:.4f}", f"{other.noise_floor:.4f}")
+            for one, other in zip(found.records_before, found.records_after, strict=True)]
+    rows.append(("all records", f"{found.before:.4f}", f"{found.after:.4f}", f"{found.noise_floor:.4f}"))
+    answer.table(("held out" if found.held_out else "in the fit", "error before", "after", "noise floor"), rows)
+    answer.say()
+    answer.table(("parameter", "value", "low", "high"),
+                 [(path, *(shown(getattr(one, part), one.unit) for part in ("value", "low", "high")))
+                  for path, one in found.parameters.items()])
+    for warning in found.warnings:
+        answer.say(f"warning: {warning}")

@@ -1,0 +1,95 @@
+"""`testbed compare`: the model refitted and every record predicted, and where it fails."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from testbed.cli._answer import Answer, output_folder, shown
+from testbed.cli._options import catalogue_of, effects_option, model_option, shared
+
+
+@click.command(short_help="Predict each record and show where the model fails.",
+               epilog="Example: testbed compare campaign.yaml -m model.yaml -o pictures")
+@click.argument("campaign", metavar="CAMPAIGN.yaml")
+@model_option
+@click.option("-o", "--output", metavar="DIR", help="Draw what is left unexplained, PNG and SVG, into this folder.")
+@effects_option
+@shared
+def command(campaign: str, model_file: str, output: str | None, folders: tuple[str, ...], json_file: str | None,
+            seed: int | None, quiet: bool) -> None:
+    """Fit MODEL.yaml to the whole campaign, predict each record from a fit that left out its operating condition, and
+    set the error against the noise: by record, by segment, by tooth angle, by frequency.
+
+    error = rms(measured - predicted) / rms(measured about its mean). Nothing here is random: --seed changes nothing.
+    """
+    from analysis.compare import as_json, compare
+    from testbed.cli._fitting import plant_of, read_both, sign_of_life, uncalibrated
+
+    answer = Answer(json_file, quiet)
+    pictures = output_folder(output) if output else None
+    catalogue = catalogue_of(folders)
+    model, records, read = read_both(campaign, model_file, catalogue)
+    with sign_of_life("fitting the believed model to all records", quiet):
+        found = compare(plant_of(catalogue), records, model, catalogue)
+    _say(answer, found, uncalibrated(read), model)
+    if pictures is not None:
+        from analysis.compare_plots import save
+
+        with sign_of_life("drawing", quiet):
+            paths = save(found, pictures)
+        answer.say(f"{len(paths)} pictures are in {pictures}")
+    answer.finish(as_json(found))
+
+
+def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
+    for note in notes:
+        answer.say(note)
+    answer.table(("record", "error", "noise floor", "in units of the noise", "left beyond the noise"),
+                 [(one.name, f"{one.error:.4f}", f"{one.noise_floor:.4f}", f"{one.chi_square**0.5:.2f}",
+                   _failing(found, one.name)) for one in found.records])
+    answer.say(f"all records: error {found.error:.4f}, noise floor {found.noise_floor:.4f}"
+               + ("" if found.records[0].held_out else "; one operating condition only, so nothing was held out"))
+    _segments(answer, found)
+    answer.say()
+    answer.table(("parameter", "believed", "found", "low", "high"),
+                 [(path, shown(before.value(path), one.unit), *(shown(getattr(one, part), one.unit)
+                   for part in ("value", "low", "high"))) for path, one in found.parameters.items()])
+    _nuisances(answer, found)
+    if not found.fit.converged:
+        answer.say("the fit did not converge: the figures above are those of its last step")
+    answer.say("the model explains every record down to its noise" if found.adequate
+               else "the model leaves more than noise: testbed diagnose says which effect it lacks")
+
+
+def _failing(found: Any, name: str) -> str:
+    return ", ".join(test.test for test in found.tests if test.record == name and test.fails) or "nothing"
+
+
+def _segments(answer: Answer, found: Any) -> None:
+    kinds = [kind for kind in ("idle", "entry", "steady", "exit", "ring-down")
+             if any(part.kind == kind for one in found.records for part in one.segments)]
+    if not kinds:
+        return
+    rows = []
+    for one in found.records:
+        worst = {kind: max((part.chi_square for part in one.segments if part.kind == kind), default=None)
+                 for kind in kinds}
+        rows.append((one.name, *("-" if value is None else f"{value**0.5:.2f}" for value in worst.values())))
+    answer.say()
+    answer.table(("residual / noise in", *kinds), rows)
+
+
+def _nuisances(answer: Answer, found: Any) -> None:
+    cuts = [one for one in found.records if one.kind == "cut"]
+    if not cuts:
+        return
+    answer.say()
+    if "mark_angle" in found.nuisances:
+        answer.say(f"the tachometer's mark comes {shown(found.nuisances['mark_angle'] * 57.29577951308232, 'deg')} "
+                   "after a tooth's entry")
+    answer.table(("record", "true speed", "against stated", "entry", "exit"), [
+        (one.name, shown(one.nuisances["spindle_speed"], "rad/s", 6), f"{100 * one.nuisances['speed_error']:+.3f} %",
+         *(("-" if one.nuisances[key] is None else f"{one.nuisances[key]:.4f} s") for key in ("entry_time", "exit_time")))
+        for one in cuts])

@@ -1,0 +1,59 @@
+"""What a user is misled by: each effect at its example value, left out of the model that is fitted.
+
+The base model is refitted to three stable cuts in which one effect hides (fast engine, 1 um noise, unknown tachometer
+angle, offset and drift). Shown: how wrong the base parameters come out, and how large the residual is beside the noise.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from analysis.observed import observe
+from analysis.starts import base_fit
+from testbed.effect import catalogue
+from testbed.engines import fast, predict
+from tests.synthetic_campaign import synthetic_campaign
+from tests.validation.claims import FLEXURE, Claim, Section
+
+TESTS = ((3810, 2.9), (3300, 1.0), (4200, 1.5))
+NOISE = 1e-6  # m
+NAMES = (("damping_ratio", "zeta"), ("natural_frequency", "omega_n"), ("tangential_coefficient", "K_t"),
+         ("normal_coefficient", "K_n"))
+PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+
+
+def left_out(name: str | None) -> tuple[dict[str, float], float]:
+    """(relative errors of the base parameters, residual rms in units of the noise) with an effect left out, or none."""
+    truth = FLEXURE if name is None else FLEXURE.with_effect(name, **catalogue()[name].example())
+    records = [observe(record, FLEXURE) for record in synthetic_campaign(fast.simulate, truth, tests=TESTS, noise=NOISE)]
+    _, fit = base_fit(PLANT, records, FLEXURE)
+    errors = {path: fit.state.model.value(path) / FLEXURE.value(path) - 1.0 for path, _ in NAMES}
+    squares = sum(float(np.sum((rest.reshape(record.data.shape) * record.noise[:, None]) ** 2))
+                  for rest, record in zip(fit.residuals, records, strict=True))
+    return errors, float(np.sqrt(squares / sum(record.samples for record in records))) / NOISE
+
+
+def check() -> Section:
+    """The section of the table."""
+    rows, failures, none = [], [], {}
+    for name in (None, *catalogue()):
+        try:
+            errors, residual = left_out(name)
+        except (ValueError, ArithmeticError) as problem:
+            failures.append(f"{name}: {problem}")
+            continue
+        if name is None:
+            none = {"errors": errors, "residual": residual}
+        rows.append((name or "none", *(f"{100 * errors[path]:+.2g} %" for path, _ in NAMES), f"{residual:.3g}"))
+    worst = max(abs(value) for value in none["errors"].values())
+    claims = (
+        Claim("nothing left out: the base parameters come back", "within 2 %", f"{100 * worst:.2g} %", worst < 0.02),
+        Claim("nothing left out: residual in units of the noise", "0.95 to 1.05", f"{none['residual']:.3f}",
+              0.95 < none["residual"] < 1.05),
+        Claim("every effect has its row", str(len(catalogue()) + 1), str(len(rows)), not failures, "; ".join(failures)),
+    )
+    title = "Error of each parameter when the effect is left out, and the residual in units of 1 um noise"
+    return Section("Absorption: what an effect left out does to the others", claims,
+                   ((title, ("left out", *(symbol for _, symbol in NAMES), "residual"), tuple(rows)),))
