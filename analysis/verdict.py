@@ -6,7 +6,9 @@ The displacement is looked at once a tooth. Two windows of up to 60 teeth, the l
   spread has halved from window to window, and half as much again is left;
 - flip: every other sample agrees, to a third of the step between neighbours (period two);
 - neimark_sacker: in the plane of neighbouring samples (y_n, y_n+1), made round by their covariance, they lie on a
-  closed curve about the middle (none closer than 0.4 of the mean radius) and each turns it by much the same angle;
+  closed curve about the middle (none closer than 0.4 of the mean radius), each turned by much the same angle
+  against the one before;
+- neither of the two where the step, or the spread, is a tenth less than it was: it may be dying;
 - undecided: none of these; too few teeth, or a motion that has not yet grown or died.
 
 Source: B. P. Mann and K. A. Young (2006), Proc. R. Soc. A 462, 2145-2160, section 4; the numbers are choices.
@@ -26,7 +28,7 @@ from testbed.recording import Recording
 Observed = Literal["stable", "flip", "neimark_sacker", "undecided"]
 WINDOW, LEAST = 60, 20  # teeth
 SETTLED, NOISES = 0.02, 4.0
-HALVED = 0.5
+HALVED, KEPT = 0.5, 0.9
 ALTERNATES = 1.0 / 3.0
 HOLLOW, EVEN_TURNS = 0.4, 0.7
 
@@ -67,16 +69,16 @@ def simulated_verdict(samples: np.ndarray, noise: float = 0.0) -> SampleVerdict:
     late, before = samples[-length:], samples[-2 * length:-length]
     spread, earlier = float(late.std()), float(before.std())
     even, odd = late[::2], late[1::2]
-    step = abs(float(even.mean() - odd.mean()))
+    step, step_before = (abs(float(part[::2].mean() - part[1::2].mean())) for part in (late, before))
     floor = max(NOISES * noise, SETTLED * float(samples.std()), 1e-9 * float(np.abs(samples).max()))
     if spread <= floor:
         return SampleVerdict("stable", "settles to one value", spread, step, nothing)
     if spread < HALVED * earlier:
         return SampleVerdict("stable", f"dies, to {spread / earlier:.2f} in {length} teeth", spread, step, nothing)
-    if max(even.std(), odd.std()) < ALTERNATES * step:
+    if max(even.std(), odd.std()) < ALTERNATES * step and step >= KEPT * step_before:
         return SampleVerdict("flip", "alternates between two values", spread, step, math.pi)
     hollow, even_turns, rotation = _curve(late)
-    if hollow >= HOLLOW and even_turns >= EVEN_TURNS:
+    if hollow >= HOLLOW and even_turns >= EVEN_TURNS and spread >= KEPT * earlier:
         return SampleVerdict("neimark_sacker", "runs round a closed curve", spread, step, rotation)
     return SampleVerdict("undecided", "neither settles, alternates nor runs round a closed curve", spread, step,
                          rotation)

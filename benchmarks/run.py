@@ -4,6 +4,7 @@ Every path simulates the same transient, 60 tooth periods from rest, with the fe
 1e-4 of the peak. One core; the best of several repeats.
 """
 
+# ruff: noqa: E402 - the number of threads is read when numpy is imported
 from __future__ import annotations
 
 import os
@@ -30,6 +31,7 @@ from tests.validation.claims import FLEXURE, PAPER, rpm
 
 ERROR, BATCH, RATE = 1e-4, 50, 12800.0
 STABLE, GROWING = rpm(3810, 2.9, passes=60), rpm(3635, 2.0, passes=60)
+WHY = " (four stages a step run the kernel with every effect's place in it, and each step is written to the record)"
 TARGET = Path(__file__).resolve().parent / "RESULTS.md"
 
 
@@ -160,20 +162,22 @@ def main() -> None:
                          verdict(1 / seconds >= target) if target else ""))
     steps, error = fewest_steps(mujoco_engine, STABLE, range(8, 80, 2))
     cutting, bare, per_pass = mujoco_times(STABLE, steps)
+    cheap = cutting <= 1.2 * bare
     rows.append((f"MuJoCo RK4 + native plugin, {per_pass} steps a period", f"{error:.1e}", f"{cutting * 1e3:.3g}",
-                 f"{1 / cutting:.3g}", "<= 1.2 x bare", f"{cutting / bare:.2f} x: {verdict(cutting <= 1.2 * bare)}"))
+                 f"{1 / cutting:.3g}", "<= 1.2 x bare", f"{cutting / bare:.2f} x: {verdict(cheap)}{'' if cheap else WHY}"))
     rows.append((f"bare mj_step, {per_pass} steps a period, nothing cut", "-", f"{bare * 1e3:.3g}", f"{1 / bare:.3g}",
                  "", ""))
     rows += peer_rows(STABLE, steps, per_pass)
     chart = chart_seconds()
-    rows.append(("stability chart 200 x 200, 3 elements", "1e-3 of |mu|", f"{chart * 1e3:.3g}", "-", "< 100 ms",
+    rows.append(("stability chart 200 x 200, 3 elements", "1e-3 of the modulus", f"{chart * 1e3:.3g}", "-", "< 100 ms",
                  verdict(chart < 0.1)))
     header = ("path", "error", "ms a run", "runs a second", "target", "")
     lines = ["| " + " | ".join(row) + " |" for row in (header, ("---",) * 6, *rows)]
     load = os.getloadavg()[0]
-    text = "\n".join(["# Speed", "", "Written by `make bench`. 60 tooth periods from rest, error below 1e-4 of the peak, one core, "
-                      "best of several repeats;", f"batches of {BATCH} for the fast engine, packing of inputs included. "
-                      f"Load of the machine when written: {load:.1f} on {os.cpu_count()} cores.", "", *lines, ""])
+    head = ("Written by `make bench`. 60 tooth periods from rest, error below 1e-4 of the peak, one core, best of several\n"
+            f"repeats; batches of {BATCH} for the fast engine, packing of inputs included. Load of the machine when "
+            f"written: {load:.1f} on {os.cpu_count()} cores.")
+    text = "\n".join(["# Speed", "", head, "", *lines, ""])
     print(text)
     TARGET.write_text(text)
 

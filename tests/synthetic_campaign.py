@@ -18,8 +18,8 @@ from testbed.manifest import Feed
 from testbed.recording import Recording
 
 RPM = 2 * math.pi / 60
-# (rpm, mm): all stable, two deep and six shallow
-TESTS = ((3810, 2.9), (2850, 2.9), (3300, 1.0), (3000, 1.2), (4200, 1.5), (3500, 0.8), (2600, 1.5), (3900, 2.2))
+# (rpm, mm): all stable with the flexure, |mu| from 0.68 to 0.98
+TESTS = ((3810, 2.9), (2850, 2.9), (4300, 2.5), (2700, 1.5), (4200, 1.5), (3500, 0.8), (2600, 1.5), (3900, 2.2))
 COURSE = (15, 70, 30)  # revolutions of idling, cutting, ringing down
 MARK_ANGLE = 1.1  # rad
 RANGE = 2e-4  # m, of the 16 bits to either side

@@ -170,8 +170,8 @@ def test_a_new_effect_is_a_file_that_works(testbed):
     assert testbed("effects", "--new", "my_drag") == 0
     assert testbed.json("effects", "my_drag", "--effects", ".")["name"] == "my_drag"
     effects = catalogue(".")
-    assert effects["my_drag"].hooks["structure_force"](2.0, 3.0) == -12.0
-    Path("dragged.yaml").write_text(TRUE + "effects: {my_drag: {coefficient: 50 N s^2/m^2}}\n")
+    assert effects["my_drag"].hooks["structure_force"](2.0, 3.0) == -6.0
+    Path("dragged.yaml").write_text(TRUE + "effects: {my_drag: {coefficient: 50 N s/m}}\n")
     assert read_model("dragged.yaml", effects).value("my_drag.coefficient") == 50.0
     assert testbed("multipliers", "dragged.yaml", "--speed", 3000, "--depth", 1) == 2
     assert "my_drag: unknown effect" in testbed.err
@@ -282,7 +282,7 @@ def test_help_imports_nothing_heavy():
 
 
 def test_ctrl_c_keeps_what_is_finished_and_says_how_to_go_on(testbed):
-    many = SCENARIO.replace("60 rev", "100 rev").replace("seed: 3\n", "seed: 3\nrepeats: 700\n")
+    many = SCENARIO.replace("60 rev", "100 rev").replace("seed: 3\n", "seed: 3\nrepeats: 6000\n")
     Path("many.yaml").write_text(many)
     process = _started("run", "many.yaml", "-o", "many.h5")
     deadline = time.monotonic() + 60

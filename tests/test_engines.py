@@ -12,17 +12,16 @@ from testbed.cut import Sampling, whole_cut_sampling
 from testbed.effect import catalogue
 from testbed.engines import fast, mujoco_engine
 from tests.validation import published
-from tests.validation.claims import FLEXURE, PAPER, rpm
+from tests.validation.claims import FLEXURE, rpm
 from tests.validation.effects import example
 from tests.validation.engines import GROWING, STABLE, difference, motion, orders, ring_down_error
 from tests.validation.multipliers import largest_difference, table_error
 from tests.validation.verdicts import compare
 
 
-@pytest.mark.parametrize(("name", "speed", "depth", "outcome"), published.CASES)
-def test_once_per_tooth_samples_with_contact_loss_give_the_published_verdict(name, speed, depth, outcome):
-    lossy = PAPER.with_effect("contact_loss")
-    assert published.once_per_tooth_verdict(lossy, rpm(speed, depth, passes=published.PASSES)) == outcome
+@pytest.mark.parametrize("test", published.PUBLISHED, ids=lambda test: test.name)
+def test_once_per_tooth_samples_with_contact_loss_give_the_published_verdict(test):
+    assert published.simulated(test).outcome == test.outcome
 
 
 def test_multipliers_of_the_two_roads_agree():

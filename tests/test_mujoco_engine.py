@@ -72,7 +72,7 @@ def test_every_channel_agrees(channel):
 def test_flutes_and_engagements_agree(flutes, immersion, direction):
     model = replace(MODEL, cutter=Cutter(flutes), cutting=Cutting(direction, immersion))
     course = cut(3810 / flutes, 0.5e-3)
-    assert error(motion(mujoco_engine, model, course, 160), motion(fast, model, course, 480)) < 1e-5
+    assert error(motion(mujoco_engine, model, course, 240), motion(fast, model, course, 720)) < 1e-5
 
 
 @pytest.mark.parametrize("effect", list(catalogue()))

@@ -10,25 +10,35 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from analysis.observed import observe
-from analysis.starts import base_fit
+from analysis.observed import first_nuisances, observe
+from analysis.starts import base_fit, polish
+from analysis.waveform import State
 from testbed.effect import catalogue
 from testbed.engines import fast, predict
-from tests.synthetic_campaign import synthetic_campaign
+from tests.synthetic_campaign import MARK_ANGLE, synthetic_campaign
 from tests.validation.claims import FLEXURE, Claim, Section
 
-TESTS = ((3810, 2.9), (3300, 1.0), (4200, 1.5))
+TESTS = ((3810, 2.9), (2850, 1.5), (4200, 1.5))
 NOISE = 1e-6  # m
+SILENT = "runout says nothing with one tooth, contact_loss nothing in a stable cut: their rows are the one without effect"
 NAMES = (("damping_ratio", "zeta"), ("natural_frequency", "omega_n"), ("tangential_coefficient", "K_t"),
          ("normal_coefficient", "K_n"))
 PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+
+
+def percent(relative: float) -> str:
+    """A signed percentage with two digits, none after the point where it is large."""
+    value = 100.0 * relative
+    return f"{value:+.0f} %" if abs(value) >= 10 else f"{value:+.2g} %"
 
 
 def left_out(name: str | None) -> tuple[dict[str, float], float]:
     """(relative errors of the base parameters, residual rms in units of the noise) with an effect left out, or none."""
     truth = FLEXURE if name is None else FLEXURE.with_effect(name, **catalogue()[name].example())
     records = [observe(record, FLEXURE) for record in synthetic_campaign(fast.simulate, truth, tests=TESTS, noise=NOISE)]
-    _, fit = base_fit(PLANT, records, FLEXURE)
+    fitter, fit = base_fit(PLANT, records, FLEXURE)
+    known = State(FLEXURE, MARK_ANGLE, tuple(first_nuisances(record, MARK_ANGLE) for record in records))
+    fit = min(fit, polish(fitter, known), key=lambda one: one.cost)  # a user's fit may end worse: this is the best there is
     errors = {path: fit.state.model.value(path) / FLEXURE.value(path) - 1.0 for path, _ in NAMES}
     squares = sum(float(np.sum((rest.reshape(record.data.shape) * record.noise[:, None]) ** 2))
                   for rest, record in zip(fit.residuals, records, strict=True))
@@ -46,13 +56,14 @@ def check() -> Section:
             continue
         if name is None:
             none = {"errors": errors, "residual": residual}
-        rows.append((name or "none", *(f"{100 * errors[path]:+.2g} %" for path, _ in NAMES), f"{residual:.3g}"))
+        rows.append((name or "none", *(percent(errors[path]) for path, _ in NAMES), f"{residual:.3g}"))
     worst = max(abs(value) for value in none["errors"].values())
     claims = (
         Claim("nothing left out: the base parameters come back", "within 2 %", f"{100 * worst:.2g} %", worst < 0.02),
         Claim("nothing left out: residual in units of the noise", "0.95 to 1.05", f"{none['residual']:.3f}",
               0.95 < none["residual"] < 1.05),
-        Claim("every effect has its row", str(len(catalogue()) + 1), str(len(rows)), not failures, "; ".join(failures)),
+        Claim("every effect has its row", str(len(catalogue()) + 1), str(len(rows)), not failures,
+              "; ".join(failures) or SILENT),
     )
     title = "Error of each parameter when the effect is left out, and the residual in units of 1 um noise"
     return Section("Absorption: what an effect left out does to the others", claims,

@@ -68,7 +68,7 @@ def check(seeds: int = 100) -> Section:
     # name, what the error is multiplied by, unit, targets without and with noise
     kinds = (("damping_ratio", "zeta", 100.0, " %", 1.0, 15.0), ("natural_frequency", "omega", 921.1, " rad/s", 0.1, 0.5),
              ("tangential_coefficient", "Gamma1", 100.0, " %", 0.5, 3.0))
-    for name, symbol, scale, unit, clean, loud in kinds:
+    for name, symbol, scale, unit, clean, _ in kinds:
         value = abs(free[name][0]) * scale
         claims.append(Claim(f"{symbol} without noise", f"<= {clean:g}{unit}", f"{value:.2g}{unit}", bool(value <= clean)))
     for name, symbol, scale, unit, _, loud in kinds:

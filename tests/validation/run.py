@@ -1,5 +1,6 @@
 """Run every check and write VALIDATION.md:  python -m tests.validation.run [name ...]"""
 
+# ruff: noqa: E402 - the number of threads is read when numpy is imported
 from __future__ import annotations
 
 import os

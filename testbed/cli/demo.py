@@ -1,0 +1,229 @@
+"""`testbed demo`: the whole loop, from a simulated machine to a published and a measured one, in under two minutes."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from testbed.cli._answer import Answer, output_folder, progress, shown
+from testbed.cli._options import shared
+
+STEPS = 6
+NAMES = {"neimark_sacker": "Neimark-Sacker"}
+SPAN, DEEPEST = (2500.0, 4500.0), 4.0  # of the chart: rpm, mm
+
+
+@click.command(short_help="The whole loop on the shipped rig, ending with a page to open.",
+               epilog="Example: testbed demo -o demo")
+@click.option("-o", "--output", default="demo", show_default=True, metavar="DIR",
+              help="Folder for the data, the pictures and the page; an earlier demo's are replaced.")
+@shared
+def command(output: str, json_file: str | None, seed: int | None, quiet: bool) -> None:
+    """Cut on the MuJoCo rig over speed and depth, store, identify, score against the known truth; then the five
+    published experiments and a measured hammer test.
+    """
+    from testbed.cli._demo_page import Page
+
+    demo = _Demo(Answer(json_file, quiet), output_folder(output), seed, quiet, Page("Virtual machining testbed: demo"))
+    began = time.perf_counter()
+    demo.published()
+    demo.sweep()
+    demo.chart()
+    demo.identification()
+    demo.hammer()
+    demo.rig()
+    page = demo.page.write(demo.folder / "report.html")
+    demo.answer.say()
+    demo.answer.say(f"done in {time.perf_counter() - began:.0f} s")
+    demo.answer.say(f"data:     {', '.join(str(path) for path in demo.data)}")
+    demo.answer.say(f"pictures: {', '.join(str(path) for path in demo.pictures)} (each PNG also as SVG, but the rig)")
+    demo.answer.say(f"open:     {page}")
+    demo.answer.finish(demo.result | {"data": demo.data, "pictures": demo.pictures, "report": page,
+                                      "seconds": time.perf_counter() - began})
+
+
+class _Demo:
+    """The demo's steps, in order; each says what it does, then what came out, and adds it to page and result."""
+
+    def __init__(self, answer: Answer, folder: Path, seed: int | None, quiet: bool, page: Any) -> None:
+        self.answer, self.folder, self.seed, self.quiet, self.page = answer, folder, seed, quiet, page
+        self.step = 0
+        self.result: dict[str, Any] = {"seed": seed, "engine": "mujoco"}
+        self.data: list[Path] = []
+        self.pictures: list[Path] = []
+        self.tests: list[Any] = []
+        self.cuts: list[Any] = []
+
+    def _begin(self, title: str) -> None:
+        self.step += 1
+        self.answer.say(("" if self.step == 1 else "\n") + f"[{self.step}/{STEPS}] {title}")
+        self.page.heading(title)
+
+    def _say(self, text: str) -> None:
+        self.answer.say(f"  {text}")
+        self.page.text(text)
+
+    def _table(self, titles: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+        self.answer.table(("  " + titles[0], *titles[1:]), [("  " + str(row[0]), *row[1:]) for row in rows])
+        self.page.table(titles, rows)
+
+    def _picture(self, figure: Any, name: str, says: str) -> None:
+        from analysis.plots import save
+
+        path = save(figure, self.folder / name)[0]
+        self.pictures.append(path)
+        self.page.picture(path, says)
+
+    def _simulate(self, name: str) -> Path:
+        from testbed.cli._demo import data_set
+
+        began = time.perf_counter()
+        with progress(name, self.quiet) as show:
+            report = data_set(name, self.folder, self.seed, show)
+        outcomes = ", ".join(f"{count} {outcome}" for outcome, count in report.outcomes.items())
+        self._say(f"{report.runs} cuts simulated by MuJoCo in {time.perf_counter() - began:.0f} s ({outcomes}), "
+                  f"stored in {report.output}")
+        self.data.append(report.output)
+        return report.output
+
+    def published(self) -> None:
+        """The five published experiments."""
+        from analysis.published import PUBLISHED
+        from analysis.published_plot import plot_samples
+        from testbed.cli._demo import observe
+
+        self._begin("Five published experiments: observed, by multipliers, and by simulation with loss of contact")
+        path = self._simulate("rig_published")
+        self.tests = observe(path, [test.name for test in PUBLISHED], [test.outcome for test in PUBLISHED])
+        self._table(("case", "speed", "depth", "published", "largest multiplier", "multipliers say", "samples say",
+                     "agree"), [_published_row(test) for test in self.tests])
+        agree = sum(test.agrees for test in self.tests)
+        self._say(f"{agree} of {len(self.tests)} agree in all three; samples: stable settle to one value, flip "
+                  "alternate between two, Neimark-Sacker run round a closed curve")
+        self._picture(plot_samples({f"{test.name}: {_name(test.simulated)}": test.samples for test in self.tests}),
+                      "published_tests", "once-per-tooth samples of the five tests")
+        self.result["published"] = [_plain(test) for test in self.tests]
+
+    def sweep(self) -> None:
+        """Speeds by depths, each cut judged from its samples and by its multipliers."""
+        from testbed.cli._demo import observe
+
+        self._begin("A sweep over spindle speed and depth of cut")
+        self.cuts = observe(self._simulate("rig_sweep"))
+        decided = [cut for cut in self.cuts if cut.simulated != "undecided"]
+        same = sum(cut.agrees for cut in decided)
+        self._say(f"stable or not: samples and multipliers agree in {same} of {len(decided)} cuts; "
+                  f"{len(self.cuts) - len(decided)} undecided after 120 teeth")
+        for cut in self.cuts:
+            if not cut.agrees:
+                self._say(f"{_point(cut)}: multipliers say {_name(cut.linear)} (|mu| = {abs(cut.multiplier):.3f}), "
+                          f"samples {_name(cut.simulated)} ({cut.reason})")
+        self.result["sweep"] = [_plain(cut) for cut in self.cuts]
+
+    def chart(self) -> None:
+        """The stability chart with all tests on it."""
+        from analysis.plots import ChartTest, plot_chart
+        from testbed.cli._demo import DEPTH_CELLS, SPEED_CELLS, chart
+
+        self._begin("Stability chart by temporal finite elements, the simulated cuts laid over it")
+        began = time.perf_counter()
+        speeds = (SPAN[0] * math.pi / 30.0, SPAN[1] * math.pi / 30.0)
+        found = chart(self.data[0], speeds, DEEPEST * 1e-3)
+        self._say(f"{SPEED_CELLS} x {DEPTH_CELLS} cells in {time.perf_counter() - began:.1f} s")
+        overlay = [ChartTest(cut.spindle_speed, cut.axial_depth_of_cut, cut.simulated, cut.name)
+                   for cut in (*self.cuts, *self.tests)]
+        self._picture(plot_chart(found, overlay), "stability_chart", "stability chart with tests")
+
+    def identification(self) -> None:
+        """The paper's identification on three stable cuts, scored."""
+        from analysis.plots import plot_multipliers
+        from testbed.cli._demo import identified
+
+        self._begin("The paper's identification from three stable cuts, scored against the known truth")
+        path = self._simulate("rig_identification")
+        with progress("identifying", self.quiet) as show:
+            found = identified(path, show)
+        self._table(("parameter", "truth", "first estimate", "95 % interval", "bias", "rms error"),
+                    [_score_row(one, found.first.parameters[one.parameter]) for one in found.scores])
+        one = found.scores[0]
+        self._say(f"{one.count - one.failures} of {one.count} campaigns identified, noise {one.noise * 1e6:g} um, "
+                  "started from the paper's guess (930 rad/s, Gamma1 5.0e8) by way of the ring-down")
+        sets = {}
+        for test in found.first.tests:
+            label = _rpm(test["spindle_speed"])
+            sets[f"{label}, measured"], sets[f"{label}, model"] = test["measured"], test["model"]
+        self._picture(plot_multipliers(sets), "multipliers", "measured and model multipliers")
+        self.result["identification"] = {"parameters": found.first.parameters, "tests": found.first.tests,
+                                         "scores": found.scores, **found.first.quality}
+
+    def hammer(self) -> None:
+        """The measured hammer test, where it is there."""
+        from testbed.cli._demo import hammer_test, tap_test_folder
+
+        self._begin("A measured hammer test: a milling tool in its holder")
+        folder = tap_test_folder()
+        if folder is None:
+            self._say("absent here: set TESTBED_MEASUREMENTS to the folder that holds tap_test")
+            self.result["hammer_test"] = None
+            return
+        found = hammer_test(folder)
+        self._table(("first mode from", "frequency", "damping ratio", "modal mass", "misfit"),
+                    [(name, shown(mode["natural_frequency"], "Hz"), f"{mode['damping_ratio']:.4f}",
+                      shown(mode["modal_mass"], "kg", 3), f"{mode['misfit']:.1%}") for name, mode in found.items()])
+        own, other = found.values()
+        off = own["natural_frequency"] - other["natural_frequency"]
+        self._say(f"{off:+.2f} Hz and {own['damping_ratio'] / other['damping_ratio'] - 1:+.1%} in damping from the "
+                  "receptance computed by its owners from blows of the same kind: the time record is one blow, "
+                  "with its own noise; neither knows the modes left out of the band otherwise than as two residuals")
+        self.result["hammer_test"] = found
+
+    def rig(self) -> None:
+        """A picture of the rig, where this computer can draw one."""
+        from testbed.view import render_rig
+
+        self._begin("The rig")
+        try:
+            path = render_rig(self.folder / "rig.png", width=1200, height=900)
+        except (RuntimeError, ImportError, AttributeError) as problem:  # no driver: MuJoCo's own import fails in these
+            self._say(f"no picture of the rig: this computer cannot render ({problem})")
+            return
+        self.pictures.append(path)
+        self.page.picture(path, "the flexure under the cutter")
+        self._say("flexure, specimen and cutter as compiled by MuJoCo")
+
+
+def _name(verdict: str) -> str:
+    return NAMES.get(verdict, verdict.replace("_", " "))
+
+
+def _rpm(speed: float) -> str:
+    return f"{speed * 30.0 / math.pi:.0f} rpm"
+
+
+def _point(cut: Any) -> str:
+    return f"{_rpm(cut.spindle_speed)}, {cut.axial_depth_of_cut * 1e3:.2f} mm"
+
+
+def _published_row(test: Any) -> tuple[str, ...]:
+    value = test.multiplier
+    shown_value = f"{value.real:+.3f}" if abs(value.imag) < 1e-9 else f"{value.real:+.3f} +- {abs(value.imag):.3f}i"
+    return (test.name, _rpm(test.spindle_speed), f"{test.axial_depth_of_cut * 1e3:.1f} mm", _name(test.published),
+            shown_value, _name(test.linear), _name(test.simulated), "yes" if test.agrees else "no")
+
+
+def _score_row(one: Any, estimate: Any) -> tuple[str, ...]:
+    unit = estimate.unit
+    return (one.parameter, *(shown(value, unit) for value in (one.truth, estimate.value)),
+            f"{shown(estimate.low, unit)} to {shown(estimate.high, unit)}",
+            *(f"{value / one.truth:+.2%}" for value in (one.bias, one.rms)))
+
+
+def _plain(cut: Any) -> dict[str, Any]:
+    return {"name": cut.name, "spindle_speed": cut.spindle_speed, "axial_depth_of_cut": cut.axial_depth_of_cut,
+            "published": cut.published, "multiplier": cut.multiplier, "linear": cut.linear,
+            "simulated": cut.simulated, "reason": cut.reason, "agree": cut.agrees}
