@@ -261,6 +261,22 @@ def _nesting_guard(current: Candidate, tried: Sequence[Candidate]) -> Candidate:
     return best
 
 
+def _backward(current: Candidate, say: Callable[[str], None]) -> Candidate:
+    """The set without every effect that the later ones made needless: refitted without it, the BIC is no worse."""
+    for name in current.effects[:-1]:
+        assert current.fit is not None and current.fitter is not None
+        say(f"is {name} still needed?")
+        free = [one for one in current.fitter.free if not one.path.startswith(f"{name}.")]
+        fitter = Fitter(current.fitter.plant, current.fitter.records, free)
+        state = replace(current.fit.state, model=current.fit.state.model.without_effect(name))
+        fit = polish(fitter, state, rounds=2, iterations=15)
+        size = effective_size(current.fit)
+        if bic(fit, size) <= bic(current.fit, size) + DELTA_BIC:
+            effects = tuple(other for other in current.effects if other != name)
+            current = replace(_candidate(fitter, fit, effects, current.fit, size), delta_bic=current.delta_bic)
+    return current
+
+
 def _against(one: Candidate, reference: Candidate) -> Candidate:
     """A candidate's gain counted from a better reference."""
     if one.fit is None or reference.fit is None:
@@ -328,8 +344,10 @@ def diagnose(
                 current = first
                 steps.append(first)
             break
-        current = first
-        steps.append(first)
+        current = _backward(first, say)
+        steps.append(current)
+        if current is not first:
+            seen.append(current)
     seen.sort(key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))
     return _verdict(base, current, steps, tuple(seen), noise, tied)
 

@@ -93,7 +93,9 @@ def plot_multipliers(sets: Mapping[str, np.ndarray]) -> Figure:
     for marker, (name, values) in zip("ox+sd^v*" * (1 + len(sets) // 8), sets.items(), strict=False):
         values = np.asarray(values, dtype=complex)
         axes.plot(values.real, values.imag, marker, label=name, ms=8, mfc="none")
-    axes.set_aspect("equal", adjustable="datalim")
+    reach = 1.1 * max([1.0, *(float(np.abs(values).max()) for values in sets.values() if len(values))])
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach))
+    axes.set_aspect("equal", adjustable="box")
     axes.set_xlabel("Re $\\mu$")
     axes.set_ylabel("Im $\\mu$")
     axes.legend(fontsize="small")

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import os
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 NOISE = "displacement"
-SPEED_CELLS, DEPTH_CELLS = 201, 101
+SPEED_CELLS, DEPTH_CELLS = 401, 201
 PAPER_START = {"natural_frequency": 930.0 / (2.0 * math.pi), "damping_ratio": 0.0064}  # Mann and Young (2006)
 PAPER_GAMMA, NORMAL_SHARE = 5.0e8, 0.3  # tangential coefficient over mass, N m^-2 kg^-1; normal over tangential
 
@@ -145,3 +147,18 @@ def hammer_test(folder: Path) -> dict[str, dict[str, Any]]:
              "receptance file": fit_receptance(frequency, real + 1j * imaginary)}
     return {name: {"natural_frequency": mode.natural_frequency, "damping_ratio": mode.damping_ratio,
                    "modal_mass": mode.modal_mass, "misfit": mode.misfit} for name, mode in modes.items()}
+
+
+def draw_rig(path: Path) -> str | None:
+    """Render the rig into a PNG file; returns why it could not be drawn, or None.
+
+    A process of its own draws: which OpenGL is used is settled when MuJoCo is first imported, and a computer without
+    one may fail in ways that no exception tells.
+    """
+    command = "import sys; from testbed.cli import main; main(sys.argv[1:])"
+    done = subprocess.run([sys.executable, "-c", command, "view", "flexure", "-o", str(path), "--width", "1200",
+                           "--height", "900", "--quiet"], capture_output=True, text=True, check=False)
+    if done.returncode == 0:
+        return None
+    said = done.stderr.strip().splitlines()
+    return said[-1].removeprefix("error: ") if said else f"it ended with {done.returncode}"

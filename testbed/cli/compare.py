@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import click
@@ -87,7 +88,7 @@ def _nuisances(answer: Answer, found: Any) -> None:
         return
     answer.say()
     if "mark_angle" in found.nuisances:
-        answer.say(f"the tachometer's mark comes {shown(found.nuisances['mark_angle'] * 57.29577951308232, 'deg')} "
+        answer.say(f"the tachometer's mark comes {math.degrees(found.nuisances['mark_angle']):.2f} deg "
                    "after a tooth's entry")
     answer.table(("record", "true speed", "against stated", "entry", "exit"), [
         (one.name, shown(one.nuisances["spindle_speed"], "rad/s", 6), f"{100 * one.nuisances['speed_error']:+.3f} %",

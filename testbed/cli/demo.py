@@ -41,7 +41,7 @@ def command(output: str, json_file: str | None, seed: int | None, quiet: bool) -
     demo.answer.say()
     demo.answer.say(f"done in {time.perf_counter() - began:.0f} s")
     demo.answer.say(f"data:     {', '.join(str(path) for path in demo.data)}")
-    demo.answer.say(f"pictures: {', '.join(str(path) for path in demo.pictures)} (each PNG also as SVG, but the rig)")
+    demo.answer.say(f"pictures: {', '.join(str(path) for path in demo.pictures)} (diagrams as SVG too)")
     demo.answer.say(f"open:     {page}")
     demo.answer.finish(demo.result | {"data": demo.data, "pictures": demo.pictures, "report": page,
                                       "seconds": time.perf_counter() - began})
@@ -75,6 +75,12 @@ class _Demo:
     def _picture(self, figure: Any, name: str, says: str) -> None:
         from analysis.plots import save
 
+        legend = figure.axes[0].get_legend()
+        if legend is not None:  # beside the axes, where it hides no test
+            legend.set_loc("upper left")
+            legend.set_bbox_to_anchor((1.01, 1.0))
+            width, height = figure.get_size_inches()
+            figure.set_size_inches(width + 2.0, height)
         path = save(figure, self.folder / name)[0]
         self.pictures.append(path)
         self.page.picture(path, says)
@@ -178,19 +184,19 @@ class _Demo:
         own, other = found.values()
         off = own["natural_frequency"] - other["natural_frequency"]
         self._say(f"{off:+.2f} Hz and {own['damping_ratio'] / other['damping_ratio'] - 1:+.1%} in damping from the "
-                  "receptance computed by its owners from blows of the same kind: the time record is one blow, "
-                  "with its own noise; neither knows the modes left out of the band otherwise than as two residuals")
+                  f"receptance file of the same point; the rest, {own['misfit']:.0%} of the response, belongs to "
+                  "neighbouring modes, which one mode and two residual terms do not describe")
         self.result["hammer_test"] = found
 
     def rig(self) -> None:
         """A picture of the rig, where this computer can draw one."""
-        from testbed.view import render_rig
+        from testbed.cli._demo import draw_rig
 
         self._begin("The rig")
-        try:
-            path = render_rig(self.folder / "rig.png", width=1200, height=900)
-        except (RuntimeError, ImportError, AttributeError) as problem:  # no driver: MuJoCo's own import fails in these
-            self._say(f"no picture of the rig: this computer cannot render ({problem})")
+        path = self.folder / "rig.png"
+        problem = draw_rig(path)
+        if problem is not None:
+            self._say(f"no picture of the rig: {problem}")
             return
         self.pictures.append(path)
         self.page.picture(path, "the flexure under the cutter")

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from types import ModuleType
+from dataclasses import dataclass, replace
+from types import MappingProxyType, ModuleType
 from xml.etree import ElementTree
 
 import mujoco
@@ -26,7 +26,7 @@ from testbed.engines import mujoco_kernel as mk
 from testbed.engines import mujoco_plugin
 from testbed.engines.measure import measured_channels
 from testbed.engines.mujoco_record import sample_record
-from testbed.engines.packing import Packed, fastest_frequency, pack
+from testbed.engines.packing import Packed, active_effects, fastest_frequency, pack
 from testbed.machine import Cutter, Model, Structure
 from testbed.recording import Outcome, Recording
 
@@ -52,6 +52,8 @@ _LEAN = """<mujoco model="one_mode">
     </body>
   </worldbody>
 </mujoco>"""
+
+_NO_EFFECTS: Mapping[str, Effect] = MappingProxyType({})
 
 
 def _grid(model: Model, cut: Cut, effects: Mapping[str, Effect], steps: int | None) -> Packed:
@@ -123,10 +125,17 @@ def _xml(model: Model, packed: Packed, plugin: str) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
+def _needed(model: Model, effects: Mapping[str, Effect]) -> tuple[Model, Mapping[str, Effect]]:
+    """The model and the catalogue to compile: where no effect is active, a plugin without any, which costs less a step."""
+    if active_effects(model, effects):
+        return model, effects
+    return replace(model, effects={}), _NO_EFFECTS
+
+
 def model_xml(model: Model, cut: Cut, *, steps: int | None = None,
               catalogue: Mapping[str, Effect] | None = None) -> str:
     """The MJCF text that one run simulates: the machine, its values, and the cut's settings as a custom numeric."""
-    effects = known_effects() if catalogue is None else catalogue
+    model, effects = _needed(model, known_effects() if catalogue is None else catalogue)
     return _xml(model, _grid(model, cut, effects, steps), mujoco_plugin.register(effects)[0])
 
 
@@ -164,7 +173,7 @@ class Run:
 
 def prepare(model: Model, cut: Cut, *, steps: int | None = None, catalogue: Mapping[str, Effect] | None = None) -> Run:
     """Compile the model of one run and set it at time 0."""
-    effects = known_effects() if catalogue is None else catalogue
+    model, effects = _needed(model, known_effects() if catalogue is None else catalogue)
     packed = _grid(model, cut, effects, steps)
     plugin, kernel = mujoco_plugin.register(effects)
     compiled = mujoco.MjModel.from_xml_string(_xml(model, packed, plugin))

@@ -10,6 +10,8 @@ from analysis.ring_down import fit_receptance, receptance
 from tests.real_data import MEASUREMENTS
 from tests.validation.claims import Claim, Section
 
+BANDS = ((1000, 1140), (900, 1300))  # Hz, a narrow and a wide one
+
 
 def check() -> Section:
     """The section of the table; the claims are not checked where the measurements are absent."""
@@ -25,14 +27,15 @@ def check() -> Section:
     far, damp = abs(blow.natural_frequency - 1067.0) / 1067.0, abs(blow.damping_ratio - 0.033) / 0.033
     apart = abs(blow.natural_frequency - response.natural_frequency)
     ratio = abs(blow.damping_ratio / response.damping_ratio - 1.0)
-    note = (f"{blow.natural_frequency - 1067:+.1f} Hz and {100 * (blow.damping_ratio / 0.033 - 1):+.1f} %: the tool's next "
-            "modes overlap the flank, so one mode with residual terms reads a little more damping than the half-power "
-            f"width does; misfit {100 * blow.misfit:.1f} % of the response")
+    bands = [fit_receptance(frequency, real + 1j * imaginary, band).damping_ratio for band in BANDS]
+    note = (f"off by {blow.natural_frequency - 1067:+.1f} Hz and {100 * (blow.damping_ratio / 0.033 - 1):+.1f} %: one mode "
+            f"with residual terms does not describe the resonance fully (misfit {100 * blow.misfit:.1f} %), so the damping "
+            f"depends on the band: {bands[0]:.4f} from {BANDS[0][0]} to {BANDS[0][1]} Hz, {bands[1]:.4f} from "
+            f"{BANDS[1][0]} to {BANDS[1][1]} Hz")
     return Section(title, (
         Claim(what, "within 0.5 % and 10 %", f"{blow.natural_frequency:.1f} Hz, {blow.damping_ratio:.4f}",
               far <= 0.005 and damp <= 0.1, note),
-        Claim("time file against response file: frequency", "<= 1 Hz", f"{apart:.2f} Hz", apart <= 1.0,
-              "one blow against the average the analyser kept: noise and the 1 s window"),
+        Claim("time file against response file: frequency", "<= 1 Hz", f"{apart:.2f} Hz", apart <= 1.0),
         Claim("time file against response file: damping ratio", "<= 2 %", f"{100 * ratio:.2f} %", ratio <= 0.02),
         Claim("time file against response file: modal mass", "<= 3 %",
               f"{100 * abs(blow.modal_mass / response.modal_mass - 1):.2f} %",

@@ -1,0 +1,111 @@
+"""The demo runs whole, and what it says is what it found."""
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbed.cli import _demo, main
+from testbed.data_set import read_data_set
+from tests.real_data import MEASUREMENTS, needs
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    """(folder, what it printed, its JSON) of one run in a pipe."""
+    folder = tmp_path_factory.mktemp("demo")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "TESTBED_MEASUREMENTS": str(MEASUREMENTS)}
+    done = subprocess.run([sys.executable, "-c", "from testbed.cli import main; main()", "demo", "-o", "out", "--json",
+                           "demo.json"], cwd=folder, env=environment, capture_output=True, text=True, timeout=180)
+    assert done.returncode == 0, done.stderr
+    return folder, done.stdout, json.loads((folder / "demo.json").read_text())
+
+
+def test_the_five_published_tests_agree(demo):
+    _, said, found = demo
+    assert [test["published"] for test in found["published"]] \
+        == ["neimark_sacker", "neimark_sacker", "flip", "stable", "stable"]
+    for test in found["published"]:
+        assert test["linear"] == test["simulated"] == test["published"] and test["agree"]
+    assert "5 of 5 agree" in said and len(re.findall(r"^  [A-E] .* yes$", said, re.MULTILINE)) == 5
+
+
+def test_the_sweep_is_stored_and_agrees_with_the_chart(demo):
+    folder, said, found = demo
+    data = read_data_set(folder / "out" / "rig_sweep.h5")
+    assert len(data) == len(found["sweep"]) == 24 and data.engine == "mujoco" and data.verify()
+    assert all(np.ptp(recording.channels["displacement"]) > 1e-5 for recording in data)
+    decided = [cut for cut in found["sweep"] if cut["simulated"] != "undecided"]
+    assert len(decided) >= 20 and sum(cut["agree"] for cut in decided) >= len(decided) - 1
+    assert {"stable", "neimark_sacker", "flip"} <= {cut["simulated"] for cut in decided}
+
+
+def test_the_identification_is_scored(demo):
+    found = demo[2]["identification"]
+    limits = {"natural_frequency": 0.5 / (2 * math.pi), "damping_ratio": 0.15 * 0.0032,
+              "tangential_coefficient": 0.03 * 555.768e6}
+    assert {one["parameter"] for one in found["scores"]} == set(limits)
+    for one in found["scores"]:
+        assert one["count"] == 5 and one["failures"] == 0 and one["noise"] == 0.5e-6
+        assert 0 < one["rms"] < limits[one["parameter"]]
+
+
+@needs("tap_test")
+def test_the_hammer_test_is_identified(demo):
+    own, other = (demo[2]["hammer_test"][name] for name in ("time record", "receptance file"))
+    assert own["natural_frequency"] == pytest.approx(1067, abs=4) and own["damping_ratio"] == pytest.approx(0.034, abs=0.002)
+    assert own["natural_frequency"] == pytest.approx(other["natural_frequency"], abs=1.0)
+
+
+def test_it_says_where_everything_is(demo):
+    folder, said, found = demo
+    for path in (*found["data"], *found["pictures"], found["report"]):
+        assert path in said and (folder / path).stat().st_size > 2000
+    pictures = {Path(path).stem for path in found["pictures"]}
+    assert {"published_tests", "stability_chart", "multipliers"} <= pictures
+    for name in pictures - {"rig"}:
+        assert (folder / "out" / f"{name}.svg").stat().st_size > 5000
+    page = (folder / found["report"]).read_text()
+    for source in re.findall(r'src="([^"]+)"', page):
+        assert (folder / "out" / source).is_file()
+    assert ("rig.png" in page) != ("no picture of the rig" in said)
+
+
+def test_it_is_quick(demo):
+    assert 1 < demo[2]["seconds"] < 150
+
+
+def test_an_absent_hammer_test_is_said(monkeypatch, tmp_path):
+    monkeypatch.setenv("TESTBED_MEASUREMENTS", str(tmp_path))
+    assert _demo.tap_test_folder() is None
+
+
+def test_a_rig_that_cannot_be_drawn_is_said(monkeypatch, tmp_path):
+    monkeypatch.setenv("MUJOCO_GL", "none")
+    said = _demo.draw_rig(tmp_path / "rig.png")
+    assert said and "\n" not in said and not (tmp_path / "rig.png").exists()
+
+
+@pytest.mark.parametrize("place", ["file", "file/inside"])
+def test_a_place_that_cannot_be_used(monkeypatch, tmp_path, capsys, place):
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("kept")
+    with pytest.raises(SystemExit) as stop:
+        main(["demo", "-o", place])
+    assert stop.value.code == 2 and capsys.readouterr().err.startswith("error: ") and Path("file").read_text() == "kept"
+
+
+def test_a_stranger_s_data_are_not_replaced(tmp_path, capsys):
+    (tmp_path / "rig_published.h5").write_text("mine")
+    with pytest.raises(SystemExit) as stop:
+        main(["demo", "-o", str(tmp_path), "--quiet"])
+    assert stop.value.code == 2 and "exists" in capsys.readouterr().err
+    assert (tmp_path / "rig_published.h5").read_text() == "mine"
