@@ -3,13 +3,13 @@
 The displacement is looked at once a tooth. Two windows of up to 60 teeth, the last and the one before, are compared:
 
 - stable: the samples have settled, to within four times the noise or 2 % of how far they swung before; or their
-  spread has halved from window to window, and half as much again is left;
+  spread has at least halved from window to window;
 - flip: every other sample agrees, to a third of the step between neighbours (period two);
 - neimark_sacker: in the plane of neighbouring samples (y_n, y_n+1), made round by their covariance, they lie on a
   closed curve about the middle (none closer than 0.4 of the mean radius), each turned by much the same angle
   against the one before;
-- neither of the two where the step, or the spread, is a tenth less than it was: it may be dying;
-- undecided: none of these; too few teeth, or a motion that has not yet grown or died.
+- undecided: none of these; or a step, or a curve, that is a tenth smaller than it was and may be dying; or fewer than
+  40 teeth.
 
 Source: B. P. Mann and K. A. Young (2006), Proc. R. Soc. A 462, 2145-2160, section 4; the numbers are choices.
 """

@@ -1,7 +1,10 @@
 """The README says what works: its commands are run, its YAML is read, its files exist."""
 
+import os
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import click
@@ -9,7 +12,8 @@ import numpy as np
 import pytest
 
 from testbed.campaign import load_campaign
-from testbed.cli import main, testbed
+from testbed.cli import main
+from testbed.cli import testbed as commands
 from testbed.data_set import read_data_set
 from testbed.model_file import read_model
 
@@ -18,7 +22,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
 LINES = [line.split(" #")[0].strip() for kind, text in BLOCKS if kind == "sh" for line in text.splitlines()]
 COMMANDS = [shlex.split(line)[1:] for line in LINES if line.startswith("testbed")]
-LONG = {"diagnose", "add"}  # minutes; their options are checked here, their work in tests of their own
+LONG = {"compare", "diagnose", "add"}  # minutes; their options are checked here, their work in tests of their own
 
 
 def named_yaml():
@@ -52,7 +56,7 @@ def test_every_line_of_shell_is_a_known_command():
 
 @pytest.mark.parametrize("arguments", COMMANDS, ids=" ".join)
 def test_every_option_exists(arguments):
-    command = testbed.get_command(click.Context(testbed), arguments[0])
+    command = commands.get_command(click.Context(commands), arguments[0])
     assert command is not None
     context = command.make_context(arguments[0], list(arguments[1:]))
     assert context.params["quiet"] is False
@@ -64,7 +68,7 @@ def test_the_tour_runs(tmp_path, monkeypatch, capsys):
         Path(name).write_text(text)
     done = 0
     for arguments in COMMANDS:
-        if arguments[0] in LONG:
+        if arguments[0] in LONG | {"view"}:
             continue
         with pytest.raises(SystemExit) as stop:
             main(list(arguments))
@@ -74,11 +78,19 @@ def test_the_tour_runs(tmp_path, monkeypatch, capsys):
         done += 1
         if arguments[0] == "run":
             write_cuts(tmp_path)
-    assert done >= len(COMMANDS) - 2
+    assert done >= len(COMMANDS) - len(LONG) - 1
     assert read_model("identified.yaml").value("natural_frequency") == pytest.approx(146.5976, abs=0.1)
     campaign = load_campaign("campaign.yaml")
     assert [record.cut(1).axial_depth_of_cut for record in campaign.records] == [2.9e-3, 2.9e-3, 2.0e-3]
     assert Path("pictures/stability_chart.png").stat().st_size > 5000
+
+
+def test_the_rig_is_drawn_or_the_reason_said(tmp_path):
+    command = next(arguments for arguments in COMMANDS if arguments[0] == "view")
+    done = subprocess.run([sys.executable, "-c", "from testbed.cli import main; main()", *command], cwd=tmp_path,
+                          env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=120)
+    drawn = (tmp_path / "rig.png").exists()
+    assert (done.returncode, drawn) == (0, True) or ("draws nothing" in done.stderr and not drawn)
 
 
 def test_the_files_it_names_exist():

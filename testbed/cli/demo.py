@@ -224,9 +224,9 @@ def _published_row(test: Any) -> tuple[str, ...]:
 
 def _score_row(one: Any, estimate: Any) -> tuple[str, ...]:
     unit = estimate.unit
-    return (one.parameter, *(shown(value, unit) for value in (one.truth, estimate.value)),
+    return (one.parameter, *(shown(value, unit, 6) for value in (one.truth, estimate.value)),
             f"{shown(estimate.low, unit)} to {shown(estimate.high, unit)}",
-            *(f"{value / one.truth:+.2%}" for value in (one.bias, one.rms)))
+            f"{one.bias / one.truth:+.3%}", f"{one.rms / one.truth:.3%}")
 
 
 def _plain(cut: Any) -> dict[str, Any]:
