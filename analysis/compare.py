@@ -137,13 +137,13 @@ def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
     for index, (record, error) in enumerate(zip(records, errors, strict=True)):
         rows.append(_record(plant, record, error, fit, index, len(groups) > 1))
         tests += adequacy_tests(record, error, fit.state.angle, fit.state.nuisances[index])
-    error, noise = pooled(errors)
+    overall, noise = pooled(errors)
     shared = {}
     if fitter.fits_angle:
         place = fit.names.index("mark_angle")
         shared = {"mark_angle": mark_angle(fit, model.cutter.pitch if model.cutter else 2 * math.pi),
                   "mark_angle_interval": Z_95 * float(fit.covariance[place, place]) ** 0.5}
-    return Comparison(error, noise, tuple(rows), shared, estimates(fitter, fit, catalogue), tuple(controlled(tests)),
+    return Comparison(overall, noise, tuple(rows), shared, estimates(fitter, fit, catalogue), tuple(controlled(tests)),
                       fitter, fit, tuple(errors))
 
 

@@ -53,7 +53,8 @@ class Observed:
     """One record. data (channels, samples) in SI; noise (channels,) standard deviations; drift (samples, terms) orthonormal.
 
     period: of one revolution (s); first_mark: time of the first mark, s. durations: measured time of every revolution
-    where the speed is not constant. segments and conditions as read. force (samples,) drives an excited record.
+    where the speed is not constant. clock_error: standard deviations of a record's own tooth angle (rad) and relative
+    speed, from the scatter of its marks. segments and conditions as read. force (samples,) drives an excited record.
     """
 
     name: str
@@ -74,6 +75,7 @@ class Observed:
     marks: np.ndarray | None = None
     force: np.ndarray | None = None
     starts_in_cut: bool = False
+    clock_error: tuple[float, float] | None = None
 
     @property
     def samples(self) -> int:
@@ -153,6 +155,14 @@ def clock_of(marks: np.ndarray) -> tuple[float, float, bool]:
     return float(slope), float(anchor), float(np.median(np.abs(rest))) < STEADY_CLOCK * slope
 
 
+def clock_error(marks: np.ndarray, period: float, anchor: float) -> tuple[float, float]:
+    """Standard deviations of (angle at the first mark in rad, relative speed) that the marks' scatter leaves."""
+    rest = (marks - anchor) / period
+    rest = rest - np.round(rest)
+    scatter = max(1.4826 * float(np.median(np.abs(rest))), 1e-7)
+    return 2 * math.pi * 2.0 * scatter / math.sqrt(len(marks)), math.sqrt(12.0) * scatter / len(marks) ** 1.5
+
+
 _ORDER = ("displacement", "velocity", "acceleration", "force_x", "force_y")
 
 
@@ -212,10 +222,11 @@ def _used(kind: str, segments: Sequence[Segment], recording: Any) -> tuple[int, 
 def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
     cut = record.cut(flutes)
     marks = np.asarray(record.recording.marks)
-    period, anchor, kept = 2 * math.pi / cut.spindle_speed, None, None
+    period, anchor, kept, error = 2 * math.pi / cut.spindle_speed, None, None, None
     if len(marks) >= 3:
         period, anchor, steady = clock_of(marks)
         kept = None if steady else marks
+        error = clock_error(marks, period, anchor) if steady else None
     kinds = {segment.kind for segment in base.segments}
     return replace(
         base,
@@ -224,6 +235,7 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
         period=period,
         first_mark=anchor,
         marks=kept,
+        clock_error=error,
         starts_in_cut="idle" not in kinds and "entry" not in kinds,
     )
 

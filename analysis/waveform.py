@@ -70,6 +70,11 @@ class WaveformFit:
         return 2.0 * self.cost
 
 
+def _padded(rows: np.ndarray, count: int) -> np.ndarray:
+    """The rows with `count` rows of zeros after them."""
+    return np.vstack([rows, np.zeros((count, rows.shape[1]))])
+
+
 class Fitter:
     """Records, an engine, and the parameters that are free."""
 
@@ -97,11 +102,20 @@ class Fitter:
             own = [{"displacement": size}, {"velocity": size * omega}]
         if record.cut is not None and record.first_mark is None:
             own += [{"angle": 0.1}, {"speed": 1e-3}]
+        elif record.clock_error is not None:  # held by what the marks know of them, see _held
+            own += [{"angle": record.clock_error[0]}, {"speed": record.clock_error[1]}]
         return own
 
     @staticmethod
     def _nudged(nuisances: Nuisances, change: Mapping[str, float], amount: float) -> Nuisances:
         return replace(nuisances, **{key: getattr(nuisances, key) + amount * size for key, size in change.items()})
+
+    @staticmethod
+    def _held(record: Observed, nuisances: Nuisances) -> np.ndarray:
+        """What the marks say of a record's own clock, as residuals: its angle and speed in units of their errors."""
+        if record.clock_error is None:
+            return np.empty(0)
+        return np.array([nuisances.angle / record.clock_error[0], (nuisances.speed - 1.0) / record.clock_error[1]])
 
     # -- residuals and slopes ------------------------------------------------------------------------------------------
 
@@ -129,7 +143,9 @@ class Fitter:
         rest = self._residuals(record, variants)
         slopes = (rest[1:] - rest[0]) / step
         slopes[: len(signs)] *= np.array(signs)[:, None]
-        return Linearised(rest[0], slopes[: len(self.names)].T, slopes[len(self.names) :].T)
+        held = self._held(record, nuisances)
+        by_own = np.vstack([slopes[len(self.names) :].T, np.eye(len(own))[len(own) - len(held) :]])
+        return Linearised(np.append(rest[0], held), _padded(slopes[: len(self.names)].T, len(held)), by_own)
 
     def linearise_all(self, state: State) -> tuple[Linearised, ...]:
         """Every record about a state, on threads (the engine lets go of the interpreter)."""
@@ -178,7 +194,9 @@ class Fitter:
 
     def cost(self, state: State, indices: Sequence[int] | None = None) -> float:
         """Half the sum of squared residuals of all records, or of some, in units of the noise."""
-        return 0.5 * sum(float(rest @ rest) for rest in self.residuals(state, indices))
+        places = range(len(self.records)) if indices is None else indices
+        held = [self._held(self.records[place], state.nuisances[place]) for place in places]
+        return 0.5 * sum(float(rest @ rest) for rest in (*self.residuals(state, indices), *held))
 
     def with_slopes(
         self,
@@ -201,9 +219,10 @@ class Fitter:
             rest = self._residuals(self.records[index], variants)
             shared = np.empty((rest.shape[1], len(self.names)))
             known = [place for place in range(len(self.names)) if place not in places]
-            shared[:, known] = parts[index].shared
+            shared[:, known] = parts[index].shared[: rest.shape[1]]
             shared[:, list(places)] = ((rest[1:] - rest[0]) / step * np.array(signs)[:, None]).T
-            return Linearised(rest[0], shared, parts[index].own)
+            held = self._held(self.records[index], state.nuisances[index])
+            return Linearised(np.append(rest[0], held), _padded(shared, len(held)), parts[index].own)
 
         with ThreadPoolExecutor(WORKERS) as pool:
             return tuple(pool.map(one, range(len(self.records))))
@@ -262,8 +281,7 @@ class Fitter:
             count += 1
             move, own = self.step(parts, damping)
             trial = self.with_own(self.moved(state, move), own)
-            rest = self.residuals(trial)
-            new = 0.5 * sum(float(one @ one) for one in rest)
+            new = self.cost(trial)
             if np.isfinite(new) and new < cost:
                 converged = cost - new < tolerance * cost
                 state, cost, damping = trial, new, max(damping / 8.0, 1e-9)
@@ -273,4 +291,5 @@ class Fitter:
                 damping *= 6.0
         size = sum(part.residual.size for part in parts)
         covariance = self.covariance(parts, max(1.0, 2.0 * cost / size))
-        return WaveformFit(state, cost, tuple(part.residual for part in parts), self.names, covariance, converged, count, parts)
+        residuals = tuple(part.residual[: record.data.size] for part, record in zip(parts, self.records, strict=True))
+        return WaveformFit(state, cost, residuals, self.names, covariance, converged, count, parts)

@@ -136,30 +136,14 @@ def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, se
                       {"chi_square": found.chi_square, "converged": found.converged})
 
 
-def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catalogue: Any) -> Identified:
+def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catalogue: Any, model_file: object) -> Identified:
     """Fit the whole waveform of every record with the simulator."""
-    from functools import partial
-    from types import SimpleNamespace
-
-    import numpy as np
-
-    from analysis.identify import Estimate
-    from analysis.observed import observe
+    from analysis.compare import estimates
     from analysis.starts import base_fit
-    from testbed.engines import predict
-    from testbed.machine import BASE_UNITS
+    from testbed.cli._fitting import observed_records, plant_of
 
-    plant = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue),
-                            predict_driven=partial(predict.predict_driven, catalogue=catalogue))
-    observed = [observe(record, model) for record in records if record.kind in ("cut", "ring-down", "excited")]
-    if not observed:
-        raise ValueError("no record that a model predicts")
-    fitter, fit = base_fit(plant, observed, model)
-    values = sum(residual.size for residual in fit.residuals)
-    chi_square = fit.squares / max(1, values - len(fit.names))
-    spread = 1.96 * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
-    parameters = {}
-    for one, half in zip(fitter.free, spread, strict=False):
-        value = fit.state.model.value(one.path)
-        parameters[one.path] = Estimate(value, value - float(half), value + float(half), BASE_UNITS[one.path])
-    return Identified(fit.state.model, parameters, (), {"chi_square": chi_square, "converged": fit.converged})
+    observed = observed_records(records, model, path, model_file)
+    fitter, fit = base_fit(plant_of(catalogue), observed, model)
+    chi_square = fit.squares / max(1, sum(residual.size for residual in fit.residuals) - len(fit.names))
+    return Identified(fit.state.model, estimates(fitter, fit, catalogue), (),
+                      {"chi_square": chi_square, "converged": fit.converged})

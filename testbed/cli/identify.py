@@ -38,7 +38,7 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
     records = load_records(data)
     try:
         found = identify_by_multipliers(model, records, data, seed or 0) if multipliers else \
-            identify_by_waveform(model, records, data, catalogue)
+            identify_by_waveform(model, records, data, catalogue, model_file)
     except InputProblem:
         raise
     except (ValueError, ArithmeticError) as problem:

@@ -127,7 +127,7 @@ def _identify(start: Any, records: Sequence[Any], method: str, data: object, cat
 
     if method == "multipliers":
         return identify_by_multipliers(start, records, data, 0).parameters
-    return identify_by_waveform(start, records, data, catalogue).parameters
+    return identify_by_waveform(start, records, data, catalogue, data).parameters
 
 
 def _row(one: Any) -> tuple[str, ...]:
