@@ -79,6 +79,29 @@ def _residual_peaks(records: Sequence[Observed], fit: WaveformFit, count: int = 
     return kept[:count]
 
 
+def fitting_example(fitter: Fitter, effect: Effect, fit: WaveformFit) -> Effect:
+    """The effect with examples that suit these records, where its own would swamp them (records in volts, say).
+
+    Each parameter that switches the effect is lowered by tens until the prediction moves by less than a third of the record.
+    """
+    index = int(np.argmax([float(np.mean(rest**2)) for rest in fit.residuals]))
+    record, state = fitter.records[index], fit.state
+    size = float(np.sqrt(np.mean(record.project(record.data) ** 2)))
+    base = fit.residuals[index]
+    fitted = []
+    for parameter in effect.parameters:
+        example = parameter.example
+        for _ in range(20 if parameter.vanishes else 0):
+            values = {one.name: example if one is parameter else one.example for one in effect.parameters}
+            model = state.model.with_effect(effect.name, **values)
+            moved = fitter.residual_of(index, replace(state, model=model))[: len(base)] - base
+            if float(np.sqrt(np.mean(moved**2))) <= 0.3 * size:
+                break
+            example = parameter.neutral + 0.1 * (example - parameter.neutral)
+        fitted.append(replace(parameter, example=example))
+    return replace(effect, parameters=tuple(fitted))
+
+
 def starting_points(effect: Effect, records: Sequence[Observed], fit: WaveformFit) -> list[dict[str, float]]:
     """Parameter values a fit of the effect starts from: frequencies at the residual's lines, angles all round, signs both."""
     choices: list[list[float]] = []
@@ -161,6 +184,7 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
 
     The slopes by the base's own unknowns are those of the origin; only the effect's are computed.
     """
+    effect = fitting_example(fitter, effect, fit)
     wider = _extended(fitter, effect)
     best: tuple[float, State] = (math.inf, fit.state)
     places = [place for place, one in enumerate(wider.free) if one.path.startswith(f"{effect.name}.")]
@@ -184,6 +208,9 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
                     break
             if cost < best[0]:
                 best = (cost, state)
+    if best[0] > fit.cost and all(record.cut is None for record in fitter.records):
+        found = wider.fit(best[1], iterations=10)  # without a cut this is cheap, and one step may not turn the corner
+        best = (found.cost, found.state)
     return best[0], best[1], wider
 
 

@@ -84,7 +84,12 @@ def held_out_errors(fitter: Fitter, fit: WaveformFit) -> list[RecordError]:
         if len(groups) > 1:
             others = [index for index in range(len(fitter.records)) if index not in group]
             move, _ = fitter.step(fit.parts, 1e-9, used=others)
-            state = own_refit(fitter, fitter.moved(state, move), group)
+            known = fitter.cost(fit.state, others)
+            share = 1.0
+            while share > 0.1 and not fitter.cost(fitter.moved(fit.state, share * move), others) <= 1.05 * known:
+                share *= 0.5  # where the records left are not linear over so long a step
+            state = fitter.moved(fit.state, share * move) if share > 0.1 else fit.state
+            state = own_refit(fitter, state, group)
         for index in group:
             errors[index] = record_error(fitter.records[index], fitter.residual_of(index, state))
     return [errors[index] for index in range(len(fitter.records))]

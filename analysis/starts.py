@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
+from scipy.signal import csd
 
 from analysis.free_decay import fit_free_decay, spectral_peak
 from analysis.held_out import own_refit
@@ -78,6 +79,47 @@ def decay_start(records: Sequence[Observed], model: Model) -> Model:
             "damping_ratio": float(np.sum(damping * weight) / weight.sum()),
         }
     )
+
+
+def excited_start(records: Sequence[Observed], model: Model) -> Model:
+    """The model with mass, frequency and damping of the receptance between a measured force and the response.
+
+    1 / H = k - m w^2 + i c w, fitted by least squares with the weights of Sanathanan and Koerner (1963, IEEE Trans.
+    Autom. Control 8, 56) around the highest peak, from Welch's averaged spectra.
+    """
+    driven = [record for record in records if record.force is not None and record.kind == "excited"]
+    if not driven:
+        return model
+    record = max(driven, key=lambda one: float(np.std(one.data[0])) * one.samples)
+    force = np.asarray(record.force, dtype=float)
+    length = min(record.samples, max(256, int(record.samples // 8)))
+    frequency, cross = csd(force, record.data[0], record.rate, nperseg=length)
+    _, power = csd(force, force, record.rate, nperseg=length)
+    omega = 2 * math.pi * frequency[2:]
+    response = cross[2:] / np.maximum(power[2:].real, 1e-300)
+    loud = power[2:].real > 1e-4 * power[2:].real.max()
+    order = {"displacement": 0, "velocity": 1, "acceleration": 2}[record.channels[0].split("_")[0]]
+    receptance = response / (1j * omega) ** order
+    strength = np.where(loud, np.abs(response), 0.0)
+    peak = int(np.argmax(strength))
+    near = loud & (omega > 0.3 * omega[peak]) & (omega < 1.7 * omega[peak])
+    w, h = omega[near], receptance[near]
+    if len(w) < 8:
+        return model
+    weight, mass, damping, stiffness = np.ones(len(w)), 0.0, 0.0, 0.0
+    for _ in range(8):
+        columns = np.stack([-(w**2) * h, 1j * w * h, h], axis=1) * weight[:, None]
+        scale = np.linalg.norm(columns, axis=0)
+        rows = np.vstack([(columns / scale).real, (columns / scale).imag])
+        right = np.concatenate([weight, np.zeros(len(w))])
+        mass, damping, stiffness = np.linalg.lstsq(rows, right, rcond=None)[0] / scale
+        weight = 1.0 / np.maximum(np.abs(stiffness - mass * w**2 + 1j * damping * w), 1e-300)
+        weight /= weight.max()
+    if not (mass > 0 and stiffness > 0 and damping > 0):
+        return model
+    natural = math.sqrt(stiffness / mass)
+    zeta = min(damping / (2 * mass * natural), 0.5)
+    return model.with_values({"mass": mass, "natural_frequency": natural / (2 * math.pi), "damping_ratio": zeta})
 
 
 def softened(record: Observed) -> Observed:
@@ -169,7 +211,7 @@ def base_fit(
     free: Sequence[Free] | None = None,
 ) -> tuple[Fitter, WaveformFit]:
     """The believed model refitted to all records, from several starts, with every nuisance."""
-    started = decay_start(records, model)
+    started = excited_start(records, decay_start(records, model))
     free = list(free) if free is not None else free_parameters(records, started)
     soft = Fitter(plant, [softened(record) for record in records], free)
     tries = []
