@@ -124,6 +124,19 @@ def test_a_saved_run_continues_bit_for_bit():
     assert np.array_equal(resumed.data.qpos, whole.data.qpos)
 
 
+@pytest.mark.parametrize("effect", list(catalogue()))
+def test_half_saved_and_resumed_is_the_whole_with_every_effect(effect):
+    model = MODEL.with_effect(effect, **catalogue()[effect].example())
+    runs = [mujoco_engine.prepare(model, STABLE, steps=12) for _ in range(3)]
+    whole, half, resumed = runs
+    whole.advance(8)
+    half.advance(5)
+    mujoco_engine.load_state(resumed, mujoco_engine.save_state(half), 5)
+    resumed.advance(3)
+    assert np.ptp(whole.record[: 8 * whole.steps_per_pass, 2]) > 0
+    assert np.array_equal(resumed.data.qpos, whole.data.qpos) and np.array_equal(resumed.data.qvel, whole.data.qvel)
+
+
 def test_reset_starts_the_same_run_again():
     run = mujoco_engine.prepare(MODEL, replace(STABLE, initial_displacement=0.0), steps=20)
     run.advance(12)
