@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from analysis.held_out import RecordError, held_out_errors, pooled
+from analysis.held_out import RecordError, held_out_errors, pooled, record_error
 from analysis.lines import find_peaks
 from analysis.observed import Observed, Plant
 from analysis.starts import anchored_state, base_fit, polish
 from analysis.waveform import Fitter, Free, Linearised, State, WaveformFit
 from testbed.effect import Effect
-from testbed.machine import Model
+from testbed.machine import BASE_UNITS, Model
 
 ANCHOR = 1.5  # error over noise floor above which candidates also start from the small-amplitude structure
 ADEQUATE = 1.02  # error over noise floor up to which nothing is looked for
@@ -218,18 +218,12 @@ def _candidate(
     fitter: Fitter, fit: WaveformFit, effects: tuple[str, ...], reference: WaveformFit | None, size: float
 ) -> Candidate:
     errors = held_out_errors(fitter, fit)
-    in_sample = [_in_sample(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
+    in_sample = [record_error(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
     parameters = {path: fit.state.model.value(path) for path in fit.names if "." in path}
     gain = 0.0 if reference is None else bic(reference, size) - bic(fit, size)
     return Candidate(
         effects, parameters, pooled(in_sample)[0], pooled(errors)[0], gain, fit.converged, fit, fitter, tuple(errors)
     )
-
-
-def _in_sample(record: Observed, rest: np.ndarray) -> RecordError:
-    from analysis.held_out import record_error
-
-    return record_error(record, rest)
 
 
 def _excess(error: float, noise: float) -> float:
@@ -445,14 +439,7 @@ def _verdict(
 def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
     """The answer of `testbed diagnose --json` (contract), without the next test."""
     after = result.best.fit.state.model if result.best.fit is not None else before
-    units = {
-        "mass": "kg",
-        "natural_frequency": "Hz",
-        "damping_ratio": "1",
-        "tangential_coefficient": "N/m^2",
-        "normal_coefficient": "N/m^2",
-    }
-    names = [name for name in (result.base.fit.names if result.base.fit else ()) if name in units]
+    names = [name for name in (result.base.fit.names if result.base.fit else ()) if name in BASE_UNITS]
     return {
         "verdict": result.verdict,
         "effects": list(result.effects),
@@ -470,7 +457,7 @@ def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
             for one in result.candidates
         ],
         "base_parameters": {
-            name: {"before": before.value(name), "after": after.value(name), "unit": units[name]} for name in names
+            name: {"before": before.value(name), "after": after.value(name), "unit": BASE_UNITS[name]} for name in names
         },
         "next_test": None,
     }

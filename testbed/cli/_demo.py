@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -150,15 +148,11 @@ def hammer_test(folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def draw_rig(path: Path) -> str | None:
-    """Render the rig into a PNG file; returns why it could not be drawn, or None.
+    """Render the rig into a PNG file; returns why it could not be drawn, or None."""
+    from testbed.view import render_rig
 
-    A process of its own draws: which OpenGL is used is settled when MuJoCo is first imported, and a computer without
-    one may fail in ways that no exception tells.
-    """
-    command = "import sys; from testbed.cli import main; main(sys.argv[1:])"
-    done = subprocess.run([sys.executable, "-c", command, "view", "flexure", "-o", str(path), "--width", "1200",
-                           "--height", "900", "--quiet"], capture_output=True, text=True, check=False)
-    if done.returncode == 0:
-        return None
-    said = done.stderr.strip().splitlines()
-    return said[-1].removeprefix("error: ") if said else f"it ended with {done.returncode}"
+    try:
+        render_rig(path, width=1200, height=900)
+    except RuntimeError as problem:
+        return str(problem)
+    return None
