@@ -22,6 +22,8 @@ from testbed.machine import Cutter, Model
 
 DRIFT_ORDER = 3  # offset and slow drift: a polynomial of this many terms
 STEADY_CLOCK = 2e-4  # scatter of the revolutions, relative, up to which the speed is taken as constant
+OPENING = 12  # revolutions from the entry that an opening holds at the least
+MARK_SHARE = 0.1  # of a sample: how well an edge between two samples is placed
 WARM_UP = 120  # passes simulated before a record that starts in the cut
 
 
@@ -102,6 +104,24 @@ class Observed:
         turns = (angle + nuisances.angle) / (2 * math.pi) + index / self.flutes
         return self.anchor + turns * self.period / nuisances.speed
 
+    def last_pass(self, angle: float, nuisances: Nuisances) -> int:
+        """Index of the last pass that begins within the record."""
+        past = self.start + self.samples / self.rate - self.pass_start(0, angle, nuisances)
+        return math.floor(past * nuisances.speed / self.period * self.flutes)
+
+    def opening(self) -> Observed:
+        """The record up to the middle of what seems to be the cut, where the exit cannot matter; itself without a cut."""
+        if self.cut is None:
+            return self
+        entry = min((s.start for s in self.segments if s.kind in ("entry", "steady")), default=self.start)
+        seen = [s.stop for s in self.segments if s.kind in ("entry", "steady")]
+        stop = 0.5 * (entry + max(seen, default=self.start + self.samples / self.rate))
+        count = round((max(stop, entry + OPENING * self.period) - self.start) * self.rate)
+        if count >= self.samples:
+            return self
+        kept = tuple(s for s in self.segments if s.start < stop and s.kind in ("idle", "entry", "steady"))
+        return replace(self, data=self.data[:, :count], drift=drift_basis(count, self.drift.shape[1]), segments=kept)
+
     def timeline(self, angle: float, nuisances: Nuisances) -> tuple[Cut, Sampling]:
         """The cut and the sampling that simulate this record."""
         assert self.cut is not None
@@ -155,12 +175,17 @@ def clock_of(marks: np.ndarray) -> tuple[float, float, bool]:
     return float(slope), float(anchor), float(np.median(np.abs(rest))) < STEADY_CLOCK * slope
 
 
-def clock_error(marks: np.ndarray, period: float, anchor: float) -> tuple[float, float]:
-    """Standard deviations of (angle at the first mark in rad, relative speed) that the marks' scatter leaves."""
+def clock_error(marks: np.ndarray, period: float, anchor: float, rate: float) -> tuple[float, float]:
+    """Standard deviations of (angle at the first mark in rad, relative speed) that the marks leave.
+
+    The scatter of the marks says how well their mean is known; what all marks of a record have in common (where the pulse
+    crosses its threshold between two samples) it cannot say: a share of a sample (1 / rate, s) stands for that.
+    """
     rest = (marks - anchor) / period
     rest = rest - np.round(rest)
     scatter = max(1.4826 * float(np.median(np.abs(rest))), 1e-7)
-    return 2 * math.pi * 2.0 * scatter / math.sqrt(len(marks)), math.sqrt(12.0) * scatter / len(marks) ** 1.5
+    common = MARK_SHARE / (rate * period)
+    return 2 * math.pi * math.hypot(2.0 * scatter / math.sqrt(len(marks)), common), math.sqrt(12.0) * scatter / len(marks) ** 1.5
 
 
 _ORDER = ("displacement", "velocity", "acceleration", "force_x", "force_y")
@@ -226,7 +251,7 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
     if len(marks) >= 3:
         period, anchor, steady = clock_of(marks)
         kept = None if steady else marks
-        error = clock_error(marks, period, anchor) if steady else None
+        error = clock_error(marks, period, anchor, base.rate) if steady else None
     kinds = {segment.kind for segment in base.segments}
     return replace(
         base,

@@ -213,13 +213,23 @@ def base_fit(
     """The believed model refitted to all records, from several starts, with every nuisance."""
     started = excited_start(records, decay_start(records, model))
     free = list(free) if free is not None else free_parameters(records, started)
-    soft = Fitter(plant, [softened(record) for record in records], free)
-    tries = []
-    for state in scan_starts(plant, [softened(record) for record in records], started):
-        tries.append(polish(soft, state, rounds=3, iterations=12))
+    short = [softened(record.opening()) for record in records]
+    opening = Fitter(plant, short, free)
+    tries = [polish(opening, state, rounds=3, iterations=12) for state in scan_starts(plant, short, started)]
     best = min(tries, key=lambda fit: fit.cost)
+    soft = Fitter(plant, [softened(record) for record in records], free)
+    best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
     fitter = Fitter(plant, records, free)
-    return fitter, from_the_best_half(fitter, polish(fitter, best.state))
+    return fitter, from_the_best_half(fitter, polish(fitter, fitter.place_exits(best.state)))
+
+
+def with_exits(fitter: Fitter, state: State) -> State:
+    """A state found on the records' openings with the exits of the whole records."""
+    known = []
+    for record, nuisances in zip(fitter.records, state.nuisances, strict=True):
+        seen = first_nuisances(record, state.angle + nuisances.angle)
+        known.append(replace(nuisances, exit=max(seen.exit, nuisances.entry + 1)))
+    return fitter.place_exits(replace(state, nuisances=tuple(known)))
 
 
 def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2) -> WaveformFit:

@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.observed import Nuisances, Observed, Plant, first_nuisances, predict
+from analysis.observed import Nuisances, Observed, Plant, predict
 from testbed.machine import Model
 
 WORKERS = 2
+COARSE = 24  # places over a record at which an exit is looked for first
 EARLIER = 5  # passes by which a gentle entry may precede what is seen of it
 BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
 
@@ -172,25 +173,46 @@ class Fitter:
             record, nuisances = self.records[index], state.nuisances[index]
             if record.cut is None:
                 return nuisances
-            seen = first_nuisances(record, state.angle + nuisances.angle)  # a wrong model must not drag them far
-            last = math.floor(
-                (record.start + record.samples / record.rate - record.pass_start(0, state.angle, nuisances))
-                / record.period
-                * record.flutes
-            )
-            entries = [] if record.starts_in_cut else range(seen.entry - EARLIER, seen.entry + reach + 1)
-            exits = [] if seen.exit >= last else range(seen.exit - reach, seen.exit + reach + 1)
-            for field, places in (("entry", entries), ("exit", exits)):
-                tried = [replace(nuisances, **{field: place}) for place in places]
-                tried = [other for other in tried if other.entry < other.exit]
-                if tried:
-                    rest = self._residuals(record, [(state.model, state.angle, other) for other in tried])
-                    nuisances = tried[int(np.argmin(np.einsum("ij,ij->i", rest, rest)))]
-            return nuisances
+            last = record.last_pass(state.angle, nuisances)
+            entries = range(0) if record.starts_in_cut else range(nuisances.entry - EARLIER, nuisances.entry + reach + 1)
+            exits = range(0) if nuisances.exit > last else range(nuisances.exit - reach, nuisances.exit + reach + 1)
+            nuisances = self._best_place(index, state, nuisances, "entry", entries)
+            return self._best_place(index, state, nuisances, "exit", exits)
 
         with ThreadPoolExecutor(WORKERS) as pool:
             best = tuple(pool.map(one, range(len(self.records))))
         return replace(state, nuisances=best), best != state.nuisances
+
+    def place_exits(self, state: State) -> State:
+        """The state with every cut's exit looked for over the whole record, coarse first: no segment is believed.
+
+        The cost falls towards the true exit from both sides: too early, the model rings down while the teeth still cut;
+        too late, it cuts where the structure rings down.
+        """
+
+        def one(index: int) -> Nuisances:
+            record, nuisances = self.records[index], state.nuisances[index]
+            if record.cut is None:
+                return nuisances
+            first, last = nuisances.entry + 1, record.last_pass(state.angle, nuisances)
+            step = max(1, (last - first) // COARSE)
+            places = {*range(first, last + 2, step), nuisances.exit, last + 1}
+            nuisances = self._best_place(index, state, nuisances, "exit", sorted(places))
+            reach = max(step, 2 * EARLIER)  # close to the exit a few kicks may cancel: no descent, every pass is tried
+            near = range(max(first, nuisances.exit - reach), min(last + 1, nuisances.exit + reach) + 1)
+            return self._best_place(index, state, nuisances, "exit", near)
+
+        with ThreadPoolExecutor(WORKERS) as pool:
+            return replace(state, nuisances=tuple(pool.map(one, range(len(self.records)))))
+
+    def _best_place(self, index: int, state: State, nuisances: Nuisances, field: str, places: Sequence[int]) -> Nuisances:
+        """The nuisances of one record with `field` (entry or exit) at the place of the smallest residual."""
+        tried = [replace(nuisances, **{field: place}) for place in places]
+        tried = [other for other in tried if other.entry < other.exit]
+        if not tried:
+            return nuisances
+        rest = self._residuals(self.records[index], [(state.model, state.angle, other) for other in tried])
+        return tried[int(np.argmin(np.einsum("ij,ij->i", rest, rest)))]
 
     def cost(self, state: State, indices: Sequence[int] | None = None) -> float:
         """Half the sum of squared residuals of all records, or of some, in units of the noise."""
