@@ -141,8 +141,11 @@ def _fit_envelope(kind: str, seen: Course) -> tuple[np.ndarray, float]:
     """(parameters, chi-square) of one law; kind `viscous` has two parameters."""
     time = seen.time - seen.time[0]
     rate = math.log(seen.amplitude[0] / seen.amplitude[-1]) / time[-1]
-    scale = {"viscous": [], "dry friction": [0.3 * rate * seen.amplitude.mean()],
-             "quadratic damping": [0.3 * rate / seen.amplitude.mean()]}[kind]
+    scale = {
+        "viscous": [],
+        "dry friction": [0.3 * rate * seen.amplitude.mean()],
+        "quadratic damping": [0.3 * rate / seen.amplitude.mean()],
+    }[kind]
     start = np.array([seen.amplitude[0], rate, *(0.0 * value for value in scale)])
     sizes = np.array([seen.amplitude[0], max(abs(rate), 1e-6), *scale])
 
@@ -165,6 +168,16 @@ def _damping(seen: Course) -> tuple[str, np.ndarray, float]:
     return (kind, found, p_value) if p_value < LEVEL else ("viscous", plain, p_value)
 
 
+def _straightened(seen: Course, friction: float) -> Course:
+    """The course with the phase that dry friction shifts put right.
+
+    Between turning points the equilibrium stands F/k to either side, a square wave whose fundamental lags by
+    (4 / pi) F / (k A): more and more as A dies, which would pass for a lower frequency. A drop of 4 F/k a cycle gives F/k.
+    """
+    frequency = (seen.phase[-1] - seen.phase[0]) / (2 * math.pi * (seen.time[-1] - seen.time[0]))
+    return replace(seen, phase=seen.phase + friction / (math.pi * frequency * seen.amplitude))
+
+
 def _bend(seen: Course, kind: str, parameters: np.ndarray) -> tuple[float, float, float, float]:
     """(f0 in Hz, f2 in Hz/unit^2, its standard error, p value) from the phase's course."""
     time = seen.time - seen.time[0]
@@ -184,14 +197,17 @@ def _bend(seen: Course, kind: str, parameters: np.ndarray) -> tuple[float, float
     return float(values[1]), float(values[2] / size), error / size, p_value
 
 
-def amplitude_dependence(values: np.ndarray, rate: float, name: str = "", channel: str = "displacement",
-                         unit: str = "m") -> AmplitudeDependence:
+def amplitude_dependence(
+    values: np.ndarray, rate: float, name: str = "", channel: str = "displacement", unit: str = "m"
+) -> AmplitudeDependence:
     """What a free decay `values` (samples,) at `rate` (Hz) says of frequency and damping against amplitude.
 
     ValueError where the decay is too short or too quiet. The verdicts are those of this decay alone.
     """
     seen = course(values, rate)
     kind, law, p_damping = _damping(seen)
+    if kind == "dry friction":
+        seen = _straightened(seen, float(law[2]))
     small, bend, bend_error, p_frequency = _bend(seen, kind, law)
     step = np.diff(seen.time)
     frequency = np.diff(seen.phase) / (2 * math.pi * step)
@@ -201,14 +217,32 @@ def amplitude_dependence(values: np.ndarray, rate: float, name: str = "", channe
     damping_error = np.hypot(relative[1:], relative[:-1]) / (2 * math.pi * frequency * step)
     extra = float(law[2]) if kind != "viscous" else 0.0
     found = AmplitudeDependence(
-        name, channel, unit, seen, np.sqrt(seen.amplitude[1:] * seen.amplitude[:-1]), frequency, frequency_error,
-        damping, damping_error, small, bend, bend_error, float(law[1]), extra if kind == "dry friction" else 0.0,
-        extra if kind == "quadratic damping" else 0.0, 0.0, 0.0, p_frequency, p_damping, "constant", "constant")
+        name,
+        channel,
+        unit,
+        seen,
+        np.sqrt(seen.amplitude[1:] * seen.amplitude[:-1]),
+        frequency,
+        frequency_error,
+        damping,
+        damping_error,
+        small,
+        bend,
+        bend_error,
+        float(law[1]),
+        extra if kind == "dry friction" else 0.0,
+        extra if kind == "quadratic damping" else 0.0,
+        0.0,
+        0.0,
+        p_frequency,
+        p_damping,
+        "constant",
+        "constant",
+    )
     ends = np.array([found.amplitude.min(), found.amplitude.max()])
     low, high = found.damping_at(ends)
     change = float((high - low) / max(abs(low), abs(high), 1e-300))
-    found = replace(found, change_damping=change,
-                    change_frequency=float(bend * (ends[1] ** 2 - ends[0] ** 2) / small))
+    found = replace(found, change_damping=change, change_frequency=float(bend * (ends[1] ** 2 - ends[0] ** 2) / small))
     return _judged(found, p_frequency < LEVEL, p_damping < LEVEL)
 
 
@@ -247,10 +281,19 @@ def free_decays(records: Sequence[Observed]) -> tuple[AmplitudeDependence, ...]:
             first = max(0, round((begin - record.start) * record.rate))
             last = min(record.samples, round((segment.stop - record.start) * record.rate))
             try:
-                found.append(amplitude_dependence(record.data[0, first:last], record.rate, record.name, channel,
-                                                  units.get(channel.split("_")[0], "")))
+                found.append(
+                    amplitude_dependence(
+                        record.data[0, first:last], record.rate, record.name, channel, units.get(channel.split("_")[0], "")
+                    )
+                )
             except (ValueError, np.linalg.LinAlgError):  # too short or too quiet to say anything
                 continue
-    tests = controlled([Adequacy(one.name, test, 0.0, p_value) for one in found
-                        for test, p_value in (("frequency", one.p_frequency), ("damping", one.p_damping))], LEVEL)
+    tests = controlled(
+        [
+            Adequacy(one.name, test, 0.0, p_value)
+            for one in found
+            for test, p_value in (("frequency", one.p_frequency), ("damping", one.p_damping))
+        ],
+        LEVEL,
+    )
     return tuple(_judged(one, tests[2 * place].fails, tests[2 * place + 1].fails) for place, one in enumerate(found))

@@ -1,31 +1,47 @@
-"""Pictures of where a model fails, one question each: which record, when, at which tooth angle, at which frequency."""
+"""Pictures of where a model fails, one question each: which record, when, at which tooth angle and frequency, at which
+speed and depth; whether the machine's constants are constant, and whether its free decays depend on amplitude.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from analysis.compare import Comparison, tooth_angle
+from analysis.amplitude import AmplitudeDependence, free_decays
+from analysis.compare import Comparison
+from analysis.constancy import COVARIATES, Constancy
 from analysis.inspection_plot import SEGMENT_COLOURS, envelope
 from analysis.lines import amplitude_spectrum
+from analysis.residual_views import by_angle, on_chart
 
-SECTORS = 72
 KINDS = tuple(SEGMENT_COLOURS)
 
 
-def save(found: Comparison, folder: Path) -> list[Path]:
-    """Every picture as PNG and SVG in an existing folder."""
+def save(found: Comparison, folder: Path, tested: Constancy | None = None) -> list[Path]:
+    """Every picture as PNG and SVG in an existing folder. tested: the base parameters test by test, where known."""
     from matplotlib.figure import Figure
 
-    pictures = {"residual_by_record": by_record, "worst_record": worst_record, "residual_spectrum": spectrum}
-    if any(record.cut is not None for record in found.fitter.records):
-        pictures["residual_by_tooth_angle"] = by_tooth_angle
+    pictures: dict[str, Callable[[Any], None]] = {
+        "residual_by_record": lambda figure: by_record(figure, found),
+        "worst_record": lambda figure: worst_record(figure, found),
+        "residual_spectrum": lambda figure: spectrum(figure, found)}
+    records = found.fitter.records
+    if any(record.cut is not None for record in records):
+        pictures["residual_by_tooth_angle"] = lambda figure: by_tooth_angle(figure, found)
+        if any(not channel.startswith("force") for record in records for channel in record.channels):
+            pictures["misfit_on_chart"] = lambda figure: misfit_on_chart(figure, found)
+    if tested is not None and len(tested.tests) > 1 and tested.parameters:
+        pictures["constancy"] = lambda figure: by_test(figure, tested)
+    decays = free_decays(records)
+    if decays:
+        pictures["amplitude_dependence"] = lambda figure: by_amplitude(figure, decays)
     paths = []
     for name, draw in pictures.items():
         figure = Figure(figsize=(10, 5), layout="constrained")
-        draw(figure, found)
+        draw(figure)
         for ending in ("png", "svg"):
             paths.append(folder / f"{name}.{ending}")
             figure.savefig(paths[-1], dpi=120)
@@ -81,27 +97,91 @@ def worst_record(figure: Any, found: Comparison) -> None:
 
 
 def by_tooth_angle(figure: Any, found: Comparison) -> None:
-    """Mean residual in sectors of the tooth's turn while cutting."""
+    """Mean residual in sectors of the spindle's turn while cutting."""
     axis = figure.subplots()
     for index, record in enumerate(found.fitter.records):
-        if record.cut is None:
-            continue
-        angle = tooth_angle(record, found.fit.state.angle, found.fit.state.nuisances[index])
-        time = record.start + np.arange(record.samples) / record.rate
-        cutting = np.zeros(record.samples, dtype=bool)
-        for segment in record.segments:
-            if segment.kind in ("entry", "steady"):
-                cutting |= (time >= segment.start) & (time < segment.stop)
-        pitch = 2 * np.pi / record.flutes
-        place = (angle[cutting] / pitch * SECTORS).astype(int) % SECTORS
-        count = np.bincount(place, minlength=SECTORS)
-        mean = np.bincount(place, found.errors[index].residual[0][cutting] / record.noise[0], minlength=SECTORS)
-        axis.plot((np.arange(SECTORS) + 0.5) / SECTORS * np.degrees(pitch), mean / np.maximum(count, 1), linewidth=1,
-                  label=record.name)
-    axis.set_xlabel("angle since the tooth's entry [deg]")
+        for view in by_angle(record, found.errors[index], found.fit.state, index)[:1]:
+            axis.plot(view.angle, view.mean, linewidth=1, label=record.name)
+    axis.set_xlabel("angle since a tooth's entry [deg]")
+    axis.set_xlim(0, 360)
     axis.set_ylabel("mean residual / noise [1]")
     axis.set_title("Does what is left depend on the tooth's angle?")
     axis.legend(fontsize=7, ncols=4)
+
+
+def misfit_on_chart(figure: Any, found: Comparison) -> None:
+    """The fitted machine's stability chart, each cut coloured by its error over the noise floor."""
+    from matplotlib.colors import LogNorm
+
+    view = on_chart(found.fitter.records, found.errors, found.fit.state.model)
+    assert view is not None
+    axis, rpm = figure.subplots(), 30.0 / np.pi
+    chart = view.chart
+    axis.contourf(chart.spindle_speeds * rpm, chart.axial_depths * 1e3, chart.spectral_radius, levels=[1.0, 1e9],
+                  colors=["#ddd3ee"])
+    points = axis.scatter(view.speeds * rpm, view.depths * 1e3, c=np.maximum(view.ratios, 1.0), s=90, edgecolors="black",
+                          norm=LogNorm(1.0, max(10.0, float(view.ratios.max()))), cmap="YlOrRd", zorder=3)
+    figure.colorbar(points, label="error / noise floor [1]")
+    axis.set_ylim(0, None)
+    axis.set_xlabel("spindle speed [rpm]")
+    axis.set_ylabel("depth of cut [mm]")
+    axis.set_title("Where on the stability chart is the misfit? (violet: unstable by the fitted linear machine)")
+
+
+def by_test(figure: Any, tested: Constancy) -> None:
+    """Base parameters fitted test by test with 95 % intervals, each against the condition it follows best."""
+    axes = figure.subplots(1, len(tested.parameters), squeeze=False)[0]
+    factors = dict(zip(COVARIATES, ((30 / np.pi, "rpm"), (1e3, "mm"), (1e3, "mm"), (1e6, "um s/rad")), strict=True))
+    for axis, parameter in zip(axes, tested.parameters, strict=True):
+        own = [trend for trend in tested.trends if trend.parameter == parameter]
+        best = min(own, key=lambda trend: trend.p_value, default=None)
+        tests = [test for test in tested.tests if parameter in test.parameters
+                 and (best is None or best.covariate in test.conditions)]
+        estimates = [test.parameters[parameter] for test in tests]
+        scale, unit = (1e-6, "N/mm^2") if estimates[0].unit == "N/m^2" else (1.0, estimates[0].unit)
+        value = np.array([one.value for one in estimates]) * scale
+        half = np.array([0.5 * (one.high - one.low) for one in estimates]) * scale
+        place = np.arange(len(tests), dtype=float)
+        if best is not None:
+            factor, name = factors[best.covariate]
+            place = np.array([test.conditions[best.covariate] for test in tests]) * factor
+            axis.set_xlabel(f"{best.covariate} [{name}]")
+        axis.errorbar(place, value, half, fmt="o", markersize=4, capsize=3, color="#1f77b4")
+        axis.set_title(parameter + (": drifts" if tested.drift(parameter) else ""), fontsize=10)
+        axis.set_ylabel(f"[{unit}]")
+        axis.ticklabel_format(useOffset=False)
+        axis.tick_params(axis="x", labelrotation=30)
+    figure.suptitle("Are the machine's constants constant, fitted test by test? (95 % intervals)")
+
+
+def by_amplitude(figure: Any, decays: Sequence[AmplitudeDependence]) -> None:
+    """Frequency and damping ratio of the free decays against their amplitude."""
+    left, right = figure.subplots(1, 2)
+    factor, unit = (1e6, "um") if decays[0].unit == "m" else (1.0, decays[0].unit)
+    for one in decays:
+        fine = np.geomspace(one.amplitude.min(), one.amplitude.max(), 50)
+        for axis, values, errors, law in ((left, one.frequency, one.frequency_error, one.frequency_at(fine)),
+                                          (right, one.damping, one.damping_error, one.damping_at(fine))):
+            drawn = axis.errorbar(one.amplitude * factor, values, 1.96 * errors, fmt=".", linewidth=0.7, label=one.name)
+            axis.plot(fine * factor, law, color=drawn[0].get_color(), linewidth=0.8)
+    for axis, name in ((left, "frequency [Hz]"), (right, "damping ratio [1]")):
+        axis.set_xscale("log")
+        axis.set_xlabel(f"amplitude [{unit}]")
+        axis.set_ylabel(name)
+        axis.ticklabel_format(axis="y", useOffset=False)
+    left.legend(fontsize=7, ncols=2)
+    figure.suptitle("Do frequency and damping depend on the amplitude of free vibration?")
+
+
+def force_state_map(figure: Any, x: np.ndarray, v: np.ndarray, force: np.ndarray) -> None:
+    """A force nobody modelled (N) over displacement x (m) and velocity v (m/s), all (samples,)."""
+    axis = figure.subplots()
+    reach = float(np.percentile(np.abs(force), 99)) or 1.0
+    points = axis.scatter(x * 1e6, v * 1e3, c=force, s=6, cmap="coolwarm", vmin=-reach, vmax=reach, linewidths=0)
+    figure.colorbar(points, label="missing force [N]")
+    axis.set_xlabel("displacement [um]")
+    axis.set_ylabel("velocity [mm/s]")
+    axis.set_title("What does the missing force depend on: displacement or velocity?")
 
 
 def spectrum(figure: Any, found: Comparison) -> None:

@@ -85,13 +85,16 @@ class Constancy:
         trend = self.drift(parameter)
         if trend is not None:
             way = "rises" if trend.change > 0 else "falls"
-            return (f"drifts: {way} with {trend.covariate}, by {abs(trend.change):.1%} over the range tested, "
-                    f"{said_p(trend.p_value)}")
-        if len(tests) < LEAST:
-            return f"{len(tests)} tests are too few to say"
+            return (
+                f"drifts: {way} with {trend.covariate}, by {abs(trend.change):.1%} over the range tested, "
+                f"{said_p(trend.p_value)}"
+            )
+        if parameter not in self.scatter:
+            return "one test alone cannot say"
         spread = self.spread[parameter]
+        why = "with no trend" if len(tests) >= LEAST else f"and {len(tests)} tests are too few for a trend"
         if self.scatter[parameter] < LEVEL / len(self.parameters) and spread > matters(parameter):
-            return f"scatters by {spread:.1%}, more than its intervals ({said_p(self.scatter[parameter])}), with no trend"
+            return f"scatters by {spread:.1%}, more than its intervals ({said_p(self.scatter[parameter])}), {why}"
         return f"is constant: the tests scatter by {spread:.2%}"
 
 
@@ -138,8 +141,11 @@ def fit_alone(whole: Fitter, fit: WaveformFit, index: int, catalogue: Mapping[st
 
 def constancy(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> Constancy:
     """Fit every record of a joint fit alone and look for trends. Deterministic."""
-    chosen = [place for place, record in enumerate(fitter.records)
-              if any(one.path in PARAMETERS for one in free_parameters([record], fit.state.model))]
+    chosen = [
+        place
+        for place, record in enumerate(fitter.records)
+        if any(one.path in PARAMETERS for one in free_parameters([record], fit.state.model))
+    ]
     with ThreadPoolExecutor(WORKERS) as pool:
         tests = tuple(pool.map(lambda place: fit_alone(fitter, fit, place, catalogue), chosen))
     return judged(tests)
@@ -150,7 +156,7 @@ def judged(tests: Sequence[TestFit]) -> Constancy:
     trends, scatter, spread = [], {}, {}
     for parameter in PARAMETERS:
         values, errors, cuts = _of(tests, parameter)
-        if len(values) < LEAST:
+        if len(values) < 2:
             continue
         mean = np.sum(values / errors**2) / np.sum(errors**-2.0)
         spread[parameter] = float(values.std(ddof=1) / abs(values.mean()))
@@ -161,8 +167,10 @@ def judged(tests: Sequence[TestFit]) -> Constancy:
             if known.sum() >= LEAST and len(np.unique(np.round(x[known] / np.abs(x[known]).max(), 6))) > 1:
                 trends.append(Trend(parameter, covariate, *_slope(x[known], values[known], errors[known])))
     marked = controlled([Adequacy(one.parameter, one.covariate, one.change, one.p_value) for one in trends], LEVEL)
-    held = tuple(replace(trend, holds=test.fails and abs(trend.change) > matters(trend.parameter))
-                 for trend, test in zip(trends, marked, strict=True))
+    held = tuple(
+        replace(trend, holds=test.fails and abs(trend.change) > matters(trend.parameter))
+        for trend, test in zip(trends, marked, strict=True)
+    )
     return Constancy(tuple(tests), held, scatter, spread)
 
 

@@ -21,7 +21,7 @@ from testbed.cut import Cut
 from testbed.effect import Effect
 from testbed.machine import Cutter, Cutting, Model
 
-SUBSTEPS = 4
+SUBSTEPS = 2
 POINT_ANGLE = 0.3  # rad of helical lag that one axial point more is spent on
 
 
@@ -50,6 +50,25 @@ class Trajectory:
 
 
 @dataclass(frozen=True)
+class CellForce:
+    """A force over the cells of a course (cells,), N: along x on the structure, and across the feed where anything cuts."""
+
+    along: np.ndarray
+    across: np.ndarray | None = None
+
+    def minus(self, other: CellForce) -> CellForce:
+        """The difference of two forces."""
+        sides = (self.across, other.across)
+        return CellForce(self.along - other.along, None if sides[0] is None or sides[1] is None else sides[0] - sides[1])
+
+    def on(self, channel: str) -> np.ndarray:
+        """What a dynamometer's channel sees of it (cells,)."""
+        if channel == "force_y":
+            return np.zeros(len(self.along)) if self.across is None else self.across
+        return self.along
+
+
+@dataclass(frozen=True)
 class Edges:
     """Edges in the cut along a motion, one entry an edge and cell (entries,). cell: which cell; share of it in the cut.
 
@@ -60,16 +79,12 @@ class Edges:
     share: np.ndarray
     variables: Mapping[str, np.ndarray]
 
-    def on_structure(self, tangential: np.ndarray, normal: np.ndarray, cells: int) -> np.ndarray:
-        """Force along x on the structure (cells,), N, of tangential and normal forces (entries,)."""
-        angle = self.variables["angle"]
-        force = -(tangential * np.cos(angle) + normal * np.sin(angle)) * self.share
-        return np.bincount(self.cell, force, cells)
-
-    def across(self, tangential: np.ndarray, normal: np.ndarray, cells: int) -> np.ndarray:
-        """Force across the feed (cells,), N."""
-        angle = self.variables["angle"]
-        return np.bincount(self.cell, (tangential * np.sin(angle) - normal * np.cos(angle)) * self.share, cells)
+    def force(self, tangential: np.ndarray, normal: np.ndarray, cells: int) -> CellForce:
+        """Force over the cells of tangential and normal forces (entries,), N."""
+        sine, cosine = np.sin(self.variables["angle"]), np.cos(self.variables["angle"])
+        along = -(tangential * cosine + normal * sine) * self.share
+        across = (tangential * sine - normal * cosine) * self.share
+        return CellForce(np.bincount(self.cell, along, cells), np.bincount(self.cell, across, cells))
 
 
 @dataclass(frozen=True)
@@ -123,7 +138,7 @@ class Course:
         padded = np.vstack([rows[:1], rows, rows[-1:]])
         return 0.5 * (padded[:-1, -half:].mean(axis=1) + padded[1:, :half].mean(axis=1))
 
-    def at_samples(self, edges: Edges, motion: Trajectory) -> dict[str, np.ndarray]:
+    def at_samples(self, edges: Edges) -> dict[str, np.ndarray]:
         """Delayed displacement, chip, tooth angle, spindle angle and length cut at the samples; NaN out of the cut."""
         found = {}
         cells = np.clip(np.arange(self.samples) * SUBSTEPS, 0, len(self.time) - 1)
@@ -248,35 +263,33 @@ def _points(
     ]
 
 
-def base_force(course: Course, edges: Edges, tangential: float, normal: float) -> np.ndarray:
-    """Force along x (cells,) of the linear chip law with coefficients K_t and K_n (N/m^2)."""
+def base_force(course: Course, edges: Edges, tangential: float, normal: float) -> CellForce:
+    """Force of the linear chip law with coefficients K_t and K_n (N/m^2)."""
     load = edges.variables["depth"] * edges.variables["chip"]
-    return edges.on_structure(tangential * load, normal * load, len(course.time))
+    return edges.force(tangential * load, normal * load, len(course.time))
 
 
-def model_force(model: Model, catalogue: Mapping[str, Effect], course: Course, motion: Trajectory) -> np.ndarray:
-    """The model's force (cells,) N along a motion, beyond m, c and k: chip law and the effects that add a force to it."""
-    edges = course.edges(motion)
-    total = np.zeros(len(course.time))
-    known: dict[str, np.ndarray | float] = dict(edges.variables)
-    if model.cutting is not None and len(course.cell):
-        total += base_force(course, edges, model.cutting.tangential_coefficient, model.cutting.normal_coefficient)
-    structure = model.structure
+def model_force(model: Model, catalogue: Mapping[str, Effect], course: Course, motion: Trajectory) -> CellForce:
+    """The model's force along a motion, beyond m, c and k: chip law and the effects that add a force to it."""
+    edges, cells, count = course.edges(motion), len(course.time), len(course.cell)
+    tangential, normal = np.zeros(count), np.zeros(count)
+    if model.cutting is not None:
+        load = edges.variables["depth"] * edges.variables["chip"]
+        tangential += model.cutting.tangential_coefficient * load
+        normal += model.cutting.normal_coefficient * load
+    own, structure = np.zeros(cells), model.structure
     for name, values in model.effects.items():
         effect = catalogue[name]
         if effect.states:
             continue
-        if len(course.cell):
-            sides = {}
-            for hook in ("tangential_force", "normal_force"):
-                wanted = hook in effect.hooks
-                sides[hook] = _hooked(effect.hooks[hook], {**known, **values}, len(course.cell)) if wanted else 0.0
-            if any(np.any(side) for side in sides.values()):
-                zero = np.zeros(len(course.cell))
-                total += edges.on_structure(zero + sides["tangential_force"], zero + sides["normal_force"], len(total))
+        for hook, side in (("tangential_force", tangential), ("normal_force", normal)):
+            if hook in effect.hooks and count:
+                side += _hooked(effect.hooks[hook], {**edges.variables, **values}, count)
         if "structure_force" in effect.hooks:
             x, v = motion.at(course.time)
-            place = {"displacement": x, "velocity": v, "time": course.time, "mass": structure.mass,
-                     "stiffness": structure.stiffness, "damping": structure.damping}  # fmt: skip
-            total += _hooked(effect.hooks["structure_force"], {**place, **values}, len(total))
-    return total
+            place: dict[str, np.ndarray | float] = {
+                "displacement": x, "velocity": v, "time": course.time, "mass": structure.mass,
+                "stiffness": structure.stiffness, "damping": structure.damping}  # fmt: skip
+            own += _hooked(effect.hooks["structure_force"], {**place, **values}, cells)
+    cut = edges.force(tangential, normal, cells)
+    return CellForce(cut.along + own, cut.across)

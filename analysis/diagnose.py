@@ -31,6 +31,7 @@ SCREENED = 3  # records, the worst fitted, on which starting points are compared
 LEADERS = 4  # candidates refitted in full
 MOST_EFFECTS = 3
 DELTA_BIC = 10.0
+HOPE = 0.2  # share of the gain the gate asks for that the first step of a candidate must bring to be refitted at all
 GAIN = 0.01  # share of the held-out excess over the noise that an effect must take away
 EXPLAINED = 0.75  # share of the excess that named effects must take away, else the cause is said to be unknown
 
@@ -92,7 +93,10 @@ def fitting_example(fitter: Fitter, effect: Effect, fit: WaveformFit) -> Effect:
     for parameter in effect.parameters:
         example = parameter.example
         for _ in range(20 if parameter.vanishes else 0):
-            values = {one.name: example if one is parameter else one.example for one in effect.parameters}
+            values = {
+                one.name: example if one is parameter else one.neutral if one.vanishes else one.example
+                for one in effect.parameters
+            }
             model = state.model.with_effect(effect.name, **values)
             moved = fitter.residual_of(index, replace(state, model=model))[: len(base)] - base
             if float(np.sqrt(np.mean(moved**2))) <= 0.3 * size:
@@ -247,14 +251,16 @@ def _round(
         ranked.append((cost, name, state, fitter))
     ranked.sort(key=lambda entry: entry[0])
     size = effective_size(current.fit)
+    floor = 0.5 * sum(rest.size for rest in current.fit.residuals)
+    hopeful = current.fit.cost - HOPE * GAIN * max(current.fit.cost - floor, 0.0)
     found = []
     complete = 0  # once a candidate explains everything, only a rival close to it can still matter
     for place, (cost, name, state, fitter) in enumerate(ranked):
-        if place >= LEADERS or complete > 1 or cost > current.fit.cost * (1 - 1e-6):
+        if place >= LEADERS or complete > 1 or cost > hopeful:
             found.append(Candidate((*current.effects, name), {}, current.error_fit, current.error_held_out, 0.0, False))
             continue
         say(f"refitting with {name}")
-        fit = polish(fitter, state, rounds=2, iterations=20 if not complete else 8)
+        fit = polish(fitter, state, rounds=3, iterations=60 if not complete else 10)
         found.append(
             _candidate(
                 fitter,

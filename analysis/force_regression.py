@@ -12,16 +12,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
-from analysis.cut_variables import SUBSTEPS, Course, base_force, course_of, model_force
-from analysis.force_terms import CellForce, cell_force, structure_terms, tooth_terms
+from analysis.cut_variables import SUBSTEPS, CellForce, Course, Edges, Trajectory, base_force, course_of, model_force
+from analysis.force_response import response
+from analysis.force_terms import cell_force, structure_terms, tooth_terms
 from analysis.held_out import conditions_of
 from analysis.latent_force import MissingForce, motion_channels
 from analysis.observed import Observed
+from analysis.waveform import WORKERS
 from testbed.machine import Model
 from testbed.proposal import ForceTerm
 
@@ -37,7 +39,8 @@ class Products:
     """Sums of products of columns, the residual last, per operating condition: (conditions, n + 1, n + 1), noise units.
 
     nuisances: names of the first columns (the model's own parameters); terms: the candidates behind them. rows: values
-    per condition. scale (n,): coefficients of the sums over this are those of the terms. blocks: the columns themselves.
+    per condition. scale (n,): coefficients of the sums over this are those of the terms. blocks: the columns
+    themselves, unscaled. angle (rad): what was added to the fit's tooth angle.
     """
 
     sums: np.ndarray
@@ -46,42 +49,7 @@ class Products:
     rows: np.ndarray
     scale: np.ndarray
     blocks: tuple[np.ndarray, ...]
-
-
-def response(model: Model, force: np.ndarray, rate: float, kind: str) -> np.ndarray:
-    """The oscillator's response (samples,) from rest to a force over the cells (cells,): displacement, velocity or acceleration."""
-    structure = model.structure
-    rows = force.reshape(-1, SUBSTEPS)
-    dt = 1.0 / rate
-    whole = _free(structure.natural_frequency_rad, structure.damping_ratio, dt)
-    pushes = np.array([_push(model, dt / SUBSTEPS, dt * (1 - (cell + 1) / SUBSTEPS)) for cell in range(SUBSTEPS)])
-    push = np.vstack([np.zeros(2), rows @ pushes])  # (samples, 2), of the interval that ends at each sample
-    bottom = [1.0, -float(np.trace(whole)), float(np.linalg.det(whole))]
-    late = np.vstack([np.zeros(2), push[:-1]])
-    x = lfilter([1.0], bottom, push[:, 0] - whole[1, 1] * late[:, 0] + whole[0, 1] * late[:, 1])
-    v = lfilter([1.0], bottom, push[:, 1] - whole[0, 0] * late[:, 1] + whole[1, 0] * late[:, 0])
-    if kind == "displacement":
-        return x
-    if kind == "velocity":
-        return v
-    means = np.concatenate([rows[:1, 0], 0.5 * (rows[:-1, -1] + rows[1:, 0]), rows[-1:, -1]])
-    return (means - structure.damping * v - structure.stiffness * x) / structure.mass
-
-
-def _free(omega: float, zeta: float, dt: float) -> np.ndarray:
-    """Exact transition of [x, v] in free vibration."""
-    decay, damped = zeta * omega, omega * math.sqrt(1.0 - zeta**2)
-    c, s, e = math.cos(damped * dt), math.sin(damped * dt) / damped, math.exp(-decay * dt)
-    return e * np.array([[c + decay * s, s], [-(omega**2) * s, c - decay * s]])
-
-
-def _push(model: Model, length: float, rest: float) -> np.ndarray:
-    """[x, v] at the end of a sample of a unit force that acts for `length` and then leaves the structure free for `rest`."""
-    structure = model.structure
-    over = _free(structure.natural_frequency_rad, structure.damping_ratio, length)
-    static = 1.0 / structure.stiffness
-    pushed = np.array([static, 0.0]) - over @ np.array([static, 0.0])
-    return _free(structure.natural_frequency_rad, structure.damping_ratio, rest) @ pushed
+    angle: float
 
 
 # -- the columns of a record -------------------------------------------------------------------------------------------
@@ -92,8 +60,7 @@ def _column(record: Observed, course: Course, model: Model, force: CellForce) ->
     found = []
     for name, noise in zip(record.channels, record.noise, strict=True):
         if name.startswith("force"):
-            values = force.across if name == "force_y" else force.along
-            found.append((np.zeros(record.samples) if values is None else course.sampled(values)) / noise)
+            found.append(course.sampled(force.on(name)) / noise)
         else:
             found.append(response(model, force.along, record.rate, name.split("_")[0]) / noise)
     return np.stack(found)
@@ -105,22 +72,21 @@ def nuisance_forces(missing: MissingForce, index: int, course: Course, at: float
     x, v = motion.at(course.time)
     found = {}
     if motion_channels(record):
-        found = {"stiffness": CellForce(-x, None), "damping": CellForce(-v, None)}
+        found = {"stiffness": CellForce(-x), "damping": CellForce(-v)}
     if record.kind == "excited" and record.force is not None:
         drive = np.repeat(0.5 * (record.force[1:] + record.force[:-1]), SUBSTEPS)
-        found["drive"] = CellForce(drive, None)
+        found["drive"] = CellForce(drive)
     if len(course.cell) and model.cutting is not None:
         edges = course.edges(motion)
         load, nothing = edges.variables["depth"] * edges.variables["chip"], np.zeros(len(course.cell))
-        for name, sides in (("tangential_coefficient", (load, nothing)), ("normal_coefficient", (nothing, load))):
-            cells = len(course.time)
-            found[name] = CellForce(edges.on_structure(*sides, cells), edges.across(*sides, cells))
+        found["tangential_coefficient"] = edges.force(load, nothing, len(course.time))
+        found["normal_coefficient"] = edges.force(nothing, load, len(course.time))
         coefficients = model.cutting.tangential_coefficient, model.cutting.normal_coefficient
-        sides = []
-        for turned in (-TURN, TURN):
-            moved = course_of(record, missing.state, index, missing.catalogue, at + turned)
-            sides.append(base_force(moved, moved.edges(motion), *coefficients))
-        found["mark_angle"] = CellForce((sides[1] - sides[0]) / (2 * TURN), None)
+        ends = []
+        for turned in (at + TURN, at - TURN):
+            moved = course_of(record, missing.state, index, missing.catalogue, turned)
+            ends.append(base_force(moved, moved.edges(motion), *(one / (2 * TURN) for one in coefficients)))
+        found["mark_angle"] = ends[0].minus(ends[1])
     return found
 
 
@@ -145,12 +111,12 @@ def library(missing: MissingForce) -> list[ForceTerm]:
     return found
 
 
-def _term_force(term: ForceTerm, course: Course, edges: object, motion: object) -> CellForce:
+def _term_force(term: ForceTerm, course: Course, edges: Edges, motion: Trajectory) -> CellForce:
     if term.expression:
-        return cell_force(term, course, edges, motion)  # type: ignore[arg-type]
+        return cell_force(term, course, edges, motion)
     wave, order = term.name.split("_")[1:]
     turn = np.nan_to_num(course.turn) * 2 * math.pi * int(order)
-    return CellForce(np.where(np.isnan(course.turn), 0.0, np.cos(turn) if wave == "cos" else np.sin(turn)), None)
+    return CellForce(np.where(np.isnan(course.turn), 0.0, np.cos(turn) if wave == "cos" else np.sin(turn)))
 
 
 def windows_of(record: Observed, course: Course, model: Model) -> list[slice]:
@@ -184,34 +150,56 @@ def _rest(model: Model, size: int, rate: float) -> np.ndarray:
     return np.linalg.qr(basis)[0]
 
 
-def _record_block(
-    missing: MissingForce, index: int, nuisances: Sequence[str], terms: Sequence[ForceTerm], turned: float
-) -> np.ndarray:
-    """Columns and residual of a record in its windows, without what the projections take, (values, n + 1)."""
-    record, model, force = missing.observed[index], missing.state.model, missing.records[index]
-    course = course_of(record, missing.state, index, missing.catalogue, turned)
-    fitted = course_of(record, missing.state, index, missing.catalogue) if turned else course
-    own = model_force(model, missing.catalogue, course, force.trajectory)
-    own -= model_force(model, missing.catalogue, fitted, force.predicted)
-    edges = course.edges(force.trajectory)
-    small = nuisance_forces(missing, index, course, turned)
-    nothing = CellForce(np.zeros(len(course.time)), None)
-    columns = [_column(record, course, model, small.get(name, nothing)) for name in nuisances]
-    columns += [_column(record, course, model, _term_force(term, course, edges, force.trajectory)) for term in terms]
-    columns.append(force.residual / record.noise[:, None] - _column(record, course, model, CellForce(own, None)))
-    windows = windows_of(record, course, model)
+def _in_windows(record: Observed, model: Model, windows: Sequence[slice], column: np.ndarray) -> np.ndarray:
+    """A column (channels, samples) cut into windows, each without free motions and a constant, (values,)."""
+    if not windows:
+        return np.empty(0)
+    size = windows[0].stop - windows[0].start
+    places = np.array([one.start for one in windows])[:, None] + np.arange(size)
+    basis = _rest(model, size, record.rate)
     parts = []
     for channel, name in enumerate(record.channels):
-        whole = np.stack([column[channel] for column in columns], axis=1)
         if name.startswith("force"):
-            whole = whole - record.drift @ (record.drift.T @ whole)
-        for window in windows:
-            part = whole[window]
-            if not name.startswith("force"):
-                basis = _rest(model, len(part), record.rate)
-                part = part - basis @ (basis.T @ part)
-            parts.append(part)
-    return np.concatenate(parts) if parts else np.zeros((0, len(columns)))
+            whole = column[channel] - record.drift @ (record.drift.T @ column[channel])
+            parts.append(whole[places].ravel())
+        else:
+            rows = column[channel][places]
+            parts.append((rows - (rows @ basis) @ basis.T).ravel())
+    return np.concatenate(parts)
+
+
+def _record_blocks(
+    missing: MissingForce, index: int, nuisances: Sequence[str], terms: Sequence[ForceTerm], angles: Sequence[float]
+) -> list[np.ndarray]:
+    """Columns and residual of a record, (values, n + 1), for each change of the tooth angle."""
+    record, model, force = missing.observed[index], missing.state.model, missing.records[index]
+    fitted = course_of(record, missing.state, index, missing.catalogue)
+    windows = windows_of(record, fitted, model)
+    nothing = CellForce(np.zeros(len(fitted.time)))
+    predicted = model_force(model, missing.catalogue, fitted, force.predicted)
+
+    def column(one: CellForce, course: Course) -> np.ndarray:
+        return _in_windows(record, model, windows, _column(record, course, model, one))
+
+    still: dict[int, np.ndarray] = {}  # columns that the tooth angle does not change
+    found: list[np.ndarray] = []
+    for turned in angles:
+        if found and not len(fitted.cell):
+            found.append(found[0])
+            continue
+        course = course_of(record, missing.state, index, missing.catalogue, turned) if turned else fitted
+        own = model_force(model, missing.catalogue, course, force.trajectory).minus(predicted)
+        edges = course.edges(force.trajectory)
+        small = nuisance_forces(missing, index, course, turned)
+        block = [column(small.get(name, nothing), course) for name in nuisances]
+        for place, term in enumerate(terms):
+            if place not in still or term.hook != "structure_force" or not term.expression:
+                still[place] = column(_term_force(term, course, edges, force.trajectory), course)
+            block.append(still[place])
+        rest = force.residual / record.noise[:, None] - _column(record, course, model, own)
+        block.append(_in_windows(record, model, windows, rest))
+        found.append(np.stack(block, axis=1))
+    return found
 
 
 def _leaves_its_law(missing: MissingForce) -> set[int]:
@@ -223,9 +211,9 @@ def _leaves_its_law(missing: MissingForce) -> set[int]:
     return {int(place) for place in np.flatnonzero(cut & (size > UNSTEADY * np.median(size[cut])))}
 
 
-def products(missing: MissingForce, terms: Sequence[ForceTerm] | None = None, turned: float = 0.0,
-             say: Callable[[str], None] = lambda text: None) -> Products:  # fmt: skip
-    """Sums of products of all records, with the tooth angle moved by `turned` (rad) from the fit's.
+def products(missing: MissingForce, terms: Sequence[ForceTerm] | None = None, angles: Sequence[float] = (0.0,),
+             say: Callable[[str], None] = lambda text: None) -> list[Products]:  # fmt: skip
+    """Sums of products of all records, for each change of the fit's tooth angle (rad).
 
     ValueError where no record has a window to compare.
     """
@@ -235,19 +223,24 @@ def products(missing: MissingForce, terms: Sequence[ForceTerm] | None = None, tu
     names = ["stiffness", "damping"] * moving + ["drive"] * any(one.kind == "excited" for one in missing.observed)
     names += ["tangential_coefficient", "normal_coefficient", "mark_angle"] * cut
     left_out = _leaves_its_law(missing)
-    blocks = []
-    for index, record in enumerate(missing.observed):
-        say(f"forces along {record.name}")
-        block = _record_block(missing, index, names, terms, turned)
-        blocks.append(block[:0] if index in left_out else block)
-    if not any(len(block) for block in blocks):
+    used = [index for index in range(len(missing.observed)) if index not in left_out]
+    say("forces along the measured motion")
+    with ThreadPoolExecutor(WORKERS) as pool:
+        blocks = list(pool.map(lambda index: _record_blocks(missing, index, names, terms, angles), used))
+    return [_summed(missing, used, [block[place] for block in blocks], names, terms, angle)
+            for place, angle in enumerate(angles)]  # fmt: skip
+
+
+def _summed(missing: MissingForce, used: Sequence[int], blocks: Sequence[np.ndarray], names: Sequence[str],
+            terms: Sequence[ForceTerm], angle: float) -> Products:  # fmt: skip
+    known = {index: block for index, block in zip(used, blocks, strict=True) if len(block)}
+    if not known:
         raise ValueError("the records are too short to look for the missing force in them")
-    total = sum(np.einsum("ij,ij->j", block, block) for block in blocks)
-    scale = np.sqrt(np.maximum(np.asarray(total)[:-1], 1e-300))
-    scale[np.asarray(total)[:-1] <= 0.0] = 1.0
-    groups = [group for group in conditions_of(missing.observed) if any(len(blocks[index]) for index in group)]
+    groups = [[index for index in group if index in known] for group in conditions_of(missing.observed)]
+    groups = [group for group in groups if group]
+    sums = np.stack([sum(known[index].T @ known[index] for index in group) for group in groups])
+    size = np.sqrt(np.einsum("kii->i", sums)[:-1])
+    scale = np.where(size > 0.0, size, 1.0)
     units = np.append(scale, 1.0)
-    scaled = tuple(block / units for block in blocks)
-    sums = np.stack([sum(scaled[index].T @ scaled[index] for index in group) for group in groups])
-    rows = np.array([sum(len(scaled[index]) for index in group) for group in groups])
-    return Products(sums, tuple(names), tuple(terms), rows, scale, scaled)
+    rows = np.array([sum(len(known[index]) for index in group) for group in groups])
+    return Products(sums / units[:, None] / units, tuple(names), tuple(terms), rows, scale, tuple(known.values()), angle)

@@ -6,25 +6,16 @@ Every term is written once, as the expression that a proposed effect file will h
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
 
-from analysis.cut_variables import Course, Edges, Trajectory
+from analysis.cut_variables import CellForce, Course, Edges, Trajectory
 from testbed.proposal import ForceTerm
 
 HARMONICS = 6  # of the tooth angle
 CREEP = 1e-3  # m/s, the velocity over which a change of sign is rounded
 _MATH = SimpleNamespace(cos=np.cos, sin=np.sin, tanh=np.tanh, sqrt=np.sqrt, copysign=np.copysign, pi=math.pi)
-
-
-@dataclass(frozen=True)
-class CellForce:
-    """A term's force over the cells of a course, N a unit of the coefficient: along x, and across the feed where it cuts."""
-
-    along: np.ndarray
-    across: np.ndarray | None
 
 
 def structure_terms() -> list[ForceTerm]:
@@ -103,8 +94,9 @@ def cell_force(term: ForceTerm, course: Course, edges: Edges, motion: Trajectory
     cells = len(course.time)
     if term.hook == "structure_force":
         x, v = motion.at(course.time)
-        return CellForce(_value(term.expression, {"displacement": x, "velocity": v}, cells), None)
+        return CellForce(_value(term.expression, {"displacement": x, "velocity": v}, cells))
     value = _value(term.expression, dict(edges.variables), len(edges.cell))
     nothing = np.zeros(len(edges.cell))
-    sides = (value, nothing) if term.hook == "tangential_force" else (nothing, value)
-    return CellForce(edges.on_structure(*sides, cells), edges.across(*sides, cells))
+    if term.hook == "tangential_force":
+        return edges.force(value, nothing, cells)
+    return edges.force(nothing, value, cells)

@@ -4,42 +4,28 @@ The residual r = measured - predicted obeys the oscillator's equation driven by 
 
     m r'' + c r' + k r = u(t),        u = F_missing + F_model(along the measured motion) - F_model(along the predicted one)
 
-u is given a Gaussian process as prior (exponential or Matern 3/2 covariance, variance and time scale by maximum
-likelihood), which makes the whole a linear state-space model of r, r' and u; the Rauch-Tung-Striebel smoother gives all
-three with their standard deviations. The model's own response to r, regeneration included, is then taken off u. Source:
-M. Alvarez, D. Luengo and N. Lawrence (2013), IEEE Trans. Pattern Analysis 35, 2693 (latent forces); J. Hartikainen and
-S. Sarkka (2010), MLSP (their state-space form); H. Rauch, F. Tung and C. Striebel (1965), AIAA J. 3, 1445.
+A first pass of `force_smoother` gives r and with it the measured motion; the response to what the model itself makes of
+r, regeneration included, is then taken off the residual, and a second pass gives F_missing. Source: M. Alvarez, D. Luengo
+and N. Lawrence (2013), IEEE Trans. Pattern Analysis 35, 2693 (latent forces).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import LinAlgError, expm, solve_discrete_are
-from scipy.optimize import minimize
-from scipy.signal import lfilter
 
-from analysis.cut_variables import Course, Trajectory, course_of, model_force
+from analysis.cut_variables import SUBSTEPS, Course, Trajectory, course_of, model_force
+from analysis.force_response import response
+from analysis.force_smoother import Prior, smooth, tuned_prior
 from analysis.observed import Observed, Plant, predict
 from analysis.waveform import State
 from testbed.effect import Effect
 from testbed.machine import Model
 
-SETTLING = 80  # samples for which the filter's gain is still computed; it is constant afterwards
-TUNED = 20000  # samples of the worst fitted record that the prior is tuned on
+BESIDE = 0.05  # share of a record that must lie before, and behind, the cut for its drift to be read there
 _MOTION = ("displacement", "velocity", "acceleration")
-
-
-@dataclass(frozen=True)
-class Prior:
-    """Prior of the latent force: order 1 (exponential) or 2 (Matern 3/2), size (N) and time scale (s)."""
-
-    order: int
-    size: float
-    time_scale: float
 
 
 @dataclass(frozen=True)
@@ -92,134 +78,6 @@ def motion_channels(record: Observed) -> list[int]:
     return [place for place, name in enumerate(record.channels) if name.split("_")[0] in _MOTION]
 
 
-# -- the smoother ------------------------------------------------------------------------------------------------------
-
-
-def _transition(model: Model, order: int, scale: float, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """(transition, noise) over dt in units where mass, stiffness and the force's variance are 1; time in 1 / omega."""
-    zeta = model.structure.damping_ratio
-    size = 2 + order
-    drift, diffusion = np.zeros((size, size)), np.zeros((size, size))
-    drift[0, 1], drift[1, :3] = 1.0, (-1.0, -2.0 * zeta, 1.0)
-    if order == 1:
-        drift[2, 2], diffusion[2, 2] = -1.0 / scale, 2.0 / scale
-    else:
-        rate = math.sqrt(3.0) / scale
-        drift[2, 3], drift[3, 2], drift[3, 3] = 1.0, -(rate**2), -2.0 * rate
-        diffusion[3, 3] = 4.0 * rate**3
-    block = np.block([[-drift, diffusion], [np.zeros((size, size)), drift.T]])  # C. Van Loan (1978)
-    whole = expm(block * dt)
-    transition = whole[size:, size:].T
-    noise = transition @ whole[:size, size:]
-    return transition, 0.5 * (noise + noise.T)
-
-
-def _sensing(model: Model, channels: Sequence[str], order: int) -> np.ndarray:
-    """Rows that read the channels off the state [x, x', f ...], with x in m and time in 1 / omega."""
-    omega, zeta = model.structure.natural_frequency_rad, model.structure.damping_ratio
-    rows = np.zeros((len(channels), 2 + order))
-    for row, name in zip(rows, channels, strict=True):
-        kind = name.split("_")[0]
-        if kind == "displacement":
-            row[0] = 1.0
-        elif kind == "velocity":
-            row[1] = omega
-        else:
-            row[:3] = omega**2 * np.array([-1.0, -2.0 * zeta, 1.0])
-    return rows
-
-
-def tuned_prior(model: Model, residual: np.ndarray, channel: str, noise: float, rate: float) -> Prior:
-    """The prior under which one channel's residual (samples,) is likeliest."""
-    omega = model.structure.natural_frequency_rad
-    values = residual[:TUNED] / noise
-    unit = noise / abs(_sensing(model, [channel], 1)[0]).max()  # displacement that the noise stands for, m
-
-    def cost(parameters: np.ndarray, order: int) -> float:
-        size, scale = np.exp(np.clip(parameters, -12.0, 16.0))
-        transition, disturbance = _transition(model, order, scale, omega / rate)
-        row = _sensing(model, [channel], order) * unit / noise
-        try:
-            spread = solve_discrete_are(transition.T, row.T, size**2 * disturbance, np.eye(1))
-        except (LinAlgError, ValueError):
-            return 1e12
-        variance = float((row @ spread @ row.T)[0, 0]) + 1.0
-        if not 1.0 - 1e-6 <= variance < math.inf:  # the solver lost its digits
-            return 1e12
-        gain = transition @ spread @ row.T / variance
-        below, above = np.poly(transition - gain @ row), np.poly(transition)
-        innovation = lfilter(above.real, below.real, values)[SETTLING:]
-        return 0.5 * float(np.mean(innovation**2)) / variance + 0.5 * math.log(variance)
-
-    found = []
-    for order in (1, 2):
-        for start in ((2.0, 0.0), (4.0, -1.0)):
-            best = minimize(cost, start, (order,), method="Nelder-Mead", options={"maxfev": 90, "xatol": 0.05, "fatol": 1e-5})
-            found.append((float(best.fun), order, np.exp(np.clip(best.x, -12.0, 16.0))))
-    _, order, (size, scale) = min(found, key=lambda entry: entry[0])
-    return Prior(order, float(size) * unit * model.structure.stiffness, float(scale) / omega)
-
-
-def smooth(
-    model: Model, prior: Prior, residual: np.ndarray, channels: Sequence[str], noise: np.ndarray, rate: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """(states, variances), both (samples, 3): displacement (m), velocity (m/s) and force (N) behind a residual motion.
-
-    residual (channels, samples) of displacement, velocity or acceleration, noise (channels,) its standard deviations.
-    """
-    omega, stiffness = model.structure.natural_frequency_rad, model.structure.stiffness
-    unit = prior.size / stiffness  # m; keeps every state near 1
-    transition, disturbance = _transition(model, prior.order, prior.time_scale * omega, omega / rate)
-    rows = _sensing(model, channels, prior.order) * unit / noise[:, None]
-    values = (residual / noise[:, None]).T
-    size, count = len(transition), len(values)
-    mean, spread = np.zeros(size), np.eye(size)
-    spread[:2, :2] *= 1e2 * max(1.0, float(np.abs(values[: 2 * SETTLING]).max() / max(np.abs(rows[:, :2]).max(), 1e-300))) ** 2
-    means, settled = np.empty((count, size)), min(SETTLING, count)
-    filtered: list[np.ndarray] = []
-    ahead: list[np.ndarray] = []  # covariances of the predictions that led to each sample
-    for place in range(settled):
-        if place:
-            mean, spread = transition @ mean, transition @ spread @ transition.T + disturbance
-        ahead.append(spread)
-        gain = np.linalg.solve(rows @ spread @ rows.T + np.eye(len(rows)), rows @ spread).T
-        mean = mean + gain @ (values[place] - rows @ mean)
-        left = np.eye(size) - gain @ rows
-        spread = left @ spread @ left.T + gain @ gain.T
-        filtered.append(spread)
-        means[place] = mean
-    steady = solve_discrete_are(transition.T, rows.T, disturbance, np.eye(len(rows)))
-    gain = np.linalg.solve(rows @ steady @ rows.T + np.eye(len(rows)), rows @ steady).T
-    forward, pushed = transition - gain @ (rows @ transition), values @ gain.T
-    for place in range(settled, count):
-        mean = forward @ mean + pushed[place]
-        means[place] = mean
-    final = (np.eye(size) - gain @ rows) @ steady
-    back = np.linalg.solve(steady, transition @ final).T
-    variances = np.empty((count, size))
-    spread, variances[-1] = final, np.diag(final)
-    inverse_part, still = means - means @ (back @ transition).T, False
-    for place in range(count - 2, settled - 1, -1):
-        mean = inverse_part[place] + back @ mean
-        means[place] = mean
-        if not still:
-            following = final + back @ (spread - steady) @ back.T
-            still = bool(np.allclose(np.diag(following), np.diag(spread), rtol=1e-6, atol=0.0))
-            spread = following
-        variances[place] = np.diag(spread)
-    for place in range(min(settled, count - 1) - 1, -1, -1):
-        expected = ahead[place + 1] if place + 1 < settled else transition @ filtered[place] @ transition.T + disturbance
-        back = np.linalg.solve(expected, transition @ filtered[place]).T
-        means[place] = means[place] + back @ (means[place + 1] - transition @ means[place])
-        spread = filtered[place] + back @ (spread - expected) @ back.T
-        variances[place] = np.diag(spread)
-    scale = np.array([unit, unit * omega, prior.size])
-    return means[:, :3] * scale, np.maximum(variances[:, :3], 0.0) * scale**2
-
-
-# -- the missing force -------------------------------------------------------------------------------------------------
-
-
 def _predictions(plant: Plant, record: Observed, state: State, index: int) -> tuple[np.ndarray, Trajectory]:
     """(predicted channels, predicted motion) of a record. A prediction that diverged counts as no motion at all."""
     names = ("displacement", "velocity", *(name for name in record.channels if name not in ("displacement", "velocity")))
@@ -230,9 +88,22 @@ def _predictions(plant: Plant, record: Observed, state: State, index: int) -> tu
     return channels, Trajectory(record.start, record.rate, found[0], found[1])
 
 
-def _residual(record: Observed, predicted: np.ndarray) -> np.ndarray:
-    """Residual (channels, samples) in the channels' units, without offset and drift."""
-    return record.project(record.data - predicted) * record.noise[:, None]
+def _residual(record: Observed, predicted: np.ndarray, course: Course) -> np.ndarray:
+    """Residual (channels, samples) in the channels' units, without offset and drift.
+
+    Where the record goes on before and behind the cut, offset and drift are read there, behind it from the small end of
+    the free vibration: under a force that is not symmetric the mean displacement is real.
+    """
+    rest = record.data - predicted
+    outside = np.ones(record.samples, dtype=bool)
+    if course.breaks:
+        time = record.start + np.arange(record.samples) / record.rate
+        before = time < course.breaks[0] - record.period
+        behind = time > course.breaks[1] + (2 / 3) * (time[-1] - course.breaks[1])
+        if min(before.mean(), behind.mean()) > BESIDE:
+            outside = before | behind
+    found = np.linalg.lstsq(record.drift[outside], rest[:, outside].T, rcond=None)[0]
+    return rest - (record.drift @ found).T
 
 
 def missing_force(
@@ -245,46 +116,95 @@ def missing_force(
     """The force that the fitted model of `state` lacks on every record; `state` is a fit's (`WaveformFit.state`)."""
     say("estimating the missing force")
     predictions = [_predictions(plant, record, state, index) for index, record in enumerate(records)]
-    residuals = [_residual(record, channels) for record, (channels, _) in zip(records, predictions, strict=True)]
-    moving = [index for index, record in enumerate(records) if motion_channels(record)]
-    prior = Prior(1, 1.0, 1e-3)
-    if moving:
-        worst = max(moving, key=lambda index: float(np.mean((residuals[index] / records[index].noise[:, None]) ** 2)))
-        place, record = motion_channels(records[worst])[0], records[worst]
-        prior = tuned_prior(state.model, residuals[worst][place], record.channels[place], record.noise[place], record.rate)
-    found = [
-        _record_force(record, course_of(record, state, index, catalogue), state.model, catalogue, prior, residual, motion)
-        for index, (record, residual, (_, motion)) in enumerate(zip(records, residuals, predictions, strict=True))
+    courses = [course_of(record, state, index, catalogue) for index, record in enumerate(records)]
+    residuals = [
+        _residual(record, channels, course)
+        for record, (channels, _), course in zip(records, predictions, courses, strict=True)
     ]
-    return MissingForce(tuple(found), tuple(records), state, catalogue, prior)
+    prior = prior_of(state.model, records, residuals)
+    found = []
+    for record, course, residual, (_, predicted) in zip(records, courses, residuals, predictions, strict=True):
+        motion = _motion(record, state.model, prior, residual, predicted)
+        found.append(_record_force(record, course, residual, motion, predicted))
+    missing = MissingForce(tuple(found), tuple(records), state, catalogue, prior)
+    return with_force(missing, state)
+
+
+def prior_of(model: Model, records: Sequence[Observed], residuals: Sequence[np.ndarray]) -> Prior:
+    """The prior tuned on the record whose motion is worst explained."""
+    moving = [index for index, record in enumerate(records) if motion_channels(record)]
+    if not moving:
+        return Prior(1, 1.0, 1e-3)
+    worst = max(moving, key=lambda index: float(np.mean((residuals[index] / records[index].noise[:, None]) ** 2)))
+    place, record = motion_channels(records[worst])[0], records[worst]
+    return tuned_prior(model, residuals[worst][place], record.channels[place], record.noise[place], record.rate)
+
+
+def _motion(record: Observed, model: Model, prior: Prior, residual: np.ndarray, predicted: Trajectory) -> Trajectory:
+    """The measured motion, smoothed; the predicted one where no channel sees it."""
+    seen = motion_channels(record)
+    if not seen:
+        return predicted
+    names = [record.channels[place] for place in seen]
+    states, _ = smooth(model, prior, residual[seen], names, record.noise[seen], record.rate)
+    return replace(predicted, x=predicted.x + states[:, 0], v=predicted.v + states[:, 1])
+
+
+def with_force(missing: MissingForce, state: State) -> MissingForce:
+    """The force that lacks if the fitted state's own parameters are those of `state`: along the same measured motion.
+
+    The response to all that `state` says beyond the prediction is taken off the residual first, so that the smoother has
+    only the missing force left to find.
+    """
+    rests = [_unexplained(missing, index, state) for index in range(len(missing.records))]
+    prior = prior_of(missing.state.model, missing.observed, rests)
+    found = []
+    for record, one, rest in zip(missing.observed, missing.records, rests, strict=True):
+        seen = motion_channels(record)
+        if seen:
+            names = [record.channels[place] for place in seen]
+            states, variances = smooth(missing.state.model, prior, rest[seen], names, record.noise[seen], record.rate)
+            force, deviation = states[:, 2], np.sqrt(variances[:, 2])
+        else:  # a dynamometer sees the force itself
+            force, deviation = rest[0], np.full(record.samples, record.noise[0])
+        found.append(replace(one, force=force, deviation=deviation))
+    return replace(missing, records=tuple(found), prior=prior)
+
+
+def _unexplained(missing: MissingForce, index: int, state: State) -> np.ndarray:
+    """Residual (channels, samples) less the response to what the model of `state` adds along the measured motion."""
+    record, one, fitted = missing.observed[index], missing.records[index], missing.state
+    course = course_of(record, fitted, index, missing.catalogue)
+    moved = course_of(record, state, index, missing.catalogue)
+    share = fitted.model.structure.mass / state.model.structure.mass
+    after = model_force(state.model, missing.catalogue, moved, one.trajectory)
+    before = model_force(fitted.model, missing.catalogue, course, one.predicted)
+    x, v = one.trajectory.at(course.time)
+    more = (fitted.model.structure.stiffness - share * state.model.structure.stiffness) * x
+    more += (fitted.model.structure.damping - share * state.model.structure.damping) * v
+    if record.kind == "excited" and record.force is not None:
+        more += (share - 1.0) * np.repeat(0.5 * (record.force[1:] + record.force[:-1]), SUBSTEPS)
+    rows = []
+    for name in record.channels:
+        force = share * after.on(name) - before.on(name)
+        if name.startswith("force"):
+            rows.append(course.sampled(force))
+        else:
+            rows.append(response(fitted.model, force + more, record.rate, name.split("_")[0]))
+    return one.residual - np.stack(rows)
 
 
 def _record_force(
-    record: Observed,
-    course: Course,
-    model: Model,
-    catalogue: Mapping[str, Effect],
-    prior: Prior,
-    residual: np.ndarray,
-    predicted: Trajectory,
+    record: Observed, course: Course, residual: np.ndarray, motion: Trajectory, predicted: Trajectory
 ) -> RecordForce:
-    seen = motion_channels(record)
-    time = record.start + np.arange(record.samples) / record.rate
-    if seen:
-        names = [record.channels[place] for place in seen]
-        states, variances = smooth(model, prior, residual[seen], names, record.noise[seen], record.rate)
-    else:  # a dynamometer sees the force itself
-        states = np.column_stack([np.zeros((record.samples, 2)), residual[0]])
-        variances = np.tile([0.0, 0.0, record.noise[0] ** 2], (record.samples, 1))
-    motion = Trajectory(record.start, record.rate, predicted.x + states[:, 0], predicted.v + states[:, 1])
-    own = model_force(model, catalogue, course, motion) - model_force(model, catalogue, course, predicted)
-    edges = course.edges(motion)
-    variables = course.at_samples(edges, motion)
+    """A record's variables along its motion; the force is filled in by `with_force`."""
+    variables = course.at_samples(course.edges(motion))
+    nothing = np.zeros(record.samples)
     return RecordForce(
         record.name,
-        time,
-        states[:, 2] - course.sampled(own),
-        np.sqrt(variances[:, 2]),
+        record.start + np.arange(record.samples) / record.rate,
+        nothing,
+        nothing,
         motion.x,
         motion.v,
         variables["delayed"],

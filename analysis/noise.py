@@ -67,7 +67,7 @@ def _beside_ringing(values: np.ndarray, rate: float, rms: float) -> float:
     A structure that was pushed before the record still rings while idling: that is motion, not noise. Hum stays.
     """
     fit = fit_free_decay(values, 0, spectral_peak(values))
-    if fit is None or fit.rest > 0.8 * rms or fit.rest > 1.3 * white_noise(values):
+    if fit is None or fit.rest > 0.98 * rms or fit.rest > 1.3 * white_noise(values):
         return rms
     frequency = fit.frequency * rate
     mains = any(abs(frequency - base * round(frequency / base)) < 1.5 * rate / len(values) for base in (50.0, 60.0))

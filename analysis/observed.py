@@ -20,10 +20,13 @@ from analysis.segments import Segment, find_segments
 from testbed.cut import Cut, Sampling
 from testbed.machine import Cutter, Model
 
-DRIFT_ORDER = 3  # offset and slow drift: a polynomial of this many terms
+DRIFT_ORDER = 3  # offset and slow drift: a polynomial of this many terms, and one more for every
+DRIFT_TIME = 1.0  # s of the record
+MOST_DRIFT = 10  # terms
 STEADY_CLOCK = 2e-4  # scatter of the revolutions, relative, up to which the speed is taken as constant
 OPENING = 12  # revolutions from the entry that an opening holds at the least
 MARK_SHARE = 0.1  # of a sample: how well an edge between two samples is placed
+STIFF = 100.0  # stiffness over K b from which forces are those of a rigid machine
 WARM_UP = 120  # passes simulated before a record that starts in the cut
 
 
@@ -159,8 +162,14 @@ class Observed:
 
 def drift_basis(samples: int, order: int = DRIFT_ORDER) -> np.ndarray:
     """Orthonormal polynomials over a record, shape (samples, order)."""
+    if order == 0:
+        return np.zeros((samples, 0))
     powers = np.polynomial.legendre.legvander(np.linspace(-1, 1, samples), order - 1)
     return np.linalg.qr(powers)[0]
+
+
+def _drift_order(duration: float) -> int:
+    return min(MOST_DRIFT, DRIFT_ORDER + int(duration / DRIFT_TIME))
 
 
 def clock_of(marks: np.ndarray) -> tuple[float, float, bool]:
@@ -220,7 +229,7 @@ def observe(record: Any, model: Model) -> Observed:
         recording.start + first / recording.sampling_rate,
         noise,
         floors[0].basis,
-        drift_basis(data.shape[1], 1 if excited else DRIFT_ORDER),
+        drift_basis(data.shape[1], 1 if excited else _drift_order(data.shape[1] / recording.sampling_rate)),
         segments,
         condition,
     )
@@ -229,7 +238,11 @@ def observe(record: Any, model: Model) -> Observed:
         return replace(base, force=np.asarray(recording.channels[drive], dtype=float)[first:last])
     if record.kind == "ring-down":
         return replace(base, force=np.zeros(data.shape[1]))
-    return _with_clock(base, record, (model.cutter or Cutter()).flutes)
+    ready = _with_clock(base, record, (model.cutter or Cutter()).flutes)
+    if ready.starts_in_cut and all(name.startswith("force") for name in names):
+        # nothing in the record shows the dynamometer's zero, and the mean force speaks of the edge: the zero is believed
+        return replace(ready, drift=drift_basis(data.shape[1], 0))
+    return ready
 
 
 def _used(kind: str, segments: Sequence[Segment], recording: Any) -> tuple[int, int]:
@@ -320,12 +333,32 @@ def last_tooth(observed: Observed, ring_down: float) -> float:
     return observed.start + (int(cutting[-1]) + 1.0) * turn / observed.rate + 0.5 * observed.period / observed.flutes
 
 
+def immovable(model: Model, observed: Observed) -> Model:
+    """The model with a heavy mass where the structure yields nothing to speak of under the chip: stiff against K b.
+
+    Forces are then those of a rigid machine, and no step has to follow an oscillation that nobody sees.
+    """
+    structure, cutting = model.structure, model.cutting
+    if observed.cut is None or cutting is None:
+        return model
+    largest = math.hypot(cutting.tangential_coefficient, cutting.normal_coefficient)
+    if structure.stiffness < STIFF * largest * observed.cut.axial_depth_of_cut:
+        return model
+    slow = 0.01 * observed.flutes / observed.period
+    if structure.natural_frequency <= slow:
+        return model
+    mass = structure.mass * (structure.natural_frequency / slow) ** 2
+    return model.with_values({"natural_frequency": slow, "mass": mass, "damping_ratio": 0.5})
+
+
 def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, float, Nuisances]]) -> np.ndarray:
     """Predicted channels, shape (variants, channels, samples), for (model, mark angle, nuisances) variants of one record."""
     if observed.cut is None:
         states = [(n.displacement, n.velocity) for _, _, n in variants]
         return plant.predict_driven([m for m, _, _ in variants], states, observed.force, observed.rate, observed.channels)
     lines = [observed.timeline(angle, nuisances) for _, angle, nuisances in variants]
+    if all(name.startswith("force") for name in observed.channels):
+        variants = [(immovable(model, observed), angle, nuisances) for model, angle, nuisances in variants]
     durations = [observed.pass_durations(cut, sampling) for cut, sampling in lines]
     kept = None if any(d is None for d in durations) else durations
     return plant.predict_cuts(

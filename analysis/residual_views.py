@@ -70,8 +70,17 @@ def by_angle(record: Observed, error: RecordError, state: State, index: int) -> 
     for channel, rest, noise in zip(record.channels, error.residual, record.noise, strict=True):
         part = rest[cutting] / noise
         mean = np.where(count > 0, np.bincount(place, part, minlength=sectors) / np.maximum(count, 1), np.nan)
-        views.append(AngleView(record.name, channel, (np.arange(sectors) + 0.5) * 360.0 / sectors, mean,
-                               float(part.std()) / np.sqrt(np.maximum(count, 1)), 360.0 / record.flutes, engaged))
+        views.append(
+            AngleView(
+                record.name,
+                channel,
+                (np.arange(sectors) + 0.5) * 360.0 / sectors,
+                mean,
+                float(part.std()) / np.sqrt(np.maximum(count, 1)),
+                360.0 / record.flutes,
+                engaged,
+            )
+        )
     return views
 
 
@@ -79,15 +88,16 @@ def by_angle(record: Observed, error: RecordError, state: State, index: int) -> 
 class SpectrumView:
     """Amplitude spectrum of one channel's residual, the lines it could have, and what share of its power is at each.
 
-    frequency (Hz) up to a few natural frequencies, amplitude (channel's unit); tooth, spindle, natural: Hz, 0 where there
-    is none. shares: of the residual's power at tooth-passing harmonics, other turns of the spindle, about the natural
-    frequency, and the rest; `noise`: the share that the noise alone would put into the rest.
+    frequency (Hz) up to a few natural frequencies, amplitude of the residual and of what was measured (channel's unit);
+    tooth, spindle, natural: Hz, 0 where there is none. shares: of the residual's power at tooth-passing harmonics, other
+    turns of the spindle, about the natural frequency, and elsewhere; ratio: rms of the residual over the noise.
     """
 
     name: str
     channel: str
     frequency: np.ndarray
     amplitude: np.ndarray
+    measured: np.ndarray
     tooth: float
     spindle: float
     natural: float
@@ -102,23 +112,44 @@ def by_frequency(record: Observed, error: RecordError, state: State, index: int,
     tooth = spindle * record.flutes
     top = min(record.rate / 2, max(reach * natural, 10.0 * tooth))
     views = []
-    for channel, rest, noise in zip(record.channels, error.residual, record.noise, strict=True):
-        frequency, amplitude = amplitude_spectrum(rest, record.rate)
+    for channel, data, rest, noise in zip(record.channels, record.data, error.residual, record.noise, strict=True):
+        frequency, amplitude = _spectrum(record, rest)
         power, width = amplitude**2, NEAR * record.rate / record.samples
         own = natural if not channel.startswith("force") else 0.0
         is_tooth = _on(frequency, tooth, width)
         is_spindle = _on(frequency, spindle, width) & ~is_tooth
         is_natural = (np.abs(frequency - own) < max(NATURAL_BAND * own, width)) & ~is_tooth & ~is_spindle & (own > 0)
         total = max(float(power.sum()), 1e-300)
-        shares = {"tooth passing": float(power[is_tooth].sum()) / total,
-                  "spindle, not tooth": float(power[is_spindle].sum()) / total,
-                  "natural frequency": float(power[is_natural].sum()) / total}
+        shares = {
+            "tooth passing": float(power[is_tooth].sum()) / total,
+            "spindle, not tooth": float(power[is_spindle].sum()) / total,
+            "natural frequency": float(power[is_natural].sum()) / total,
+        }
         shares["elsewhere"] = max(1.0 - sum(shares.values()), 0.0)
         kept = frequency <= top
-        views.append(SpectrumView(record.name, channel, frequency[kept], amplitude[kept], tooth,
-                                  spindle if record.flutes > 1 or record.cut is not None else 0.0, own, shares,
-                                  float(np.sqrt(np.mean(rest**2))) / float(noise)))
+        views.append(
+            SpectrumView(
+                record.name,
+                channel,
+                frequency[kept],
+                amplitude[kept],
+                _spectrum(record, data)[1][kept],
+                tooth,
+                spindle if record.flutes > 1 or record.cut is not None else 0.0,
+                own,
+                shares,
+                float(np.sqrt(np.mean(rest**2))) / float(noise),
+            )
+        )
     return views
+
+
+def _spectrum(record: Observed, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (Hz) and amplitudes: of a cut through a window; of a blow or a decay, which begins loud, without one."""
+    if record.cut is not None:
+        return amplitude_spectrum(values, record.rate)
+    flat = values - values.mean()
+    return np.fft.rfftfreq(len(values), 1 / record.rate), np.abs(np.fft.rfft(flat)) * 2 / len(values)
 
 
 def _on(frequency: np.ndarray, base: float, width: float) -> np.ndarray:
@@ -148,7 +179,8 @@ def on_chart(records: Sequence[Observed], errors: Sequence[RecordError], model: 
     speeds = np.array([record.cut.spindle_speed for record, _ in cuts])  # type: ignore[union-attr]
     depths = np.array([record.cut.axial_depth_of_cut for record, _ in cuts])  # type: ignore[union-attr]
     deepest = 1.5 * float(depths.max())
-    chart = stability_chart(model, np.linspace(0.85 * speeds.min(), 1.15 * speeds.max(), cells),
-                            np.linspace(deepest / cells, deepest, cells))
+    chart = stability_chart(
+        model, np.linspace(0.85 * speeds.min(), 1.15 * speeds.max(), cells), np.linspace(deepest / cells, deepest, cells)
+    )
     ratios = np.array([error.error / max(error.noise_floor, 1e-300) for _, error in cuts])
     return ChartView(chart, tuple(record.name for record, _ in cuts), speeds, depths, ratios)

@@ -178,7 +178,7 @@ def scan_starts(plant: Plant, records: Sequence[Observed], model: Model, count: 
     return [state for _, state in sorted(found, key=lambda pair: pair[0])[:count]]
 
 
-def polish(fitter: Fitter, state: State, *, rounds: int = 4, iterations: int = 20) -> WaveformFit:
+def polish(fitter: Fitter, state: State, *, rounds: int = 4, iterations: int = 40) -> WaveformFit:
     """Fit and put entry and exit passes right in turn, until they stay."""
     state, _ = fitter.settle_passes(state)
     fit = fitter.fit(state, iterations=iterations)

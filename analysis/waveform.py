@@ -19,6 +19,8 @@ from testbed.machine import Model
 WORKERS = 2
 COARSE = 24  # places over a record at which an exit is looked for first
 EARLIER = 5  # passes by which a gentle entry may precede what is seen of it
+KEPT = 0.6  # share of the promised gain that a step must bring for its slopes to be used again
+TURNS = (0.0, -0.4, -0.25, -0.15, -0.07, 0.07, 0.15, 0.25, 0.4)  # rad: where the angle of a record without marks is tried
 BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
 
 
@@ -167,12 +169,18 @@ class Fitter:
             return tuple(pool.map(one, range(len(self.records)) if indices is None else indices))
 
     def settle_passes(self, state: State, reach: int = 1) -> tuple[State, bool]:
-        """The state with every cut's entry and exit pass at the best of their neighbours; and whether any moved."""
+        """The state with every cut's entry and exit pass at the best of their neighbours; and whether any moved.
+
+        Without a tachometer the record's tooth angle is looked for around where it was, too.
+        """
 
         def one(index: int) -> Nuisances:
             record, nuisances = self.records[index], state.nuisances[index]
             if record.cut is None:
                 return nuisances
+            if record.first_mark is None:
+                turns = [replace(nuisances, angle=nuisances.angle + turn) for turn in TURNS]
+                nuisances = self._best(index, state, [*turns, *_other_teeth(nuisances, record.flutes)])
             last = record.last_pass(state.angle, nuisances)
             entries = range(0) if record.starts_in_cut else range(nuisances.entry - EARLIER, nuisances.entry + reach + 1)
             exits = range(0) if nuisances.exit > last else range(nuisances.exit - reach, nuisances.exit + reach + 1)
@@ -209,8 +217,10 @@ class Fitter:
         """The nuisances of one record with `field` (entry or exit) at the place of the smallest residual."""
         tried = [replace(nuisances, **{field: place}) for place in places]
         tried = [other for other in tried if other.entry < other.exit]
-        if not tried:
-            return nuisances
+        return self._best(index, state, tried) if tried else nuisances
+
+    def _best(self, index: int, state: State, tried: Sequence[Nuisances]) -> Nuisances:
+        """Those nuisances of one record that leave the smallest residual."""
         rest = self._residuals(self.records[index], [(state.model, state.angle, other) for other in tried])
         return tried[int(np.argmin(np.einsum("ij,ij->i", rest, rest)))]
 
@@ -294,24 +304,66 @@ class Fitter:
             changed.append(nuisances)
         return replace(state, nuisances=tuple(changed))
 
+    def _at(self, parts: Sequence[Linearised], state: State) -> tuple[Linearised, ...]:
+        """Residuals at a state with the slopes of `parts`, taken elsewhere."""
+        rest = self.residuals(state)
+        held = [self._held(record, own) for record, own in zip(self.records, state.nuisances, strict=True)]
+        return tuple(
+            replace(part, residual=np.append(own, more)) for part, own, more in zip(parts, rest, held, strict=True)
+        )
+
     def fit(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5) -> WaveformFit:
-        """Levenberg-Marquardt from a state. Converged: a step changed the cost by less than `tolerance` of itself."""
+        """Levenberg-Marquardt from a state. Converged: a step changed the cost by less than `tolerance` of itself.
+
+        Slopes cost many times what a residual does, so they are kept while the steps they give do what they promise; a fit
+        ends on fresh ones.
+        """
         parts = self.linearise_all(state)
-        cost = 0.5 * sum(float(part.residual @ part.residual) for part in parts)
-        damping, converged, count = 1e-3, False, 0
+        cost = _cost_of(parts)
+        damping, converged, count, fresh = 1e-3, False, 0, True
         while count < iterations and not converged:
             count += 1
             move, own = self.step(parts, damping)
             trial = self.with_own(self.moved(state, move), own)
-            new = self.cost(trial)
+            there = self._at(parts, trial)
+            new = _cost_of(there)
             if np.isfinite(new) and new < cost:
-                converged = cost - new < tolerance * cost
+                small = cost - new < tolerance * cost
+                kept = cost - new > KEPT * (cost - self._promised(parts, move, own)) and not small
+                converged = small and fresh
                 state, cost, damping = trial, new, max(damping / 8.0, 1e-9)
-                parts = self.linearise_all(state)
+                parts, fresh = (there, False) if kept else (self.linearise_all(state), True)
+            elif not fresh:
+                parts, fresh = self.linearise_all(state), True
             else:
                 converged = damping > 1e4 or (np.isfinite(new) and abs(new - cost) < 1e-9 * cost)
                 damping *= 6.0
+        if not fresh:
+            parts = self.linearise_all(state)
         size = sum(part.residual.size for part in parts)
         covariance = self.covariance(parts, max(1.0, 2.0 * cost / size))
         residuals = tuple(part.residual[: record.data.size] for part, record in zip(parts, self.records, strict=True))
         return WaveformFit(state, cost, residuals, self.names, covariance, converged, count, parts)
+
+    @staticmethod
+    def _promised(parts: Sequence[Linearised], move: np.ndarray, own: Sequence[np.ndarray]) -> float:
+        """The cost after a step, if the residuals were linear."""
+        rest = [part.residual + part.shared @ move + part.own @ one for part, one in zip(parts, own, strict=True)]
+        return 0.5 * sum(float(one @ one) for one in rest)
+
+
+def _other_teeth(nuisances: Nuisances, flutes: int) -> list[Nuisances]:
+    """The same course with another tooth the first to cut: unequal teeth tell which it was."""
+    return [
+        replace(
+            nuisances,
+            angle=nuisances.angle - 2 * math.pi * tooth / flutes,
+            entry=nuisances.entry + tooth,
+            exit=nuisances.exit + tooth,
+        )
+        for tooth in range(1, flutes)
+    ]
+
+
+def _cost_of(parts: Sequence[Linearised]) -> float:
+    return 0.5 * sum(float(part.residual @ part.residual) for part in parts)

@@ -9,9 +9,12 @@ import numpy as np
 from analysis.amplitude import free_decays
 from analysis.compare import Comparison
 from analysis.constancy import Constancy, constancy
-from analysis.report.machine import add_amplitude, add_constancy, add_force_map, add_nuisances, add_parameters
+from analysis.report.chart import add_chart
+from analysis.report.constants import add_amplitude, add_constancy
+from analysis.report.force_map import add_force_map
+from analysis.report.machine import add_nuisances, add_parameters
 from analysis.report.page import Page
-from analysis.report.residuals import add_angle, add_chart, add_records, add_spectrum
+from analysis.report.residuals import add_angle, add_records, add_spectrum
 from analysis.report.waveforms import add_waveforms, looks, worst_first
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -22,26 +25,45 @@ ForceMap = tuple[str, np.ndarray, np.ndarray, np.ndarray]  # name of a record, x
 def verdict_of(found: Comparison) -> str:
     """The comparison in one sentence."""
     ratio = found.error / max(found.noise_floor, 1e-300)
-    held = "on records left out of the fit" if found.records[0].held_out else "in the fit (one condition only, nothing held out)"
+    held = (
+        "on records left out of the fit" if found.records[0].held_out else "in the fit (one condition only, nothing held out)"
+    )
     if found.adequate:
-        return (f"The refitted model explains every record down to its noise: error {found.error:.3g} {held}, "
-                f"{ratio:.2f} times the noise floor.")
+        return (
+            f"The refitted model explains every record down to its noise: error {found.error:.3g} {held}, "
+            f"{ratio:.2f} times the noise floor."
+        )
     worst = max(found.records, key=lambda one: one.chi_square)
-    return (f"The refitted model leaves more than noise: error {found.error:.3g} {held}, {ratio:.2f} times the noise floor "
-            f"of {found.noise_floor:.3g}; the worst record is {worst.name}. testbed diagnose says which effect it lacks.")
+    return (
+        f"The refitted model leaves more than noise: error {found.error:.3g} {held}, {ratio:.2f} times the noise floor "
+        f"of {found.noise_floor:.3g}; the worst record is {worst.name}. testbed diagnose says which effect it lacks."
+    )
 
 
-def compare_page(found: Comparison, believed: Model, catalogue: Mapping[str, Effect], units: Mapping[str, str],
-                 *, name: str = "", notes: Sequence[str] = (), force_maps: Sequence[ForceMap] = (),
-                 tested: Constancy | None = None) -> Page:
+def compare_page(
+    found: Comparison,
+    believed: Model,
+    catalogue: Mapping[str, Effect],
+    units: Mapping[str, str],
+    *,
+    name: str = "",
+    notes: Sequence[str] = (),
+    force_maps: Sequence[ForceMap] = (),
+    tested: Constancy | None = None,
+) -> Page:
     """The whole page. units: SI or own, by channel; tested: the constancy, where it is known already."""
     records, errors, fit = found.fitter.records, found.errors, found.fit
     page = Page(f"Where does the model fail?{' ' + name if name else ''}")
     page.verdict(verdict_of(found), found.adequate)
     failing = {test.record for test in found.tests if test.fails}
-    page.tiles((("error, held out" if found.records[0].held_out else "error, in the fit", f"{found.error:.4f}"),
-                ("noise floor", f"{found.noise_floor:.4f}"), ("error / noise floor", f"{found.error / found.noise_floor:.2f}"),
-                ("records beyond their noise", f"{len(failing)} of {len(records)}")))
+    page.tiles(
+        (
+            ("error, held out" if found.records[0].held_out else "error, in the fit", f"{found.error:.4f}"),
+            ("noise floor", f"{found.noise_floor:.4f}"),
+            ("error / noise floor", f"{found.error / found.noise_floor:.2f}"),
+            ("records beyond their noise", f"{len(failing)} of {len(records)}"),
+        )
+    )
     for note in notes:
         page.text(note, small=True)
     chosen = worst_first(looks(records, units), errors)

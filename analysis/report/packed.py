@@ -31,8 +31,9 @@ def even(first: float, step: float, count: int) -> dict[str, Any]:
     return {"from": float(first), "step": float(step), "n": int(count)}
 
 
-def thinned(values: np.ndarray, start: float, rate: float, points: int,
-            logarithmic: bool = False) -> tuple[dict[str, Any], dict[str, Any]]:
+def thinned(
+    values: np.ndarray, start: float, rate: float, points: int, logarithmic: bool = False
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """(times, values) of a signal (samples,) from `start` (s) at `rate` (Hz), packed.
 
     A signal of more than `points` samples becomes its envelope: the lowest and the highest of every stretch, in the order

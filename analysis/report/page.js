@@ -2,10 +2,7 @@
 // Draws what the page's data block describes. A number row is packed: {i2: base64 of 16-bit counts, scale, offset} or
 // {from, step, n}, and {row: k} is the k-th of those that several pictures share; a colour "@name" is the theme's. A picture has choosers (selects) and one panel for every choice.
 (function () {
-  const root = document.documentElement, errors = [];
-  window.addEventListener("error", (event) => fault(event.message));
-  document.addEventListener("securitypolicyviolation", (event) => fault("refused: " + event.blockedURI));
-  function fault(text) { errors.push(text); root.dataset.errors = errors.join(" | "); }
+  const root = document.documentElement;
 
   const {rows, pictures} = JSON.parse(document.getElementById("pictures").textContent);
   const narrow = () => window.innerWidth < 640;
@@ -86,7 +83,7 @@
   function next() {  // one at a time, so that the page answers while it draws
     const holder = waiting.shift();
     if (!holder) { root.dataset.ready = "true"; return; }
-    try { picture(holder); } catch (problem) { fault(String(problem)); }
+    try { picture(holder); } catch (problem) { window.fault(String(problem)); }
     setTimeout(next, 0);
   }
   next();

@@ -18,6 +18,12 @@ from typing import Any
 from testbed.atomic import write_text
 
 _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+# first of all, so that nothing goes wrong unseen: the document itself says what failed or was refused
+_WATCH = (
+    "<script>function fault(text){const d=document.documentElement.dataset;d.errors=(d.errors||'')+text+' | '}"
+    "addEventListener('error',(e)=>fault(e.message));"
+    "document.addEventListener('securitypolicyviolation',(e)=>fault('refused: '+e.blockedURI))</script>"
+)
 
 
 @dataclass(frozen=True)
@@ -94,66 +100,99 @@ class Page:
         """A picture from a file, put into the page."""
         kind = mimetypes.guess_type(path.name)[0] or "image/png"
         data = base64.b64encode(path.read_bytes()).decode()
-        self.parts.append(f"<figure><img alt=\"{escape(says)}\" title=\"{escape(path.name)}\" "
-                          f"src='data:{kind};base64,{data}'></figure>")
+        self.parts.append(
+            f'<figure><img alt="{escape(says)}" title="{escape(path.name)}" src=\'data:{kind};base64,{data}\'></figure>'
+        )
 
     def figure(self, panel: Panel, describe: str = "") -> None:
         """A picture with a single state."""
         self._figure("", {"": panel}, describe)
 
-    def choices(self, choosers: Sequence[tuple[str, Sequence[str]]], panels: Mapping[Sequence[int], Panel],
-                layout: Mapping[str, Any] | None = None, describe: str = "") -> None:
+    def choices(
+        self,
+        choosers: Sequence[tuple[str, Sequence[str]]],
+        panels: Mapping[Any, Panel],
+        layout: Mapping[str, Any] | None = None,
+        describe: str = "",
+    ) -> None:
         """A picture with selects: (what is chosen, the options); panels by the options' numbers. layout: shared by all."""
         controls = "".join(_select(name, options) for name, options in choosers)
         named = {"|".join(map(str, key)): panel for key, panel in panels.items()}
         self._figure(f'<div class="choose">{controls}</div>', named, describe, layout)
 
-    def ticks(self, question: str, names: Sequence[str], ticked: Sequence[str], chooser: tuple[str, Sequence[str]],
-              panels: Mapping[tuple[frozenset[str], int], Panel], missing: str,
-              layout: Mapping[str, Any] | None = None) -> None:
+    def ticks(
+        self,
+        question: str,
+        names: Sequence[str],
+        ticked: Sequence[str],
+        chooser: tuple[str, Sequence[str]],
+        panels: Mapping[tuple[frozenset[str], int], Panel],
+        missing: str,
+        layout: Mapping[str, Any] | None = None,
+    ) -> None:
         """A picture with boxes to tick and one select; panels by (names ticked, option). missing: said of other sets."""
-        boxes = "".join(f'<label><input type="checkbox" value="{escape(name)}"{" checked" if name in ticked else ""}>'
-                        f"{escape(name)}</label>" for name in names)
-        controls = (f'<div class="choose"><span>{escape(question)}</span>{boxes}</div>'
-                    f'<div class="choose">{_select(*chooser)}</div>')
+        boxes = "".join(
+            f'<label><input type="checkbox" value="{escape(name)}"{" checked" if name in ticked else ""}>{escape(name)}</label>'
+            for name in names
+        )
+        controls = (
+            f'<div class="choose"><span>{escape(question)}</span>{boxes}</div><div class="choose">{_select(*chooser)}</div>'
+        )
         named = {f"{'+'.join(sorted(key))}|{option}": panel for (key, option), panel in panels.items()}
         self._figure(controls, named, question, layout, missing)
 
-    def _figure(self, controls: str, panels: Mapping[str, Panel], describe: str,
-                layout: Mapping[str, Any] | None = None, missing: str = "") -> None:
-        spec: dict[str, Any] = {"panels": {key: {"traces": list(panel.traces), "layout": dict(panel.layout),
-                                                 "says": panel.says} for key, panel in panels.items()}}
+    def _figure(
+        self,
+        controls: str,
+        panels: Mapping[str, Panel],
+        describe: str,
+        layout: Mapping[str, Any] | None = None,
+        missing: str = "",
+    ) -> None:
+        spec: dict[str, Any] = {
+            "panels": {
+                key: {"traces": list(panel.traces), "layout": dict(panel.layout), "says": panel.says}
+                for key, panel in panels.items()
+            }
+        }
         if layout:
             spec["layout"] = dict(layout)
         if missing:
             spec["missing"] = missing
         said = '<p class="outcome" data-says aria-live="polite"></p>' if any(panel.says for panel in panels.values()) else ""
-        self.parts.append(f'<figure data-picture="{len(self.pictures)}">{controls}{said}'
-                          f'<div class="plot" role="img" aria-label="{escape(describe)}"></div></figure>')
+        self.parts.append(
+            f'<figure data-picture="{len(self.pictures)}">{controls}{said}'
+            f'<div class="plot" role="img" aria-label="{escape(describe)}"></div></figure>'
+        )
         self.pictures.append(spec)
 
     def html(self) -> str:
         """The whole page."""
         own = files("analysis.report")
         style = own.joinpath("page.css").read_text(encoding="utf-8")
-        scripts = ""
+        scripts = watch = ""
         if self.pictures:
+            watch = _WATCH
             from plotly.offline import get_plotlyjs
 
             rows: dict[str, tuple[int, Any]] = {}
             pictures = _shared(self.pictures, rows)
             every = {"rows": [packed for _, packed in rows.values()], "pictures": pictures}
             data = json.dumps(every, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-            scripts = (f'<script type="application/json" id="pictures">{data}</script>\n<script>{get_plotlyjs()}</script>\n'
-                       f"<script>{own.joinpath('page.js').read_text(encoding='utf-8')}</script>")
+            scripts = (
+                f'<script type="application/json" id="pictures">{data}</script>\n<script>{get_plotlyjs()}</script>\n'
+                f"<script>{own.joinpath('page.js').read_text(encoding='utf-8')}</script>"
+            )
         items = "".join(f'<li><a href="#s{place}">{escape(text)}</a></li>' for place, text in enumerate(self.contents, 1))
         lead = next((place for place, part in enumerate(self.parts) if part.startswith("<h2")), len(self.parts))
         contents = [f"<nav><ol>{items}</ol></nav>"] if len(self.contents) > 2 else []
         body = "\n".join([*self.parts[:lead], *contents, *self.parts[lead:]])
-        return (f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(self.title)}</title>'
-                f'<meta name="viewport" content="width=device-width, initial-scale=1">'
-                f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}"><style>{style}</style></head>\n'
-                f"<body><h1>{escape(self.title)}</h1>\n{body}\n{scripts}\n</body></html>\n")
+        return (
+            f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(self.title)}</title>'
+            f'<meta name="viewport" content="width=device-width, initial-scale=1">'
+            f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}"><style>{style}</style>{watch}</head>\n'
+            f"<body><h1>{escape(self.title)}</h1>\n{body}\n{scripts}\n</body></html>\n"
+        )
 
     def write(self, path: Path) -> Path:
         """Write the page; returns its path."""
@@ -175,7 +214,8 @@ def _shared(value: Any, rows: dict[str, tuple[int, Any]]) -> Any:
 def _cell(value: object) -> str:
     if isinstance(value, Cell):
         return f'<td class="heat" style="background:{heat_colour(value.heat)}">{escape(value.text)}</td>'
-    return f"<td>{escape(str(value))}</td>"
+    text = escape(str(value))
+    return f'<td class="long">{text}</td>' if len(text) > 36 else f"<td>{text}</td>"
 
 
 def _select(name: str, options: Sequence[str]) -> str:

@@ -1,24 +1,23 @@
-"""Sections on what is left: by record and segment, by the tooth's angle, by frequency, on the stability chart."""
+"""Sections on what is left: by record and segment, by the tooth's angle, by frequency."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from analysis.compare import Adequacy, RecordComparison
 from analysis.held_out import RecordError
-from analysis.observed import Observed
-from analysis.report.packed import even, listed, packed, thinned
+from analysis.report.packed import even, packed, thinned
 from analysis.report.page import Cell, Page, Panel
 from analysis.report.waveforms import LEFT, Look
-from analysis.residual_views import AngleView, ChartView, SpectrumView, by_angle, by_frequency, on_chart
+from analysis.residual_views import AngleView, SpectrumView, by_angle, by_frequency
 from analysis.waveform import State
-from testbed.machine import Model
 
 KINDS = ("idle", "entry", "steady", "exit", "ring-down")
+SPECTRUM_BUDGET = 40_000  # points of all spectra of one page
 CALM, HOT = 1.1, 10.0  # residual over noise at which a cell is palest and reddest
 
 
@@ -36,29 +35,51 @@ def add_records(page: Page, records: Sequence[RecordComparison], tests: Sequence
         ratio = math.sqrt(one.chi_square)
         worst = {kind: max((part.chi_square for part in one.segments if part.kind == kind), default=None) for kind in kinds}
         own = [test for test in tests if test.record == one.name]
-        failing = "nothing" if not any(test.fails for test in own) else (
-            "all tests" if all(test.fails for test in own) else ", ".join(test.test for test in own if test.fails))
+        failing = (
+            "nothing"
+            if not any(test.fails for test in own)
+            else ("all tests" if all(test.fails for test in own) else ", ".join(test.test for test in own if test.fails))
+        )
         cells = ["-" if value is None else Cell(f"{math.sqrt(value):.2f}", heat(math.sqrt(value))) for value in worst.values()]
-        rows.append((one.name, f"{one.error:.4f}", f"{one.noise_floor:.4f}", f"{one.chi_square:.2f}",
-                     Cell(f"{ratio:.2f}", heat(ratio)), *cells, failing))
+        rows.append(
+            (
+                one.name,
+                f"{one.error:.4f}",
+                f"{one.noise_floor:.4f}",
+                f"{one.chi_square:.2f}",
+                Cell(f"{ratio:.2f}", heat(ratio)),
+                *cells,
+                failing,
+            )
+        )
     worst_one = max(records, key=lambda one: one.chi_square)
     parts = sorted(worst_one.segments, key=lambda part: -part.chi_square)
     where = f", most in {parts[0].kind} ({math.sqrt(parts[0].chi_square):.1f} times)" if parts else ""
     failing_records = {test.record for test in tests if test.fails}
-    page.answer(f"{len(failing_records)} of {len(records)} records hold more than noise. The worst is {worst_one.name}: its "
-                f"residual is {math.sqrt(worst_one.chi_square):.2f} times its noise{where}.")
+    hold = "hold" if len(records) > 1 else "holds"
+    page.answer(
+        f"{len(failing_records)} of {len(records)} records {hold} more than noise. The worst is {worst_one.name}: its "
+        f"residual is {math.sqrt(worst_one.chi_square):.2f} times its noise{where}."
+    )
     page.table(("record", "error", "noise floor", "chi-square", "residual / noise", *kinds, "beyond the noise"), rows)
-    page.text("error = rms(measured - predicted) / rms(measured about its mean); the columns from residual / noise on are in "
-              "units of the noise, 1 is nothing but noise. chi-square is the mean square of those. Tests beyond the noise: "
-              "rms, autocorrelation, tooth angle, with 5 % of false discoveries among them.", small=True)
+    page.text(
+        "error = rms(measured - predicted) / rms(measured about its mean); the columns from residual / noise on are in "
+        "units of the noise, 1 is nothing but noise. chi-square is the mean square of those. Tests beyond the noise: "
+        "rms, autocorrelation, tooth angle, with 5 % of false discoveries among them.",
+        small=True,
+    )
 
 
-def add_angle(page: Page, found: Sequence[Look], errors: Sequence[RecordError], state: State,
-              tests: Sequence[Adequacy] = ()) -> None:
+def add_angle(
+    page: Page, found: Sequence[Look], errors: Sequence[RecordError], state: State, tests: Sequence[Adequacy] = ()
+) -> None:
     """Residual unrolled over one turn of the spindle."""
-    views = {(look.index, look.row): view for look in found
-             for view in by_angle(look.record, errors[look.index], state, look.index)
-             if view.channel == look.record.channels[look.row]}
+    views = {
+        (look.index, look.row): view
+        for look in found
+        for view in by_angle(look.record, errors[look.index], state, look.index)
+        if view.channel == look.record.channels[look.row]
+    }
     if not views:
         return
     page.heading("Does what is left depend on the angle of the tooth?")
@@ -71,39 +92,88 @@ def add_angle(page: Page, found: Sequence[Look], errors: Sequence[RecordError], 
         page.answer("No: in no record does the mean residual at any angle differ from zero by more than chance allows.")
     else:
         many = f"in {len(failing)} of {len(all_tests)} records. " if all_tests else ""
-        page.answer(f"Yes, {many}It is largest in {view.name}, at {place:.0f} deg after entry, "
-                    f"{'with the tooth in the cut' if inside else 'with no tooth in the cut'}: "
-                    f"{size:+.1f} times the noise.")
+        page.answer(
+            f"Yes, {many}It is largest in {view.name}, at {place:.0f} deg after entry, "
+            f"{'with the tooth in the cut' if inside else 'with no tooth in the cut'}: "
+            f"{size:+.1f} times the noise."
+        )
     chosen = [look for look in found if (look.index, look.row) in views]
     panels = {(row,): _angle_panel(views[look.index, look.row]) for row, look in enumerate(chosen)}
-    page.choices([("record", [look.label for look in chosen])], panels,
-                 {"height": 340, "xaxis": {"title": {"text": "angle since the tooth's entry [deg]"}, "dtick": 45},
-                  "yaxis": {"title": {"text": "mean residual / noise"}}}, "mean residual by tooth angle")
+    page.choices(
+        [("record", [look.label for look in chosen])],
+        panels,
+        {
+            "height": 340,
+            "xaxis": {"title": {"text": "angle since the tooth's entry [deg]"}, "dtick": 45},
+            "yaxis": {"title": {"text": "mean residual / noise"}},
+        },
+        "mean residual by tooth angle",
+    )
 
 
 def _angle_panel(view: AngleView) -> Panel:
-    shade = [{"type": "rect", "xref": "x", "yref": "paper", "x0": first, "x1": first + view.engaged, "y0": 0, "y1": 1,
-              "line": {"width": 0}, "fillcolor": "rgba(224,142,43,.2)", "layer": "below"}
-             for first in np.arange(0.0, 360.0 - 1e-9, view.pitch)]
+    shade = [
+        {
+            "type": "rect",
+            "xref": "x",
+            "yref": "paper",
+            "x0": first,
+            "x1": first + view.engaged,
+            "y0": 0,
+            "y1": 1,
+            "line": {"width": 0},
+            "fillcolor": "rgba(224,142,43,.2)",
+            "layer": "below",
+        }
+        for first in np.arange(0.0, 360.0 - 1e-9, view.pitch)
+    ]
     band = 2.0 * view.error
     x = even(view.angle[0], view.angle[1] - view.angle[0], len(view.angle))
-    edge = {"type": "scatter", "mode": "lines", "x": x, "line": {"width": 0}, "hoverinfo": "skip", "showlegend": False}
-    traces = [edge | {"y": packed(-band)},
-              edge | {"y": packed(band), "fill": "tonexty", "fillcolor": "rgba(128,128,128,.3)", "showlegend": True,
-                      "name": "what chance leaves (95 %)"},
-              {"type": "scatter", "mode": "lines", "name": "mean residual", "x": x, "y": packed(view.mean),
-               "line": {"color": LEFT, "width": 2}}]
+    edge: dict[str, Any] = {
+        "type": "scatter",
+        "mode": "lines",
+        "x": x,
+        "line": {"width": 0},
+        "hoverinfo": "skip",
+        "showlegend": False,
+    }
+    traces: list[dict[str, Any]] = [
+        edge | {"y": packed(-band)},
+        edge
+        | {
+            "y": packed(band),
+            "fill": "tonexty",
+            "fillcolor": "rgba(128,128,128,.3)",
+            "showlegend": True,
+            "name": "what chance leaves (95 %)",
+        },
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "name": "mean residual",
+            "x": x,
+            "y": packed(view.mean),
+            "line": {"color": LEFT, "width": 2},
+        },
+    ]
     beyond = float(np.mean(np.abs(view.mean) > band))
     place, size = view.peak
-    return Panel(traces, {"shapes": shade}, f"{view.name}: {beyond:.0%} of the angles lie beyond what chance leaves (5 % would by "
-                 f"chance); the peak is {size:+.2f} times the noise at {place:.0f} deg. Shaded: a tooth in the cut.")
+    return Panel(
+        traces,
+        {"shapes": shade},
+        f"{view.name}: {beyond:.0%} of the angles lie beyond what chance leaves (5 % would by "
+        f"chance); the peak is {size:+.2f} times the noise at {place:.0f} deg. Shaded: a tooth in the cut.",
+    )
 
 
 def add_spectrum(page: Page, found: Sequence[Look], errors: Sequence[RecordError], state: State) -> None:
     """Residual spectrum with the lines it could have."""
-    views = {(look.index, look.row): view for look in found
-             for view in by_frequency(look.record, errors[look.index], state, look.index)
-             if view.channel == look.record.channels[look.row]}
+    views = {
+        (look.index, look.row): view
+        for look in found
+        for view in by_frequency(look.record, errors[look.index], state, look.index)
+        if view.channel == look.record.channels[look.row]
+    }
     if not views:
         return
     page.heading("At which frequencies does the model miss?")
@@ -114,85 +184,75 @@ def add_spectrum(page: Page, found: Sequence[Look], errors: Sequence[RecordError
         weight = np.array([view.ratio**2 for view in loud])
         mean = {name: float(np.average([view.shares[name] for view in loud], weights=weight)) for name in loud[0].shares}
         first, second = sorted(mean, key=lambda name: -mean[name])[:2]
-        page.answer(f"Of the residuals' power {mean[first]:.0%} is {_where(first)} and {mean[second]:.0%} {_where(second)} "
-                    f"(mean over {len(loud)} records, weighed by their residual).")
-    panels = {(row,): _spectrum_panel(views[look.index, look.row], look) for row, look in enumerate(found)}
-    page.choices([("record", [look.label for look in found])], panels,
-                 {"height": 380, "xaxis": {"title": {"text": "frequency [Hz]"}},
-                  "yaxis": {"type": "log", "exponentformat": "power", "dtick": 1}}, "amplitude spectrum of the residual")
+        page.answer(
+            f"Of the residuals' power {mean[first]:.0%} is {_where(first)} and {mean[second]:.0%} {_where(second)} "
+            f"(all records weighed by their residual)."
+        )
+    points = int(np.clip(SPECTRUM_BUDGET / len(found), 300, 2400)) // 2 * 2
+    panels = {(row,): _spectrum_panel(views[look.index, look.row], look, points) for row, look in enumerate(found)}
+    page.choices(
+        [("record", [look.label for look in found])],
+        panels,
+        {
+            "height": 380,
+            "xaxis": {"title": {"text": "frequency [Hz]"}},
+            "yaxis": {"type": "log", "exponentformat": "power", "dtick": 1},
+        },
+        "amplitude spectrum of the residual",
+    )
 
 
 def _where(share: str) -> str:
-    return {"tooth passing": "at tooth-passing harmonics", "spindle, not tooth": "at other multiples of the spindle's turns",
-            "natural frequency": "about the natural frequency", "elsewhere": "elsewhere"}[share]
+    return {
+        "tooth passing": "at tooth-passing harmonics",
+        "spindle, not tooth": "at other multiples of the spindle's turns",
+        "natural frequency": "about the natural frequency",
+        "elsewhere": "elsewhere",
+    }[share]
 
 
-def _spectrum_panel(view: SpectrumView, look: Look) -> Panel:
+def _spectrum_panel(view: SpectrumView, look: Look, points: int) -> Panel:
     step = view.frequency[1] - view.frequency[0]
     values = np.maximum(view.amplitude[1:] * look.factor, 1e-300)
-    x, y = thinned(values, float(view.frequency[1]), 1.0 / step, 2400, logarithmic=True)
-    low, high = float(np.median(values)) * 0.1, float(values.max()) * 2.0
-    traces: list[dict[str, Any]] = [{"type": "scatter", "mode": "lines", "name": "residual", "x": x, "y": y,
-                                     "line": {"color": "@muted", "width": 1}}]
+    x, y = thinned(values, float(view.frequency[1]), 1.0 / step, points, logarithmic=True)
+    measured = np.maximum(view.measured[1:] * look.factor, 1e-300)
+    _, above = thinned(measured, float(view.frequency[1]), 1.0 / step, points, logarithmic=True)
+    low, high = float(np.median(values)) * 0.1, float(max(values.max(), measured.max())) * 2.0
+    line = {"type": "scatter", "mode": "lines", "x": x}
+    traces: list[dict[str, Any]] = [
+        line | {"name": "measured", "y": above, "line": {"color": "@muted", "width": 1}, "opacity": 0.5},
+        line | {"name": "residual", "y": y, "line": {"color": LEFT, "width": 1}},
+    ]
     top = float(view.frequency[-1])
-    lines = (("once per revolution and its multiples", view.spindle, "#8b6fc0", "dot", 30),
-             ("tooth passing and harmonics", view.tooth, "#2a9d6f", "dash", 30), ("natural frequency", view.natural, "#3b82c4", "solid", 1))
+    lines = (
+        ("once per revolution and its multiples", view.spindle, "#8b6fc0", "dot", 30),
+        ("tooth passing and harmonics", view.tooth, "#2a9d6f", "dash", 30),
+        ("natural frequency", view.natural, "#3b82c4", "solid", 1),
+    )
     for name, base, colour, dash, most in lines:
         if base <= 0 or name.startswith("once") and view.spindle == view.tooth:
             continue
         places = [order * base for order in range(1, most + 1) if order * base <= top]
         xs = [value for place in places for value in (place, place, None)]
         ys = [value for _ in places for value in (low, high, None)]
-        traces.insert(0, {"type": "scatter", "mode": "lines", "name": name, "x": [None if v is None else round(v, 4) for v in xs],
-                          "y": ys, "line": {"color": colour, "width": 1.2, "dash": dash}, "hoverinfo": "x"})
+        traces.insert(
+            0,
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "name": name,
+                "x": [None if v is None else round(v, 4) for v in xs],
+                "y": ys,
+                "line": {"color": colour, "width": 1.2, "dash": dash},
+                "hoverinfo": "x",
+            },
+        )
     shares = "; ".join(f"{share:.0%} {_where(name)}" for name, share in view.shares.items() if share >= 0.005)
-    return Panel(traces, {"yaxis": {"title": {"text": f"residual [{look.unit}]"}, "range": [math.log10(low), math.log10(high)]},
-                          "xaxis": {"range": [0, top]}}, f"{look.label}: residual power {shares}.")
-
-
-def add_chart(page: Page, records: Sequence[Observed], errors: Sequence[RecordError], model: Model) -> None:
-    """Misfit on the stability chart."""
-    view = on_chart(records, errors, model)
-    if view is None:
-        return
-    page.heading("Where on the stability chart is the misfit?")
-    page.answer(_chart_says(view))
-    chart = view.chart
-    ratio = np.log10(np.clip(view.ratios, 0.9, 100.0))
-    speed, depth = chart.spindle_speeds * 30 / math.pi, chart.axial_depths * 1e3
-    traces = [
-        {"type": "contour", "x": even(speed[0], speed[1] - speed[0], len(speed)),
-         "y": even(depth[0], depth[1] - depth[0], len(depth)), "z": [packed(np.minimum(row, 3.0)) for row in chart.spectral_radius],
-         "contours": {"type": "constraint", "operation": "<", "value": 1.0}, "fillcolor": "rgba(139,111,192,.28)",
-         "line": {"color": "#8b6fc0", "width": 1.5}, "showlegend": False, "hoverinfo": "skip", "name": "unstable"},
-        {"type": "scatter", "mode": "markers", "x": listed(view.speeds * 30 / math.pi), "y": listed(view.depths * 1e3),
-         "text": [f"{name}<br>error / noise floor {value:.2f}" for name, value in zip(view.names, view.ratios, strict=True)],
-         "hoverinfo": "text", "showlegend": False,
-         "marker": {"size": 15, "color": listed(ratio), "cmin": 0, "cmax": max(1.0, float(ratio.max())), "line": {"color": "@ink", "width": 1.2},
-                    "colorscale": [[0, "#c4e8d0"], [0.35, "#faeeb4"], [0.7, "#f7be82"], [1, "#d1495b"]],
-                    "colorbar": {"title": {"text": "error /<br>noise"}, "thickness": 10, "tickvals": [0, 0.301, 0.699, 1, 1.301, 2],
-                                 "ticktext": ["1", "2", "5", "10", "20", "100"]}}}]
-    page.figure(Panel(traces, {"height": 400, "xaxis": {"title": {"text": "spindle speed [rpm]"}},
-                               "yaxis": {"title": {"text": "depth of cut [mm]"}, "rangemode": "tozero"}}),
-                "stability chart with the error of each cut")
-    page.text("Violet: unstable by the fitted linear machine. A dot is a record; touch it for its figures.", small=True)
-
-
-def _chart_says(view: ChartView) -> str:
-    worst = int(np.argmax(view.ratios))
-    if view.ratios[worst] < 1.05:
-        return f"Nowhere: all {len(view.names)} cuts are predicted to within their noise."
-    count = len(view.names)
-    said = (f"The largest is at {view.speeds[worst] * 30 / math.pi:.0f} rpm and {view.depths[worst] * 1e3:.2g} mm "
-            f"({view.names[worst]}): {view.ratios[worst]:.2f} times the noise floor.")
-    if count >= 5:
-        from scipy.stats import spearmanr
-
-        for values, name in ((view.depths, "depth"), (view.speeds, "spindle speed")):
-            if np.ptp(values) > 0:
-                found = spearmanr(values, view.ratios)
-                if found.pvalue < 0.05:
-                    said += f" It {'grows' if found.statistic > 0 else 'falls'} with {name} (rank correlation {found.statistic:+.2f})."
-    return said
-
-
+    return Panel(
+        traces,
+        {
+            "yaxis": {"title": {"text": f"amplitude [{look.unit}]"}, "range": [math.log10(low), math.log10(high)]},
+            "xaxis": {"range": [0, top]},
+        },
+        f"{look.label}: residual power {shares}.",
+    )

@@ -15,9 +15,14 @@ from analysis.report.page import Page, Panel
 from analysis.residual_views import shown_unit
 
 MEASURED, PREDICTED, LEFT, BEFORE = "@ink", "#3b82c4", "#d1495b", "#e08e2b"
-BUDGET = 500_000  # points of all waveforms of a page together: two bytes each, a third more as text
-SHADES = {"idle": "rgba(140,140,140,.14)", "entry": "rgba(240,160,60,.18)", "steady": "rgba(80,170,90,.12)",
-          "exit": "rgba(220,90,80,.18)", "ring-down": "rgba(70,130,200,.16)"}
+BUDGET = 350_000  # points of all waveforms of a page together: two bytes each, a third more as text
+SHADES = {
+    "idle": "rgba(140,140,140,.14)",
+    "entry": "rgba(240,160,60,.18)",
+    "steady": "rgba(80,170,90,.12)",
+    "exit": "rgba(220,90,80,.18)",
+    "ring-down": "rgba(70,130,200,.16)",
+}
 TURNS = 6  # revolutions of a stretch that is drawn sample by sample
 
 
@@ -88,19 +93,46 @@ def _lines(look: Look, rest: np.ndarray, part: tuple[int, int] | None, points: i
     first, last = part or (0, len(measured))
     start = look.record.start + first / look.record.rate
     traces = []
-    for name, values, colour, below in (("measured", measured, MEASURED, ""), ("predicted", measured - rest, PREDICTED, ""),
-                                        ("measured - predicted", rest, LEFT, "2")):
+    for name, values, colour, below in (
+        ("measured", measured, MEASURED, ""),
+        ("predicted", measured - rest, PREDICTED, ""),
+        ("measured - predicted", rest, LEFT, "2"),
+    ):
         time, row = thinned(values[first:last], start, look.record.rate, points if part is None else last - first)
         width = 2.2 if part and name == "measured" else 1.2
-        traces.append({"type": "scatter", "mode": "lines", "name": name, "x": time, "y": row, "yaxis": f"y{below}",
-                       "line": {"color": colour, "width": width}, "opacity": 0.85 if name == "predicted" else 1.0})
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "name": name,
+                "x": time,
+                "y": row,
+                "yaxis": f"y{below}",
+                "line": {"color": colour, "width": width},
+                "opacity": 0.85 if name == "predicted" else 1.0,
+            }
+        )
     return traces
 
 
-def _shading(look: Look, first: float, last: float) -> list[dict[str, Any]]:
-    return [{"type": "rect", "xref": "x", "yref": "paper", "x0": max(part.start, first), "x1": min(part.stop, last),
-             "y0": 0, "y1": 1, "line": {"width": 0}, "fillcolor": SHADES[part.kind], "layer": "below"}
-            for part in look.record.segments if part.stop > first and part.start < last]
+def shading(look: Look, first: float, last: float) -> list[dict[str, Any]]:
+    """The segments between two times (s) as shaded ground."""
+    return [
+        {
+            "type": "rect",
+            "xref": "x",
+            "yref": "paper",
+            "x0": max(part.start, first),
+            "x1": min(part.stop, last),
+            "y0": 0,
+            "y1": 1,
+            "line": {"width": 0},
+            "fillcolor": SHADES[part.kind],
+            "layer": "below",
+        }
+        for part in look.record.segments
+        if part.stop > first and part.start < last
+    ]
 
 
 def _says(look: Look, error: RecordError) -> str:
@@ -108,8 +140,10 @@ def _says(look: Look, error: RecordError) -> str:
     place = int(np.argmax(np.abs(rest)))
     time = look.record.start + place / look.record.rate
     where = next((part.kind for part in look.record.segments if part.start <= time <= part.stop), "")
-    return (f"{look.label}: {error.error:.1%} of its motion is unexplained (noise alone {error.noise_floor:.1%}). The largest "
-            f"difference, {abs(rest[place]):.3g} {look.unit}, is at {time:.3f} s{', in ' + where if where else ''}.")
+    return (
+        f"{look.label}: {error.error:.1%} of its motion is unexplained (noise alone {error.noise_floor:.1%}). The largest "
+        f"difference, {abs(rest[place]):.3g} {look.unit}, is at {time:.3f} s{', in ' + where if where else ''}."
+    )
 
 
 def add_waveforms(page: Page, found: Sequence[Look], errors: Sequence[RecordError]) -> None:
@@ -118,8 +152,10 @@ def add_waveforms(page: Page, found: Sequence[Look], errors: Sequence[RecordErro
     if not found:
         return
     parts = {name for look in found for name in stretches(look.record)}
-    order = ["whole record", *(name for name in ("entry", "steady cutting", "exit", "start of the decay", "largest motion")
-                               if name in parts)]
+    order = [
+        "whole record",
+        *(name for name in ("entry", "steady cutting", "exit", "start of the decay", "largest motion") if name in parts),
+    ]
     close = sum(last - first for look in found for first, last in stretches(look.record).values()) * 3
     points = int(np.clip((BUDGET - min(close, BUDGET // 2)) / (3 * len(found)), 300, 3000)) // 2 * 2
     if close > BUDGET // 2:  # many records: no room for close looks at all of them
@@ -136,16 +172,41 @@ def add_waveforms(page: Page, found: Sequence[Look], errors: Sequence[RecordErro
             ends = part or (0, look.record.samples)
             first, last = (look.record.start + place / look.record.rate for place in ends)
             noise = 2 * float(look.record.noise[look.row]) * look.factor
-            bars = [{"type": "line", "xref": "paper", "yref": "y2", "x0": 0, "x1": 1, "y0": level, "y1": level,
-                     "line": {"color": "@muted", "width": 1, "dash": "dot"}} for level in (-noise, noise)]
-            layout = {"shapes": [*_shading(look, first, last), *bars], "yaxis": {"title": {"text": f"[{look.unit}]"}},
-                      "yaxis2": {"title": {"text": f"left [{look.unit}]"}}}
+            bars = [
+                {
+                    "type": "line",
+                    "xref": "paper",
+                    "yref": "y2",
+                    "x0": 0,
+                    "x1": 1,
+                    "y0": level,
+                    "y1": level,
+                    "line": {"color": "@muted", "width": 1, "dash": "dot"},
+                }
+                for level in (-noise, noise)
+            ]
+            layout = {
+                "shapes": [*shading(look, first, last), *bars],
+                "yaxis": {"title": {"text": f"[{look.unit}]"}},
+                "yaxis2": {"title": {"text": f"left [{look.unit}]"}},
+            }
             panels[row, column] = Panel(_lines(look, error.residual[look.row], part, points), layout, _says(look, error))
-    shared = {"height": 480, "yaxis": {"domain": [0.42, 1]}, "yaxis2": {"domain": [0, 0.34], "anchor": "x"},
-              "xaxis": {"title": {"text": "time [s]"}, "anchor": "y2"}}
-    page.choices([("record", [look.label for look in found]), ("stretch", order)], panels, shared,
-                 "measured and predicted over time, the difference below")
-    page.text("Shaded: idle grey, entry orange, steady green, exit red, ring-down blue. Dotted: twice the noise. A whole record "
-              "is drawn as its envelope, a stretch sample by sample; offset and slow drift are taken out.", small=True)
-
-
+    shared = {
+        "height": 480,
+        "yaxis": {"domain": [0.42, 1]},
+        "yaxis2": {"domain": [0, 0.34], "anchor": "x"},
+        "xaxis": {"title": {"text": "time [s]"}, "anchor": "y2"},
+    }
+    page.choices(
+        [("record", [look.label for look in found]), ("stretch", order)],
+        panels,
+        shared,
+        "measured and predicted over time, the difference below",
+    )
+    shaded = any(look.record.segments for look in found)
+    page.text(
+        ("Shaded: idle grey, entry orange, steady green, exit red, ring-down blue. " if shaded else "")
+        + "Dotted: twice the noise. A whole record is drawn as its envelope, a stretch sample by sample; offset and slow drift "
+        "are taken out.",
+        small=True,
+    )

@@ -1,0 +1,127 @@
+"""The story's sections: the error falling step by step, and the candidates ranked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.diagnose import Candidate, Diagnosis
+from analysis.report.constants import COLOURS
+from analysis.report.packed import listed
+from analysis.report.page import Page, Panel
+from analysis.report.ticked import named
+from analysis.report.waveforms import LEFT
+
+Step = tuple[str, float, float]  # what was done, error, noise floor
+
+
+def add_steps(page: Page, steps: Sequence[Step]) -> None:
+    """The error falling, a bar a step, with the noise floor."""
+    page.heading("How did the error fall, step by step?")
+    first, last = steps[0], steps[-1]
+    if len(steps) == 1:
+        page.answer(
+            f"It did not: nothing was added. The error is {first[1]:.4f}, {first[1] / first[2]:.2f} times the noise floor."
+        )
+    else:
+        page.answer(
+            f"From {first[1]:.4f} to {last[1]:.4f} in {len(steps) - 1} step{'s' if len(steps) > 2 else ''}: from "
+            f"{first[1] / first[2]:.2f} to {last[1] / last[2]:.2f} times the noise floor."
+        )
+    names = [name for name, _, _ in steps]
+    values = np.array([error for _, error, _ in steps])
+    bars = {
+        "type": "bar",
+        "x": names,
+        "y": listed(values),
+        "text": [f"{value:.4f}" for value in values],
+        "textposition": "outside",
+        "cliponaxis": False,
+        "showlegend": False,
+        "marker": {"color": [LEFT] + ["#3b82c4"] * (len(steps) - 1)},
+    }
+    floor = steps[-1][2]
+    noise = {
+        "type": "scatter",
+        "mode": "lines",
+        "name": f"noise floor {floor:.4f}",
+        "x": names[:1],
+        "y": listed(np.array([floor])),
+        "line": {"color": "@ink", "dash": "dot"},
+    }
+    across = {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": floor, "y1": floor, "line": noise["line"]}
+    height = {"title": {"text": "error, held out"}, "rangemode": "tozero"}
+    layout = {"height": 340, "yaxis": height, "bargap": 0.45, "shapes": [across]}
+    page.figure(Panel([bars, noise], layout | {"xaxis": {"type": "category"}}), "error after each step")
+
+
+def add_candidates(page: Page, found: Diagnosis) -> None:
+    """All sets fitted, ranked by their error on records held out."""
+    page.heading("Which effects were tried, and which explains the records best?")
+    fitted = [one for one in found.candidates if one.fit is not None]
+    others = sorted({one.effects[-1] for one in found.candidates if one.fit is None and one.effects})
+    if not fitted:
+        page.answer(
+            "None was fitted in full: " + ("no first step lowered the misfit." if others else "there was nothing to explain.")
+        )
+    else:
+        best, *rest = fitted
+        text = (
+            f"{named(best.effects)} predicts records it never saw best: error {best.error_held_out:.4f}, "
+            f"BIC lower by {best.delta_bic:.0f} for its last effect"
+        )
+        page.answer(text + (f"; next comes {named(rest[0].effects)} with {rest[0].error_held_out:.4f}." if rest else "."))
+        _candidate_bars(page, found, fitted)
+        page.table(
+            ("effects", "error held out", "error in the fit", "gain in BIC", "converged", "parameters"),
+            [
+                (
+                    named(one.effects),
+                    f"{one.error_held_out:.4f}",
+                    f"{one.error_fit:.4f}",
+                    f"{one.delta_bic:.1f}",
+                    "yes" if one.converged else "no",
+                    ", ".join(f"{path} = {value:.4g}" for path, value in one.parameters.items()),
+                )
+                for one in fitted
+            ],
+        )
+        page.text(
+            "The gain in BIC is that of the last effect over the set without it, on the effective sample size.", small=True
+        )
+    if others:
+        page.text(f"Ruled out by a first step: {', '.join(others)}.", small=True)
+
+
+def _candidate_bars(page: Page, found: Diagnosis, fitted: Sequence[Candidate]) -> None:
+    fitted = list(reversed(fitted[:14]))
+    names = [named(one.effects) for one in fitted]
+    values = np.array([one.error_held_out for one in fitted])
+    bars = {
+        "type": "bar",
+        "orientation": "h",
+        "x": listed(values),
+        "y": names,
+        "showlegend": False,
+        "text": [f"{one.error_held_out:.4f}" for one in fitted],
+        "marker": {"color": [COLOURS[2] if set(one.effects) == set(found.effects) else "#8fa3b8" for one in fitted]},
+    }
+    marks = (("noise floor", found.noise_floor, "@ink", "dot"), ("without any effect", found.baseline, LEFT, "solid"))
+    styles = [{"color": colour, "dash": dash, "width": 2} for _, _, colour, dash in marks]
+    lines = [
+        {"type": "scatter", "mode": "lines", "name": name, "x": [value], "y": names[:1], "line": style}
+        for (name, value, _, _), style in zip(marks, styles, strict=True)
+    ]
+    shapes = [
+        {"type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": value, "x1": value, "line": style}
+        for (_, value, _, _), style in zip(marks, styles, strict=True)
+    ]
+    layout = {
+        "height": 150 + 34 * len(names),
+        "xaxis": {"title": {"text": "error on records held out of the fit"}, "rangemode": "tozero"},
+        "yaxis": {"type": "category"},
+        "margin": {"l": 130},
+        "shapes": shapes,
+    }
+    page.figure(Panel([bars, *lines], layout), "held-out error of each set of effects")

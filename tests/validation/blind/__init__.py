@@ -1,0 +1,1 @@
+"""Campaigns with a hidden truth, drawn by seed, on which `diagnose` is judged."""
