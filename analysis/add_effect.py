@@ -7,8 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from analysis.compare import all_free, estimates
-from analysis.diagnose import ANCHOR, Origin, applicable, first_step
+from analysis.compare import estimates
+from analysis.diagnose import ANCHOR
+from analysis.effect_start import Origin, all_free, applicable, first_step
 from analysis.held_out import RecordError, conditions_of, held_out_errors, pooled
 from analysis.identify import Estimate
 from analysis.observed import Observed, Plant

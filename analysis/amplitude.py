@@ -26,7 +26,7 @@ from analysis.compare import Adequacy, controlled
 from analysis.free_decay import fit_free_decay, spectral_peak
 from analysis.observed import Observed
 
-CYCLES = (6, 4, 3)  # of a window, the shorter ones for decays that end soon
+CYCLES = (6, 4, 3, 2)  # of a window, the shorter ones for decays that end soon
 LEAST = 6  # windows that a verdict needs
 CLEAR = 8.0  # amplitude over its own standard error down to which windows count
 FREQUENCY_MATTERS = 1e-4  # relative change of the frequency over the decay that counts

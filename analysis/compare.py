@@ -15,13 +15,14 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from analysis.diagnose import effect_parameters, effective_size
+from analysis.effect_start import all_free
 from analysis.held_out import RecordError, conditions_of, held_out_errors, pooled
 from analysis.identify import Estimate
+from analysis.information import effective_size
 from analysis.observed import Nuisances, Observed, Plant, predict
 from analysis.segments import Segment
-from analysis.starts import base_fit, free_parameters
-from analysis.waveform import Fitter, Free, WaveformFit
+from analysis.starts import base_fit
+from analysis.waveform import Fitter, WaveformFit
 from testbed.effect import Effect
 from testbed.machine import BASE_UNITS, Model
 
@@ -92,12 +93,6 @@ class Comparison:
     def adequate(self) -> bool:
         """Whether nothing but noise is left of any record."""
         return not any(test.fails for test in self.tests)
-
-
-def all_free(records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> list[Free]:
-    """The base parameters these records can speak of, and those of the effects the model has."""
-    own = [free for name in model.effects for free in effect_parameters(catalogue[name])]
-    return [*free_parameters(records, model), *own]
 
 
 def unit_of(path: str, catalogue: Mapping[str, Effect]) -> str:

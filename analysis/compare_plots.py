@@ -156,6 +156,8 @@ def by_test(figure: Any, tested: Constancy) -> None:
 
 def by_amplitude(figure: Any, decays: Sequence[AmplitudeDependence]) -> None:
     """Frequency and damping ratio of the free decays against their amplitude."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
     left, right = figure.subplots(1, 2)
     factor, unit = (1e6, "um") if decays[0].unit == "m" else (1.0, decays[0].unit)
     for one in decays:
@@ -166,6 +168,9 @@ def by_amplitude(figure: Any, decays: Sequence[AmplitudeDependence]) -> None:
             axis.plot(fine * factor, law, color=drawn[0].get_color(), linewidth=0.8)
     for axis, name in ((left, "frequency [Hz]"), (right, "damping ratio [1]")):
         axis.set_xscale("log")
+        axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.xaxis.set_minor_formatter(NullFormatter())
         axis.set_xlabel(f"amplitude [{unit}]")
         axis.set_ylabel(name)
         axis.ticklabel_format(axis="y", useOffset=False)

@@ -95,6 +95,8 @@ class Constancy:
         why = "with no trend" if len(tests) >= LEAST else f"and {len(tests)} tests are too few for a trend"
         if self.scatter[parameter] < LEVEL / len(self.parameters) and spread > matters(parameter):
             return f"scatters by {spread:.1%}, more than its intervals ({said_p(self.scatter[parameter])}), {why}"
+        if spread > 3.0 * matters(parameter):
+            return f"differs by no more than its intervals, which are wide: the tests scatter by {spread:.1%}"
         return f"is constant: the tests scatter by {spread:.2%}"
 
 

@@ -180,9 +180,7 @@ def course_of(record: Observed, state: State, index: int, catalogue: Mapping[str
         none = np.empty(0)
         names = ("angle", "depth", "length_cut", "tooth", "time", "earlier", "fed", "radius", "feed_per_tooth")
         rows = {name: none for name in names} | {"first": none.astype(bool)}
-        return Course(
-            time, record.samples, np.full(cells, np.nan), none.astype(int), none, rows, 0.0, 0.0, (), record.flutes
-        )
+        return Course(time, record.samples, np.full(cells, np.nan), none.astype(int), none, rows, 0.0, 0.0, (), record.flutes)
     cut, sampling = record.timeline(state.angle + turned, state.nuisances[index])
     durations = record.pass_durations(cut, sampling)
     pitch_time = cut.tooth_passing_period(record.flutes)

@@ -60,9 +60,7 @@ def rank(samples: Mapping[str, np.ndarray], count: int = 8) -> tuple[Ranked, ...
     weight = weight / weight.max()
     names = [name for name in samples if name not in _NOT_VARIABLES and np.isfinite(samples[name]).all()
              and float(np.ptp(samples[name])) > 0.0]  # fmt: skip
-    found = [
-        Ranked((name,), explained(force, weight, samples["condition"], _bins(samples[name], BINS))) for name in names
-    ]
+    found = [Ranked((name,), explained(force, weight, samples["condition"], _bins(samples[name], BINS))) for name in names]
     coarse = {name: _bins(samples[name], PAIR_BINS) for name in names}
     for one, other in itertools.combinations(names, 2):
         place = coarse[one] * (int(coarse[other].max()) + 1) + coarse[other]

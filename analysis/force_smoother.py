@@ -18,7 +18,8 @@ from scipy.signal import lfilter
 
 from testbed.machine import Model
 
-SETTLING = 80  # samples for which the filter's gain is still computed; it is constant afterwards
+SETTLING = 80  # samples that the filter is given before its innovations count
+LONGEST = 4000  # samples for which the gain is computed anew at most; it is constant once settled
 LOOSE = 10.0  # variance at the start over that of motion under the force for ever
 SHORTEST = 3.0  # samples, shortest time scale of a force
 TUNED = 20000  # samples of the worst fitted record that the prior is tuned on
@@ -152,12 +153,16 @@ def smooth(
     values = (residual / noise[:, None]).T
     size, count = len(transition), len(values)
     mean, spread = np.zeros(size), LOOSE * solve_discrete_lyapunov(transition, disturbance)
-    means, settled = np.empty((count, size)), min(SETTLING, count)
+    steady = settled_spread(transition, rows, disturbance)
+    means = np.empty((count, size))
     filtered: list[np.ndarray] = []
     ahead: list[np.ndarray] = []  # covariances of the predictions that led to each sample
-    for place in range(settled):
+    for place in range(min(LONGEST, count)):
         if place:
             mean, spread = transition @ mean, transition @ spread @ transition.T + disturbance
+            if np.allclose(np.diag(spread), np.diag(steady), rtol=1e-4, atol=0.0):
+                mean = means[place - 1]
+                break
         ahead.append(spread)
         gain = np.linalg.solve(rows @ spread @ rows.T + np.eye(len(rows)), rows @ spread).T
         mean = mean + gain @ (values[place] - rows @ mean)
@@ -165,13 +170,14 @@ def smooth(
         spread = left @ spread @ left.T + gain @ gain.T
         filtered.append(spread)
         means[place] = mean
-    steady = settled_spread(transition, rows, disturbance)
+    settled = len(filtered)
     gain = np.linalg.solve(rows @ steady @ rows.T + np.eye(len(rows)), rows @ steady).T
     means[settled:] = _march(transition - gain @ (rows @ transition), values[settled:] @ gain.T, mean)
     final = (np.eye(size) - gain @ rows) @ steady
     back = np.linalg.solve(steady, transition @ final).T
     variances = np.empty((count, size))
-    spread, variances[-1] = final, np.diag(final)
+    spread = filtered[-1] if settled == count else final
+    variances[-1] = np.diag(spread)
     part = means - means @ (back @ transition).T
     means[settled:-1] = _march(back, part[settled:-1][::-1], means[-1])[::-1]
     for place in range(count - 2, settled - 1, -1):

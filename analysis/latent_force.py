@@ -118,8 +118,7 @@ def missing_force(
     predictions = [_predictions(plant, record, state, index) for index, record in enumerate(records)]
     courses = [course_of(record, state, index, catalogue) for index, record in enumerate(records)]
     residuals = [
-        _residual(record, channels, course)
-        for record, (channels, _), course in zip(records, predictions, courses, strict=True)
+        _residual(record, channels, course) for record, (channels, _), course in zip(records, predictions, courses, strict=True)
     ]
     prior = prior_of(state.model, records, residuals)
     found = []

@@ -112,6 +112,20 @@ class Observed:
         past = self.start + self.samples / self.rate - self.pass_start(0, angle, nuisances)
         return math.floor(past * nuisances.speed / self.period * self.flutes)
 
+    def loudest(self, count: int) -> Observed:
+        """The `count` samples of an excited record in which it moves most, as a record; a record of another kind itself."""
+        if self.force is None or self.kind != "excited" or self.samples <= count:
+            return self
+        places = np.arange(0, self.samples - count + 1, max(1, count // 4))
+        first = int(places[int(np.argmax([self.data[0, place : place + count].std() for place in places]))])
+        return replace(
+            self,
+            data=self.data[:, first : first + count],
+            force=self.force[first : first + count],
+            start=self.start + first / self.rate,
+            drift=drift_basis(count, self.drift.shape[1]),
+        )
+
     def opening(self) -> Observed:
         """The record up to the middle of what seems to be the cut, where the exit cannot matter; itself without a cut."""
         if self.cut is None:

@@ -16,6 +16,7 @@ from analysis.stability import StabilityChart, stability_chart
 from analysis.waveform import State
 from testbed.machine import Model
 
+SPEED_CELLS, DEPTH_CELLS = 401, 121  # of the chart; the lobes of period doubling are narrow in speed
 SECTORS = 72  # of a tooth's turn
 NEAR = 1.5  # lines of the spectrum's resolution that still belong to a line
 NATURAL_BAND = 0.03  # of the natural frequency, to either side
@@ -60,7 +61,7 @@ def by_angle(record: Observed, error: RecordError, state: State, index: int) -> 
     for segment in record.segments:
         if segment.kind in ("entry", "steady", "exit"):
             cutting |= (time >= segment.start) & (time < segment.stop)
-    sectors = SECTORS * record.flutes
+    sectors = max(8, min(SECTORS * record.flutes, int(0.5 * record.period * record.rate)))  # no sector without samples
     place = (turn[cutting] / (2 * math.pi) * sectors).astype(int) % sectors
     count = np.bincount(place, minlength=sectors)
     if not cutting.any():
@@ -171,7 +172,7 @@ class ChartView:
     ratios: np.ndarray
 
 
-def on_chart(records: Sequence[Observed], errors: Sequence[RecordError], model: Model, cells: int = 201) -> ChartView | None:
+def on_chart(records: Sequence[Observed], errors: Sequence[RecordError], model: Model) -> ChartView | None:
     """Misfit over speed and depth; None where nothing is cut."""
     cuts = [(record, error) for record, error in zip(records, errors, strict=True) if record.cut is not None]
     if not cuts or model.cutting is None:
@@ -180,7 +181,9 @@ def on_chart(records: Sequence[Observed], errors: Sequence[RecordError], model: 
     depths = np.array([record.cut.axial_depth_of_cut for record, _ in cuts])  # type: ignore[union-attr]
     deepest = 1.5 * float(depths.max())
     chart = stability_chart(
-        model, np.linspace(0.85 * speeds.min(), 1.15 * speeds.max(), cells), np.linspace(deepest / cells, deepest, cells)
+        model,
+        np.linspace(0.85 * speeds.min(), 1.15 * speeds.max(), SPEED_CELLS),
+        np.linspace(deepest / DEPTH_CELLS, deepest, DEPTH_CELLS),
     )
     ratios = np.array([error.error / max(error.noise_floor, 1e-300) for _, error in cuts])
     return ChartView(chart, tuple(record.name for record, _ in cuts), speeds, depths, ratios)

@@ -74,7 +74,8 @@ def _errors(scores: Sequence[ParameterScore], over: str, title: str) -> Figure:
         above.set_yscale("log")
         above.grid(True, axis="y", color="0.9", lw=0.6)
         below.axhline(95, color="black", lw=0.9)
-        below.set(ylim=(lowest, 104), xticks=range(len(levels)), xlabel="noise rms (um)" if over == "noise" else "number of tests")
+        below.set(ylim=(lowest, 104), xticks=range(len(levels)))
+        below.set_xlabel("noise rms (um)" if over == "noise" else "number of tests")
         below.set_xticklabels(labels)
         below.set_xlim(-0.5, len(levels) - 0.5)
         below.grid(True, axis="y", color="0.9", lw=0.6)
@@ -121,8 +122,8 @@ def _cost(scores: Sequence[ParameterScore], spent: Sequence[Cost]) -> Figure:
         share = [100 * rows[level].failures / rows[level].count if level in rows else math.nan for level in levels]
         failed.plot(np.arange(len(levels)) + shift, share, **style)
         prices = {one.noise: one for one in spent if (one.method, one.tests) == (method, count)}
-        price.plot(np.arange(len(levels)) + shift, [prices[level].median if level in prices else math.nan for level in levels],
-                   **style)
+        median = [max(prices[level].median, 1e-4) if level in prices else math.nan for level in levels]
+        price.plot(np.arange(len(levels)) + shift, median, **style)
     failed.set(ylabel="identifications that failed (%)", ylim=(-4, 104))
     price.set(ylabel="processor time of one (s)", yscale="log")
     price.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

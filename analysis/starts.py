@@ -18,6 +18,7 @@ from testbed.machine import Model
 
 ANGLES = 24
 COEFFICIENTS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
+OPENING = 8192  # samples of an excited record that the first fits see
 SOFT = 0.1  # of a record's own size: what the first rounds forgive, so that no record rules them alone
 UNEVEN = 1.5  # mean square residual of the worst record over the median's, from which the worst are doubted
 _STRUCTURE_BOUNDS = {"natural_frequency": (1.0, 1e5), "damping_ratio": (1e-6, 0.9), "mass": (1e-12, 1e12)}
@@ -213,7 +214,7 @@ def base_fit(
     """The believed model refitted to all records, from several starts, with every nuisance."""
     started = excited_start(records, decay_start(records, model))
     free = list(free) if free is not None else free_parameters(records, started)
-    short = [softened(record.opening()) for record in records]
+    short = [softened(record.opening().loudest(OPENING)) for record in records]
     opening = Fitter(plant, short, free)
     tries = [polish(opening, state, rounds=3, iterations=12) for state in scan_starts(plant, short, started)]
     best = min(tries, key=lambda fit: fit.cost)

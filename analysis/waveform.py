@@ -97,7 +97,7 @@ class Fitter:
         return replace(state, model=state.model.with_values(values), angle=angle)
 
     def _own_steps(self, record: Observed) -> list[dict[str, float]]:
-        if record.kind == "excited" or record.starts_in_cut:
+        if record.starts_in_cut:
             own: list[dict[str, float]] = []
         else:
             size = float(np.std(record.data[0])) or 1.0

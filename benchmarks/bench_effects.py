@@ -33,8 +33,9 @@ def cost(model: Model, passes: int, general: bool) -> tuple[float, int, int]:
             best = min(best, time.perf_counter() - started)
     if result.outcome[0] != fk.OUTCOME_OK:
         raise RuntimeError(f"{dict(model.effects)} diverged")
-    settings = pack(model, cut, catalogue()).I
-    return 1e6 * best / passes, int(settings[fk.N_A]), int(settings[fk.N_B])
+    integers = pack(model, cut, catalogue()).I
+    steps, teeth = (integers[place : place + integers[fk.SEGMENTS]] for place in (fk.STEPS, fk.TEETH))
+    return 1e6 * best / passes, int(steps[teeth > 0].sum()), int(steps[teeth == 0].sum())
 
 
 def main() -> None:

@@ -25,7 +25,7 @@ from benchmarks import peers
 from testbed.cut import Cut, Sampling, whole_cut_sampling
 from testbed.effect import catalogue
 from testbed.engines import fast, linear_kernel, mujoco_engine
-from testbed.engines import fast_kernel as fk
+from testbed.engines import sampling_kernel as sk
 from testbed.engines.packing import pack
 from tests.validation.claims import FLEXURE, PAPER, rpm
 
@@ -70,7 +70,7 @@ def fast_times(cut: Cut, steps: int) -> tuple[float, float, float]:
     loud = best(lambda: fast.simulate_batch(models, cuts, [record] * BATCH, steps=steps), 100) / BATCH
     packed = [pack(FLEXURE, cut, catalogue(), steps) for _ in range(BATCH)]
     G, integers, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "GIY")
-    clock, out = np.array([[0.0, 1.0]] * BATCH), np.empty((BATCH, fk.N_CHANNELS, 1))
+    clock, out = np.array([[0.0, 1.0]] * BATCH), np.empty((BATCH, sk.N_CHANNELS, 1))
     times, states = np.empty((BATCH, 61)), np.empty((BATCH, 61, 2))
     outcome, when = np.empty(BATCH, dtype=np.int64), np.empty(BATCH)
 

@@ -12,9 +12,10 @@ from testbed.problem import InputProblem
 
 
 @contextmanager
-def replacing(path: str | Path) -> Iterator[Path]:
+def replacing(path: str | Path, durable: bool = True) -> Iterator[Path]:
     """A temporary path to write to; it becomes `path` on success and is removed on any failure.
 
+    durable: have it on the disk before it has its name; a file that can be told to be whole and be made again need not.
     Raises InputProblem where the folder cannot be written.
     """
     target = Path(path)
@@ -29,7 +30,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
     try:
         yield temporary
         temporary.chmod(0o666 & ~_umask())  # mkstemp makes the file private
-        _synchronise(temporary)
+        if durable:
+            _synchronise(temporary)
         os.replace(temporary, target)
     except BaseException:
         temporary.unlink(missing_ok=True)

@@ -3,61 +3,71 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from testbed.chunk_writer import Compression
 from testbed.recording import CHANNEL_UNITS, Outcome, Recording
 from testbed.scenario import Run, Scenario
+from testbed.shards import shard_path
 from testbed.store import Header, write_data_set
 
 Simulate = Callable[..., Recording]
+Tell = Callable[[int], None]
 
 
 @dataclass(frozen=True)
-class Batch:
-    """Runs `first` up to, not including, `last` of a scenario, to be written to `shard`."""
+class Job:
+    """What all batches of a sweep share; a worker is given it once.
+
+    simulate: an engine's function, at the top level of its module. parts: folder of the shards. chunk_rows: runs in a
+    chunk. folders: of the user's own effects; the catalogue itself does not travel between processes.
+    """
 
     scenario: Scenario
     header: Header
-    first: int
-    last: int
-    shard: Path
-    folders: tuple[str, ...] = ()  # of the user's own effects; the catalogue itself does not travel between processes
-
-    def __len__(self) -> int:
-        return self.last - self.first
-
-    def part(self, first: int, last: int) -> Batch:
-        """The same, of fewer runs."""
-        return replace(self, first=first, last=last, shard=shard_path(self.shard.parent, first, last))
+    simulate: Simulate
+    parts: Path
+    samples: int
+    chunk_rows: int
+    compression: Compression = "gzip"
+    folders: tuple[str, ...] = ()
 
 
-def shard_path(folder: Path, first: int, last: int) -> Path:
-    """The file of a batch's runs; its name says which they are."""
-    return folder / f"runs-{first:08d}-{last:08d}.h5"
+def compute(job: Job, first: int, last: int, tell: Tell | None = None) -> None:
+    """Simulate runs `first` up to `last` and write their shard.
 
-
-def compute(batch: Batch, simulate: Simulate, stop: Any = None) -> Path:
-    """Simulate a batch and write its shard; returns the shard's path.
-
-    stop: an event looked at between runs, so that an interrupted sweep ends soon; then KeyboardInterrupt is raised.
+    tell: called with each run's number before it is simulated; what it raises ends the batch.
     """
-    write_data_set(batch.shard, batch.header, _rows(batch, simulate, stop), len(batch), batch.scenario.longest())
-    return batch.shard
+    _write(job, first, last, _rows(job, first, last, tell))
 
 
-def _rows(batch: Batch, simulate: Simulate, stop: Any) -> Iterator[tuple[Run, Recording]]:
+def write_failed(job: Job, index: int, outcome: Outcome) -> None:
+    """The shard of one run that left nothing: it killed every process that tried it, or came to no end."""
+    run = job.scenario.run(index)
+    _write(job, index, index + 1, iter([(run, nothing(run, outcome))]))
+
+
+def _write(job: Job, first: int, last: int, rows: Iterator[tuple[Run, Recording]]) -> None:
+    # Not forced to the disk: a power cut may spoil a shard, its seal tells, and it is computed again.
+    write_data_set(shard_path(job.parts, first, last), job.header, rows, last - first, job.samples,
+                   compression=job.compression, chunk_rows=job.chunk_rows, durable=False)
+
+
+def _rows(job: Job, first: int, last: int, tell: Tell | None) -> Iterator[tuple[Run, Recording]]:
     from testbed.effect import catalogue
 
-    effects = catalogue(*batch.folders) if batch.folders else None
-    for index in range(batch.first, batch.last):
-        if stop is not None and stop.is_set():
-            raise KeyboardInterrupt
-        run = batch.scenario.run(index)
-        yield run, simulate_run(run, simulate, effects)
+    effects = catalogue(*job.folders) if job.folders else None
+    for index in range(first, last):
+        if tell is not None:
+            tell(index)
+        run = job.scenario.run(index)
+        yield run, simulate_run(run, job.simulate, effects)
+    if tell is not None:
+        tell(last)
 
 
 def simulate_run(run: Run, simulate: Simulate, effects: Any = None) -> Recording:
@@ -75,11 +85,3 @@ def nothing(run: Run, outcome: Outcome) -> Recording:
     channels = {name: np.full(1, np.nan) for name in run.sensors.channels}
     return Recording(channels, run.sampling.rate, {name: CHANNEL_UNITS[name] for name in channels}, "synthetic",
                      start=run.sampling.start, outcome=outcome, outcome_time=run.sampling.start)
-
-
-def write_crashed(batch: Batch) -> Path:
-    """The shard of a batch whose every run killed the process that tried it."""
-    runs = (batch.scenario.run(index) for index in range(batch.first, batch.last))
-    write_data_set(batch.shard, batch.header, ((run, nothing(run, "crashed")) for run in runs), len(batch),
-                   batch.scenario.longest())
-    return batch.shard

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from testbed.content_hash import ATTRIBUTE, content_hash
+from testbed.content_hash import ATTRIBUTE, DIGEST, content_hash
 from testbed.hdf5_guard import damaged, opened
 from testbed.machine import Model
 from testbed.problem import InputProblem
+from testbed.readers.rehearsal import rehearse
 from testbed.recording import CHANNEL_UNITS, Recording
+from testbed.seal import cut_off, state
+from testbed.shards import INDEX, NOTE, Shard, find, gaps, overlaps
 from testbed.store import CONDITIONS, FORMAT, OUTCOMES, TRUTH
 
 # Each is read when the data set is opened; a file without one of them is none of ours.
 _NEEDED = (*CONDITIONS, "scenario_run", "start", "sample_count", "outcome", "outcome_time", "marks", "pass_times",
            "model_text", "scenario_text", "model_xml")
+_CHECKED_WHOLE = 256 * 2**20  # bytes; the seal of a smaller file is checked whenever it is opened
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,7 @@ class DataSet:
     fingerprint: str
     content_hash: str
     versions: Mapping[str, str]
+    shards: tuple[Shard, ...] = ()
 
     def __len__(self) -> int:
         return len(self.outcome)
@@ -59,10 +65,16 @@ class DataSet:
     def recordings(self, first: int = 0, last: int | None = None) -> Iterator[Recording]:
         """Recordings `first` up to, not including, `last`. InputProblem where the file turns out to be damaged."""
         last = len(self) if last is None else min(last, len(self))
-        with opened(self.path) as file:
-            rows = (file[self.channels[0]].chunks or (64,))[0]
-            for start in range(first, last, rows):
-                yield from self._block(file, start, min(start + rows, last))
+        for begin, end, path in self.shards or ((0, len(self), self.path),):
+            if begin >= last or end <= first:
+                continue
+            if self.shards:
+                look_over(path)
+            with opened(path) as file:
+                rows = (file[self.channels[0]].chunks or (64,))[0]
+                stop = min(end, last)
+                for start in range(max(begin, first), stop, rows):
+                    yield from self._block(file, start, min(start + rows, stop), begin)
 
     def recording(self, index: int) -> Recording:
         """One recording. IndexError if there is none of that number."""
@@ -70,8 +82,9 @@ class DataSet:
             raise IndexError(index)
         return next(self.recordings(index, index + 1))
 
-    def _block(self, file: h5py.File, first: int, last: int) -> list[Recording]:
-        part = slice(first, last)
+    def _block(self, file: h5py.File, first: int, last: int, begin: int) -> list[Recording]:
+        """Recordings of a file whose first run is number `begin`."""
+        part = slice(first - begin, last - begin)
         channels = {name: _decoded(file[name], part) for name in self.channels}
         small = {name: file[name][part] for name in ("start", "sample_count", "outcome_time", "marks", "pass_times")}
         return [Recording(
@@ -86,14 +99,23 @@ class DataSet:
         given = {name: values[index].item() for name, values in self.conditions.items()}
         return given | {"kind": "cut", "flutes": self.flutes, "run": int(self.scenario_run[index])}
 
-    def true_model(self, catalogue: Mapping[str, Any] | None = None) -> Model:
-        """The model the runs were simulated with."""
+    def true_model(self, catalogue: Mapping[str, Any] | None = None, run: int | None = None) -> Model:
+        """The model the runs were simulated with; that of one run where each has drawn parameters of its own."""
         from testbed.model_file import model_from_text
 
-        return model_from_text(self.model_text, f"{self.path} (its model)", catalogue)
+        model = model_from_text(self.model_text, f"{self.path} (its model)", catalogue)
+        if run is None:
+            return model
+        own = {name: float(values[run]) for name, values in self.truth.items() if name != "mark_angle"}
+        return model.with_values(own)
 
     def verify(self) -> bool:
-        """True where the content still has the hash that was written with it. Reads the whole file."""
+        """True where the content still has the hash that was written with it. Reads the whole file.
+
+        (Of a folder of shards: where every file is as it was written.)
+        """
+        if self.shards:
+            return all(state(path) == "whole" for path in (self.path / INDEX, *(path for _, _, path in self.shards)))
         with opened(self.path) as file:
             return content_hash(file) == self.content_hash
 
@@ -108,12 +130,32 @@ def _decoded(data: h5py.Dataset, part: slice) -> np.ndarray:
     return values
 
 
+def _unpackable(path: Path, data: h5py.Dataset) -> None:
+    """InputProblem where the filter that a channel is packed with is not installed."""
+    filters = data.id.get_create_plist()
+    kinds = [filters.get_filter(place)[0] for place in range(filters.get_nfilters())]
+    if any(not h5py.h5z.filter_avail(kind) for kind in kinds):
+        try:
+            import_module("hdf5plugin")  # it registers its filters
+        except ImportError:
+            raise InputProblem(path, "is packed with zstd, which is not installed here",
+                               'pip install "machining-testbed[fast]"') from None
+
+
 def _given(row: np.ndarray) -> np.ndarray:
     return row[~np.isnan(row)]
 
 
-def read_data_set(path: str | Path) -> DataSet:
-    """Open a data set that `testbed run` wrote. InputProblem if it is missing, damaged, unsafe or of another kind."""
+def read_data_set(path: str | Path, checked: bool = False) -> DataSet:
+    """Open a data set that `testbed run` wrote. InputProblem if it is missing, damaged, unsafe or of another kind.
+
+    A damaged file can bring the HDF5 library down, and this process with it. So a file without a seal that holds is
+    first read in a child process. checked: it was looked over already. The path may be a folder of shards.
+    """
+    if Path(path).is_dir():
+        return _read_folder(Path(path))
+    if not checked:
+        look_over(Path(path))
     with opened(path) as file:
         missing = [name for name in _NEEDED if name not in file]
         if missing or "format" not in file.attrs:
@@ -127,9 +169,64 @@ def read_data_set(path: str | Path) -> DataSet:
             raise damaged(path, problem) from None
 
 
+def _read_folder(folder: Path) -> DataSet:
+    """A data set that stayed a folder of shards. InputProblem where a shard is missing or stands there twice."""
+    if not (folder / NOTE).is_file():
+        raise InputProblem(folder, "is a folder", "name the HDF5 file in it")
+    if not (folder / INDEX).is_file():
+        raise InputProblem(folder, "is an unfinished sweep", "continue it with `testbed run ... --resume`")
+    whole = read_data_set(folder / INDEX)
+    shards = tuple(find(folder))
+    wrong = gaps(list(shards), len(whole)) or overlaps(list(shards))
+    if wrong:
+        raise InputProblem(folder, f"runs {wrong[0][0]} to {wrong[0][1] - 1} are missing or double",
+                           "`testbed verify` says more; simulate them again with `testbed run ... --resume`")
+    return replace(whole, path=folder, shards=shards)
+
+
+def look_over(path: Path, trusted: bool = True) -> None:
+    """InputProblem where a file is not as it was written, or brings the HDF5 library down.
+
+    trusted: a seal that holds is enough, one that does not is damage; else the file is read in a child whatever it has.
+    """
+    if not trusted:
+        rehearse(path, lambda: _read_about(path, everything=True))
+        return
+    if not path.is_file():
+        return
+    try:
+        large = path.stat().st_size > _CHECKED_WHOLE
+        found = "absent" if large else state(path)
+        cut = found == "absent" and not large and cut_off(path)
+    except OSError as problem:
+        raise InputProblem(path, f"cannot be read ({problem.strerror})", "check the file and its permissions") from None
+    if found == "broken" or cut:
+        raise InputProblem(path, "is damaged: it is not as it was written" + (", but cut short" if cut else ""),
+                           "copy it again from where it came from; `testbed verify` says where")
+    if found == "absent":
+        rehearse(path, lambda: _read_about(path, everything=not large))
+
+
+def _read_about(path: Path, everything: bool) -> None:
+    """Read what a reader will: the tables, the index of every data set, and all values where `everything` is set."""
+    with h5py.File(path, "r") as file:
+        if "outcome" in file:
+            _read(path, file)
+        for item in file.values():
+            if isinstance(item, h5py.Dataset) and item.shape:
+                places = range(item.id.get_num_chunks()) if item.chunks else ()
+                for place in places:
+                    item.id.get_chunk_info(place)
+                rows = item.chunks[0] if item.chunks else max(1, item.shape[0])
+                for first in range(0, item.shape[0] if everything else rows, rows):
+                    item[first:first + rows]
+
+
 def is_data_set(path: str | Path) -> bool:
     """True for a file that `testbed run` wrote, as far as its signature and marker tell."""
     try:
+        if Path(path).is_dir():
+            return (Path(path) / NOTE).is_file() and (Path(path) / INDEX).is_file()
         if not h5py.is_hdf5(path):
             return False
         with h5py.File(path, "r") as file:
@@ -141,11 +238,14 @@ def is_data_set(path: str | Path) -> bool:
 def _read(path: Path, file: h5py.File) -> DataSet:
     attributes = file.attrs
     outcome = np.array(OUTCOMES)[file["outcome"][()]]
-    channels = tuple(name for name in CHANNEL_UNITS if name in file and file[name].ndim == 2)
+    index = path.name == INDEX  # its shards have the channels
+    channels = tuple(name for name in CHANNEL_UNITS if (DIGEST + name if index else name) in file)
     if not channels:
         raise ValueError("it holds no channel")
+    if not index:
+        _unpackable(path, file[channels[0]])
     runs = len(outcome)
-    short = [name for name in (*CONDITIONS, *channels, "marks", "pass_times") if file[name].shape[0] != runs]
+    short = [name for name in (*CONDITIONS, *(() if index else channels), "marks", "pass_times") if file[name].shape[0] != runs]
     if short:
         raise ValueError(f"{short[0]} does not have {runs} rows")
     return DataSet(

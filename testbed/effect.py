@@ -133,7 +133,10 @@ class Effect:
 
     leaves: what it leaves in a measurement. confused_with: (name, the test cut that separates the two).
     states: names of the effect's own ordinary differential states, each with a `derivative_STATE` hook.
+    oscillators: pairs of states, neighbours in `states`, that left to themselves are a linear damped oscillator (position,
+    its rate): the engines may carry them by their exact map. A promise, which the contract test checks.
     smooth: False where its law has kinks, so that integration keeps less than fourth order.
+    no_linear_answer: why the loop with this effect has no linear delay equation; empty where it has one.
     """
 
     title: str
@@ -144,7 +147,9 @@ class Effect:
     leaves: str
     confused_with: tuple[tuple[str, str], ...] = ()
     states: tuple[str, ...] = ()
+    oscillators: tuple[tuple[str, str], ...] = ()
     smooth: bool = True
+    no_linear_answer: str = ""
     name: str = ""
     manual: str = ""
     path: Path | None = None
@@ -222,6 +227,9 @@ def read_effect(path: Path) -> Effect:
     for state in effect.states:
         if f"derivative_{state}" not in hooks:
             raise InputProblem(path, f"state '{state}' has no derivative", f"define derivative_{state}(...)")
+    for position, rate in effect.oscillators:
+        if (position, rate) not in zip(effect.states, effect.states[1:], strict=False):
+            raise InputProblem(path, f"oscillator ({position}, {rate}) is no pair of neighbouring states", "see `states`")
     if effect.parameters and not any(parameter.vanishes for parameter in effect.parameters):
         raise InputProblem(path, "no parameter switches the effect off", "give one a neutral value with vanishes=True")
     names = [parameter.name for parameter in effect.parameters]

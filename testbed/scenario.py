@@ -6,29 +6,22 @@ See `scenarios/` for commented examples, and `testbed.scenario_file` for their r
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
-from itertools import product
 from typing import Literal
 
 import numpy as np
 
 from testbed.cut import Cut, Sampling, whole_cut_sampling
+from testbed.design import DEPTH, FEED, SPEED, STARTS, Design, Grid, OperatingPoint, Sampled
+from testbed.draws import Chance, Distribution
 from testbed.effect import Effect
 from testbed.machine import Model
 from testbed.sensors.chain import SensorChain
 
 Engine = Literal["fast", "mujoco"]
 ENGINES: tuple[Engine, ...] = ("fast", "mujoco")
-
-
-@dataclass(frozen=True)
-class OperatingPoint:
-    """Where to cut: spindle speed (rad/s) and axial depth of cut (m)."""
-
-    spindle_speed: float
-    axial_depth_of_cut: float
 
 
 @dataclass(frozen=True)
@@ -75,13 +68,14 @@ def _generator(seed: int, index: int, purpose: int) -> np.random.Generator:
 class Scenario:
     """Tests of one machine, each repeated through each sensor chain.
 
-    sensors: one chain a noise level. steps: the engine's own steps a tooth period; None leaves the choice to it.
-    text: the file it was read from; `file` its name.
+    tests: operating points, a design or a plain tuple of them. sensors: one chain a noise level. chances: what every run
+    draws of its own; noise_drawn: channels whose white noise it draws. steps: the engine's own steps a tooth period; None
+    leaves the choice to it. text: the file it was read from; `file` its name.
     """
 
     name: str
     model: Model
-    tests: tuple[OperatingPoint, ...]
+    tests: Sequence[OperatingPoint]
     course: Course
     sensors: tuple[SensorChain, ...] = (SensorChain(),)
     sampling_rate: float = 12_800.0
@@ -89,6 +83,8 @@ class Scenario:
     seed: int = 0
     engine: Engine = "fast"
     steps: int | None = None
+    chances: tuple[Chance, ...] = ()
+    noise_drawn: tuple[tuple[str, Distribution], ...] = ()
     text: str = ""
     file: str = ""
 
@@ -102,16 +98,30 @@ class Scenario:
         place, _ = divmod(index, self.repeats)
         test_index, level = divmod(place, len(self.sensors))
         test, course = self.tests[test_index], self.course
-        displacement, velocity = course.initial_displacement, course.initial_velocity
+        model, sensors = self.model, self.sensors[level]
+        own = dict(test.values)
+        if self.chances or self.noise_drawn:
+            rng = _generator(self.seed, index, 2)
+            for chance in self.chances:
+                own |= chance.draw(rng)
+            noises = {name: distribution.draw(rng) for name, distribution in self.noise_drawn}
+            sensors = replace(sensors, channels={name: replace(sensor, noise=noises.get(name, sensor.noise))
+                                                 for name, sensor in sensors.channels.items()},
+                              mark_angle=own.pop("mark_angle", sensors.mark_angle))
+        feed = own.pop(FEED, course.feed_per_tooth)
+        displacement, velocity = (own.pop(name, value) for name, value in
+                                  zip(STARTS, (course.initial_displacement, course.initial_velocity), strict=True))
+        if own:
+            model = model.with_values(own)
         if course.displacement_spread or course.velocity_spread:
             drawn = _generator(self.seed, index, 0).standard_normal(2)
             displacement += course.displacement_spread * float(drawn[0])
             velocity += course.velocity_spread * float(drawn[1])
-        cut = Cut(test.spindle_speed, test.axial_depth_of_cut, course.feed_per_tooth, course.idle_passes,
-                  course.passes, course.ring_down_passes, displacement, velocity)
+        cut = Cut(test.spindle_speed, test.axial_depth_of_cut, feed, course.idle_passes, course.passes,
+                  course.ring_down_passes, displacement, velocity)
         flutes = self.model.cutter.flutes if self.model.cutter else 1
         sampling = whole_cut_sampling(cut, flutes, self.sampling_rate)
-        return Run(index, self.model, cut, sampling, self.sensors[level], self.seed, self.steps)
+        return Run(index, model, cut, sampling, sensors, self.seed, self.steps)
 
     def runs(self) -> Iterator[Run]:
         """All runs, in order."""
@@ -120,15 +130,21 @@ class Scenario:
     def longest(self) -> int:
         """Number of samples of the longest run."""
         flutes = self.model.cutter.flutes if self.model.cutter else 1
-        slowest = min(test.spindle_speed for test in self.tests)
+        tests = self.tests
+        slowest = tests.slowest() if isinstance(tests, Design) else min(test.spindle_speed for test in tests)
         return whole_cut_sampling(replace(self.run(0).cut, spindle_speed=slowest), flutes, self.sampling_rate).count
+
+    def with_seed(self, seed: int) -> Scenario:
+        """The same scenario with another seed, in its design too."""
+        tests = replace(self.tests, seed=seed) if isinstance(self.tests, Sampled) else self.tests
+        return replace(self, seed=seed, tests=tests)
 
     def fingerprint(self, catalogue: Mapping[str, Effect] | None = None) -> str:
         """What a resumed sweep must agree with: a hash over all that the runs depend on."""
         from testbed.model_file import model_text
 
         parts = (model_text(self.model, catalogue), self.tests, self.course, self.sensors, self.sampling_rate,
-                 self.repeats, self.seed, self.engine, self.steps)
+                 self.repeats, self.seed, self.engine, self.steps, self.chances, self.noise_drawn)
         return sha256("\n".join(_stable(part) for part in parts).encode()).hexdigest()
 
 
@@ -141,9 +157,9 @@ def _stable(value: object) -> str:
     return repr(value)
 
 
-def grid(spindle_speeds: tuple[float, ...], depths: tuple[float, ...]) -> tuple[OperatingPoint, ...]:
+def grid(spindle_speeds: tuple[float, ...], depths: tuple[float, ...]) -> Grid:
     """Every speed (rad/s) with every depth (m); depths turn fastest."""
-    return tuple(OperatingPoint(speed, depth) for speed, depth in product(spindle_speeds, depths))
+    return Grid(((SPEED, tuple(spindle_speeds)), (DEPTH, tuple(depths))))
 
 
 def whole_passes(count: float, unit: str, flutes: int) -> int:

@@ -4,11 +4,13 @@
     seed: 1
     model: {file: model.yaml}               # or the whole of a model.yaml, written here
     cut: {feed: 0.1016 mm/tooth, idle: 10 rev, cutting: 60 rev, ring_down: 40 rev}
-    tests:                                  # or sweep: {spindle_speed: .., depth_of_cut: ..}, a grid
+    tests:                                  # or sweep, sample, refine: see testbed.design_file
       - {spindle_speed: 3810 rpm, depth_of_cut: 2.9 mm}
+    random: {damping_ratio: {uniform: [0.002, 0.01]}}   # what every run draws: see testbed.draws_file
     sensors:
       sampling_rate: 12800 Hz
       displacement: {noise: 0.5 um, bits: 16, range: 1 mm}
+      acceleration: {noise: {white: 0.1 g, pink: 0.05 g, hum: 0.02 g}}   # several channels, each with its own sensor
 """
 
 from __future__ import annotations
@@ -19,27 +21,23 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from testbed.axis import MAX_VALUES, axis, check_all
+from testbed.axis import axis, check_all
+from testbed.design_file import MAX_RUNS, read_design
+from testbed.draws import KINDS, Distribution
+from testbed.draws_file import distribution, read_random
 from testbed.effect import Effect
+from testbed.effect import catalogue as known_effects
 from testbed.model_file import model_from, read_model
+from testbed.noise import NoiseRecipe
 from testbed.recording import CHANNEL_UNITS
-from testbed.scenario import Course, Engine, OperatingPoint, Scenario, grid, whole_passes
+from testbed.scenario import Course, Engine, Scenario, whole_passes
 from testbed.sensors.chain import ChannelSensor, SensorChain
 from testbed.units import UnitProblem, parse_quantity
-from testbed.yaml_text import (
-    Document,
-    Path_,
-    Strict,
-    above_zero,
-    at_least_zero,
-    in_unit,
-    load,
-    validate,
-)
+from testbed.variables import Variable, value_at
+from testbed.yaml_text import Document, Path_, Strict, above_zero, at_least_zero, did_you_mean, in_unit, load, validate
 
-MAX_RUNS = MAX_VALUES
 MAX_SAMPLES_A_RUN = 50_000_000
-MAX_SAMPLES = 40_000_000_000  # 80 GB of 16-bit counts
+MAX_SAMPLES = 40_000_000_000_000  # 80 TB of 16-bit counts
 _RATES = {"m": "m/s", "m/s": "m/s^2"}
 SENSED = ("displacement", "velocity", "acceleration", "force_x", "force_y")
 
@@ -57,16 +55,6 @@ class _Cut(Strict):
     initial_displacement: Annotated[float, in_unit("m")] = 0.0
     initial_velocity: Annotated[float, in_unit("m/s")] = 0.0
     spread: _Spread = _Spread()
-
-
-class _Test(Strict):
-    spindle_speed: Annotated[float, in_unit("rad/s", above_zero)]
-    depth_of_cut: Annotated[float, in_unit("m", at_least_zero)]
-
-
-class _Sweep(Strict):
-    spindle_speed: Any
-    depth_of_cut: Any
 
 
 class _Channel(Strict):
@@ -101,6 +89,9 @@ class _ScenarioFile(Strict):
     cut: Any = None
     tests: Any = None
     sweep: Any = None
+    sample: Any = None
+    refine: Any = None
+    random: Any = None
     repeats: int = 1
     sensors: Any = None
     engine: Any = None
@@ -123,16 +114,20 @@ def scenario_from(document: Document, catalogue: Mapping[str, Effect] | None = N
         raise document.problem(("seed",), f"'{given.seed}' must be at least 0", "correct the value")
     if given.repeats < 1:
         raise document.problem(("repeats",), f"'{given.repeats}' must be at least 1", "correct the value")
-    model = _model(document, catalogue)
+    effects = known_effects() if catalogue is None else catalogue
+    model = _model(document, effects)
     if model.cutter is None:
         raise document.problem(("model",), "has no cutter and cutting", "a scenario cuts: add both to the model")
     engine = validate(document, _Engine, ("engine",)) if given.engine is not None else _Engine()
     if engine.steps is not None and engine.steps < 1:
         raise document.problem(("engine", "steps"), f"'{engine.steps}' must be at least 1", "correct the value")
-    rate, chains = _sensors(document, given.sensors is not None)
+    rate, chains, drawn = _sensors(document, given.sensors is not None)
+    course = _course(document, given.cut is not None, model.cutter.flutes)
+    model, chances = read_random(document, model, effects)
     scenario = Scenario(
-        name=given.name or Path(document.file).stem, model=model, tests=_tests(document, given),
-        course=_course(document, given.cut is not None, model.cutter.flutes), sensors=chains, sampling_rate=rate,
+        name=given.name or Path(document.file).stem, model=model,
+        tests=read_design(document, model, effects, given.seed, course.feed_per_tooth), course=course, sensors=chains,
+        sampling_rate=rate, chances=chances, noise_drawn=drawn,
         repeats=given.repeats, seed=given.seed, engine=engine.name, steps=engine.steps, text=document.text,
         file=document.file)
     _check_size(document, scenario)
@@ -184,27 +179,8 @@ def _passes(document: Document, path: Path_, value: object, flutes: int) -> int:
         raise document.problem(path, f"'{value}' {problem}", "correct the value") from None
 
 
-def _tests(document: Document, given: _ScenarioFile) -> tuple[OperatingPoint, ...]:
-    if (given.tests is None) == (given.sweep is None):
-        both = "gives both tests and sweep" if given.tests is not None else "gives no tests and no sweep"
-        raise document.problem(() if given.tests is None else ("sweep",), both, "give one of the two")
-    if given.sweep is not None:
-        sweep = validate(document, _Sweep, ("sweep",))
-        speeds = axis(document, ("sweep", "spindle_speed"), sweep.spindle_speed, "rad/s")
-        depths = axis(document, ("sweep", "depth_of_cut"), sweep.depth_of_cut, "m")
-        check_all(document, ("sweep", "spindle_speed"), speeds, above_zero)
-        check_all(document, ("sweep", "depth_of_cut"), depths, at_least_zero)
-        if len(speeds) * len(depths) > MAX_RUNS:
-            raise document.problem(("sweep",), f"has {len(speeds) * len(depths)} points", f"at most {MAX_RUNS}")
-        return grid(speeds, depths)
-    if not isinstance(given.tests, list) or not given.tests:
-        raise document.problem(("tests",), "holds no test", "write `- {spindle_speed: 3810 rpm, depth_of_cut: 2.9 mm}`")
-    checked = (validate(document, _Test, ("tests", index)) for index in range(len(given.tests)))
-    return tuple(OperatingPoint(test.spindle_speed, test.depth_of_cut) for test in checked)
-
-
-def _sensors(document: Document, given: bool) -> tuple[float, tuple[SensorChain, ...]]:
-    """Sampling rate (Hz), and one chain a noise level."""
+def _sensors(document: Document, given: bool) -> tuple[float, tuple[SensorChain, ...], tuple[tuple[str, Distribution], ...]]:
+    """Sampling rate (Hz), one chain a noise level, and the channels whose white noise every run draws."""
     sensors = validate(document, _Sensors, ("sensors",)) if given else _Sensors()
     names = [name for name in SENSED if getattr(sensors, name) is not None] or ["displacement"]
     levels = {name: _channel(document, ("sensors", name), CHANNEL_UNITS[name])
@@ -216,7 +192,7 @@ def _sensors(document: Document, given: bool) -> tuple[float, tuple[SensorChain,
                                    "give as many, or one")
     return sensors.sampling_rate, tuple(
         SensorChain({name: level[index % len(level)] for name, level in levels.items()},
-                    sensors.mark_angle, sensors.mark_jitter) for index in range(count))
+                    sensors.mark_angle, sensors.mark_jitter) for index in range(count)), _noise_drawn(document, names)
 
 
 def _channel(document: Document, path: Path_, si: str) -> tuple[ChannelSensor, ...]:
@@ -236,6 +212,51 @@ def _channel(document: Document, path: Path_, si: str) -> tuple[ChannelSensor, .
         sensor = ChannelSensor(0.0, channel.bits, numbers["range"], numbers["offset"], numbers["drift"])
     except ValueError as problem:
         raise document.problem(path, str(problem), "correct the value") from None
-    levels = axis(document, (*path, "noise"), channel.noise, si) if channel.noise is not None else (0.0,)
-    check_all(document, (*path, "noise"), levels, at_least_zero)
+    place = (*path, "noise")
+    if channel.noise is None or _is_distribution(channel.noise):
+        return (sensor,)
+    if isinstance(channel.noise, dict) and "from" not in channel.noise:
+        return (_with_recipe(document, place, sensor, si),)
+    if isinstance(channel.noise, list) and any(isinstance(item, dict) for item in channel.noise):
+        return tuple(_with_recipe(document, (*place, number), sensor, si) for number in range(len(channel.noise)))
+    levels = axis(document, place, channel.noise, si)
+    check_all(document, place, levels, at_least_zero)
     return tuple(replace(sensor, noise=level) for level in levels)
+
+
+def _is_distribution(noise: object) -> bool:
+    return isinstance(noise, dict) and bool(set(KINDS) & set(noise))
+
+
+def _noise_drawn(document: Document, names: list[str]) -> tuple[tuple[str, Distribution], ...]:
+    """The channels whose noise is given as a distribution."""
+    drawn = []
+    for name in names:
+        given = (document.data.get("sensors") or {}).get(name)
+        if isinstance(given, dict) and _is_distribution(given.get("noise")):
+            path = ("sensors", name, "noise")
+            variable = Variable("noise", CHANNEL_UNITS[name], at_least_zero)
+            drawn.append((name, distribution(document, path, variable, 0.0, float("inf"))))
+    return tuple(drawn)
+
+
+def _with_recipe(document: Document, path: Path_, sensor: ChannelSensor, si: str) -> ChannelSensor:
+    """The sensor with a noise recipe: `{white: 0.5 um, pink: 0.2 um, hum: 0.1 um, hum_frequency: 50 Hz}`."""
+    units = {"white": si, "pink": si, "wander": si, "hum": si, "hum_frequency": "Hz", "spikes": si, "spike_rate": "Hz",
+             "lost": "1"}
+    given = document.at(path)
+    if not isinstance(given, dict):
+        raise document.problem(path, f"'{given}' is not a recipe", f"give a mapping of {', '.join(units)}")
+    values = {}
+    for name, value in given.items():
+        if name not in units:
+            raise document.problem((*path, name), "unknown kind of noise", did_you_mean(str(name), [*units, *KINDS]))
+        values[name] = value_at(document, (*path, name), Variable(name, units[name], at_least_zero), value)
+    for height, other in (("spikes", "spike_rate"), ("spike_rate", "spikes")):
+        if height in values and other not in values:
+            raise document.problem((*path, other), "is missing", "spikes need their height and their rate")
+    white = values.pop("white", 0.0)
+    try:
+        return replace(sensor, noise=white, recipe=NoiseRecipe(**values) if values else None)
+    except ValueError as problem:
+        raise document.problem(path, str(problem), "correct the value") from None

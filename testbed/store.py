@@ -18,15 +18,16 @@ import h5py
 import numpy as np
 
 from testbed.atomic import replacing
-from testbed.content_hash import ATTRIBUTE, content_hash
+from testbed.chunk_writer import ChannelWriter, Compression
+from testbed.content_hash import ATTRIBUTE, DIGEST, content_hash
 from testbed.machine import BASE_PARAMETERS, BASE_UNITS, Model
 from testbed.recording import CHANNEL_UNITS, Outcome, Recording
 from testbed.scenario import Run
-from testbed.sensors.chain import ChannelSensor
+from testbed.seal import seal, write_sealed
 
-FORMAT = 1
+MEMORY_BYTES = 256 * 2**20  # as 8-byte numbers, unpacked
+FORMAT = 2  # 1: a content hash over values rather than rows, no seal
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
-CHUNK_BYTES = 1_000_000
 TRUTH = "truth."
 # Per run: unit and meaning of what was set.
 CONDITIONS = {
@@ -70,24 +71,31 @@ def truth_of(run: Run) -> dict[str, float]:
 
 
 def write_data_set(path: str | Path, header: Header, rows: Iterable[tuple[Run, Recording]], count: int,
-                   samples: int) -> str:
+                   samples: int, *, compression: Compression = "gzip", chunk_rows: int | None = None,
+                   durable: bool = True) -> str:
     """Write `count` runs of at most `samples` samples, whole or not at all; returns the content hash.
 
-    rows: runs in order with what their sensors recorded, taken one at a time. InputProblem if `path` is not writable.
+    rows: runs in order with what their sensors recorded, taken one at a time. chunk_rows: runs in a chunk; chosen where
+    None. durable: wait until the disk has it. InputProblem if `path` is not writable.
     """
-    with replacing(path) as temporary:
-        with h5py.File(temporary, "w", libver="v110") as file:
-            _write(file, header, iter(rows), count, samples)
-            digest = content_hash(file)
+    with replacing(path, durable) as temporary:
+        # In memory where it fits: HDF5 does not stand a full disk, and its bytes are at hand for the seal.
+        memory: dict[str, Any] = {"driver": "core", "backing_store": False} if 8 * count * samples <= MEMORY_BYTES else {}
+        with h5py.File(temporary, "w", libver="v110", **memory) as file:
+            digest = _write(file, header, iter(rows), count, samples, compression, chunk_rows)
             file.attrs[ATTRIBUTE] = digest
+            if memory:
+                file.flush()
+                write_sealed(temporary, file.id.get_file_image())
+        if not memory:
+            seal(temporary)
         return digest
 
 
-def _write(file: h5py.File, header: Header, rows: Iterator[tuple[Run, Recording]], count: int, samples: int) -> None:
-    _write_header(file, header)
-    _dimension(file, "run", np.arange(count), "1", "number of the run in the file")
-    _dimension(file, "time", np.arange(samples) / header.sampling_rate, "s", "time since the run's first sample")
-    channels: dict[str, _ChannelWriter] = {}
+def _write(file: h5py.File, header: Header, rows: Iterator[tuple[Run, Recording]], count: int, samples: int,
+           compression: Compression, chunk_rows: int | None) -> str:
+    write_header(file, header, count, samples)
+    channels: dict[str, ChannelWriter] = {}
     table: dict[str, list[float]] = {}
     marks: list[np.ndarray] = []
     passes: list[np.ndarray] = []
@@ -96,7 +104,8 @@ def _write(file: h5py.File, header: Header, rows: Iterator[tuple[Run, Recording]
         for name in recording.channels:
             if place == 0:
                 sensor = run.sensors.channels[name]
-                channels[name] = _ChannelWriter(file, name, recording.units[name], sensor, count, samples)
+                channels[name] = ChannelWriter(file, name, recording.units[name], sensor, count, samples, compression,
+                                               chunk_rows)
             channels[name].add(recording.channels[name])
         for name, value in _row(run, recording).items():
             table.setdefault(name, []).append(value)
@@ -105,8 +114,16 @@ def _write(file: h5py.File, header: Header, rows: Iterator[tuple[Run, Recording]
     for channel in channels.values():
         channel.flush()
     _write_table(file, header, table)
-    _write_ragged(file, "marks", "mark", marks, "times of the tachometer's once-per-revolution marks")
-    _write_ragged(file, "pass_times", "pass", passes, "start of every tooth pass, and the end of the last")
+    for name, values in (("marks", marks), ("pass_times", passes)):
+        width = max(1, max(len(row) for row in values))
+        table_of_rows = np.full((count, width), np.nan)
+        for row, given in zip(table_of_rows, values, strict=True):
+            row[: len(given)] = given
+        ragged(file, name, count, width)[...] = table_of_rows
+    digests = {name: b"".join(channel.digests) for name, channel in channels.items()}
+    for name, digest in digests.items():
+        write_digests(file, name, digest)
+    return content_hash(file, digests)
 
 
 def _row(run: Run, recording: Recording) -> dict[str, float]:
@@ -119,7 +136,8 @@ def _row(run: Run, recording: Recording) -> dict[str, float]:
     return row | {TRUTH + name: value for name, value in truth_of(run).items()}
 
 
-def _write_header(file: h5py.File, header: Header) -> None:
+def write_header(file: h5py.File, header: Header, count: int, samples: int) -> None:
+    """What all runs share, and the dimensions `run` and `time`."""
     file.attrs["Conventions"] = "CF-1.11"
     file.attrs["title"] = header.name
     file.attrs["format"] = FORMAT
@@ -134,6 +152,8 @@ def _write_header(file: h5py.File, header: Header) -> None:
         file.create_dataset(name, data=getattr(header, name), dtype=h5py.string_dtype())
         file[name].attrs["long_name"] = {"scenario_text": "the scenario's file", "model_text": "the true model",
                                          "model_xml": "the MuJoCo model"}[name]
+    _dimension(file, "run", np.arange(count), "1", "number of the run in the file")
+    _dimension(file, "time", np.arange(samples) / header.sampling_rate, "s", "time since the run's first sample")
 
 
 def _dimension(file: h5py.File, name: str, values: np.ndarray, unit: str, meaning: str) -> None:
@@ -172,57 +192,31 @@ def _described(name: str, header: Header) -> tuple[str, str]:
             "outcome_time": ("s", "when the run ended early; NaN if it did not")}[name]
 
 
-def _write_ragged(file: h5py.File, name: str, dimension: str, rows: list[np.ndarray], meaning: str) -> None:
-    """Rows of different lengths, filled up with NaN."""
-    width = max(1, max(len(row) for row in rows))
-    values = np.full((len(rows), width), np.nan)
-    for target, row in zip(values, rows, strict=True):
-        target[: len(row)] = row
+RAGGED = {"marks": ("mark", "times of the tachometer's once-per-revolution marks"),
+          "pass_times": ("pass", "start of every tooth pass, and the end of the last")}
+
+
+def ragged(file: h5py.File, name: str, count: int, width: int) -> h5py.Dataset:
+    """An empty data set for rows of different lengths, shape (count, width), to be filled up with NaN."""
+    dimension, meaning = RAGGED[name]
     _dimension(file, dimension, np.arange(width), "1", f"number of the {dimension}")
-    data = file.create_dataset(name, data=values, compression="gzip", shuffle=True, fletcher32=True)
+    data = file.create_dataset(name, (count, width), float, compression="gzip", compression_opts=1, shuffle=True,
+                               fletcher32=True, fillvalue=np.nan, chunks=(max(1, min(count, 65_536 // width)), width))
     data.dims[0].attach_scale(file["run"])
     data.dims[1].attach_scale(file[dimension])
     data.attrs["units"], data.attrs["long_name"] = "s", meaning
+    return data
 
 
-class _ChannelWriter:
-    """One channel of all runs, written a whole chunk of rows at a time."""
-
-    def __init__(self, file: h5py.File, name: str, unit: str, sensor: ChannelSensor, count: int,
-                 samples: int) -> None:
-        self.step = step = sensor.step
-        kind: Any = np.dtype(np.float32 if step is None else np.int16 if sensor.bits <= 16 else np.int32)
-        self.fill = np.nan if step is None else np.iinfo(kind).min
-        rows = max(1, min(count, CHUNK_BYTES // (samples * kind.itemsize)))
-        chunk = (rows, max(1, min(samples, CHUNK_BYTES // kind.itemsize)))
-        self.data = file.create_dataset(name, (count, samples), kind, chunks=chunk, compression="gzip",
-                                        compression_opts=1, shuffle=True, fletcher32=True, fillvalue=self.fill)
-        self.data.dims[0].attach_scale(file["run"])
-        self.data.dims[1].attach_scale(file["time"])
-        self.data.attrs["units"], self.data.attrs["long_name"] = unit, f"measured {name.replace('_', ' ')}"
-        self.data.attrs["_FillValue"] = np.array(self.fill, kind)
-        if step is not None:
-            self.data.attrs["scale_factor"], self.data.attrs["add_offset"] = float(step), 0.0
-        self.block = np.full((rows, samples), self.fill, kind)
-        self.held = self.done = 0
-
-    def add(self, values: np.ndarray) -> None:
-        """Take the next run's samples."""
-        row = self.block[self.held]
-        row[:] = self.fill
-        if self.step is None:
-            row[: len(values)] = values
-        else:
-            counts = np.rint(values / self.step)
-            row[: len(values)] = np.where(np.isfinite(counts), counts, self.fill).astype(row.dtype)
-        self.held += 1
-        if self.held == len(self.block):
-            self.flush()
-
-    def flush(self) -> None:
-        """Write the rows held back."""
-        self.data[self.done:self.done + self.held] = self.block[: self.held]
-        self.done, self.held = self.done + self.held, 0
+def write_digests(file: h5py.File, channel: str, digests: bytes) -> None:
+    """The SHA-256 of every run's stored samples of a channel: `testbed verify` names the run that was damaged."""
+    values = np.frombuffer(digests, np.uint8).reshape(-1, 32)
+    if "digest_byte" not in file:
+        _dimension(file, "digest_byte", np.arange(32), "1", "number of the byte of a digest")
+    data = file.create_dataset(DIGEST + channel, data=values)
+    data.dims[0].attach_scale(file["run"])
+    data.dims[1].attach_scale(file["digest_byte"])
+    data.attrs["units"], data.attrs["long_name"] = "1", f"SHA-256 of each run's stored samples of {channel}"
 
 
 def truth_units(model: Model, catalogue: Mapping[str, Any]) -> dict[str, str]:

@@ -7,27 +7,33 @@ the shards become OUTPUT. A run depends on nothing but itself: neither workers n
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from testbed.atomic import write_text
-from testbed.batch import Batch, Simulate, shard_path
+from testbed.batch import Job, Simulate
+from testbed.chunk_writer import Compression, chunk_rows, kind_of
+from testbed.consolidate import consolidate
 from testbed.data_set import is_data_set, read_data_set
 from testbed.effect import Effect
 from testbed.effect import catalogue as known_effects
 from testbed.model_file import model_text
-from testbed.pool import work
+from testbed.pool import STALL, work
 from testbed.problem import InputProblem
-from testbed.recording import Recording
-from testbed.scenario import Run, Scenario
-from testbed.store import Header, truth_units, write_data_set
+from testbed.scenario import Scenario
+from testbed.shards import INDEX, NOTE, Span, find, gaps, kept, parts_folder
+from testbed.store import Header, truth_units
+from testbed.verification import note_text
 
-LARGEST_BATCH = 64
+LARGEST_BATCH = {"fast": 512, "mujoco": 64}
+BATCH_BYTES = 64_000_000
 Progress = Callable[[int, int], None]
+Work = Callable[[Job, list[Span]], Iterator[Span]]
 
 
 @dataclass(frozen=True)
@@ -51,11 +57,13 @@ class Interrupted(KeyboardInterrupt):
 
 def run(scenario: Scenario, simulate: Simulate, output: str | Path, *, workers: int = 1, resume: bool = False,
         progress: Progress | None = None, processes: bool = False, folders: tuple[str, ...] = (),
-        model_xml: str = "") -> Report:
-    """Compute every run of a scenario into one data set.
+        model_xml: str = "", compression: Compression = "gzip", stall: float = STALL,
+        cluster: Work | None = None, keep_shards: bool = False) -> Report:
+    """Compute every run of a scenario into one data set, a file or (`keep_shards`) a folder of shards with an index.
 
     simulate: an engine's function, at the top level of its module. workers: threads, or processes where `processes` is
-    true (a run that kills its process is then stored as `crashed`). folders: of the user's own effects.
+    true (a run that kills its process is then stored as `crashed`, one that hangs for `stall` seconds as `limit`).
+    folders: of the user's own effects. cluster: computes the batches in place of workers here (`testbed.cluster`).
     progress(done, runs) is called as runs are finished. Raises InputProblem where the output exists (without `resume`),
     belongs to another scenario or cannot be written, and Interrupted on Ctrl-C, with what is finished kept.
     """
@@ -64,25 +72,50 @@ def run(scenario: Scenario, simulate: Simulate, output: str | Path, *, workers: 
     header = _header(scenario, model_xml, catalogue)
     if target.exists():
         return _already_there(target, header, len(scenario), resume)
-    parts = target.with_name(target.name + ".parts")
-    batches = _plan(scenario, header, parts, workers, resume, folders)
-    waiting = [batch for batch in batches if not _done(batch)]
-    done = kept = sum(len(batch) for batch in batches) - sum(len(batch) for batch in waiting)
-    if progress:
-        progress(done, len(scenario))
+    parts = parts_folder(target)
     try:
-        for batch in work(waiting, simulate, workers, processes):
-            done += len(batch)
+        job, size = _plan(scenario, header, simulate, parts, workers, resume)
+        job = replace(job, compression=compression, folders=folders)
+        there = kept(parts, len(scenario), header.fingerprint)
+        done = before = len(scenario) - sum(last - first for first, last in gaps(there, len(scenario)))
+        spans = list(_batches(gaps(there, len(scenario)), size))
+        if progress:
+            progress(done, len(scenario))
+        for first, last in (cluster or _local(workers, processes, stall))(job, spans):
+            done += last - first
             if progress:
                 progress(done, len(scenario))
-        digest = _consolidate(scenario, header, batches, target)
+        digest = _consolidate(target, job, workers, keep_shards)
     except KeyboardInterrupt:
-        raise Interrupted(sum(len(batch) for batch in batches if batch.shard.exists()), len(scenario)) from None
+        shards = find(parts) if parts.exists() else []
+        raise Interrupted(sum(last - first for first, last, _ in shards), len(scenario)) from None
     except OSError as problem:
-        raise InputProblem(output, f"cannot be written ({problem.strerror or problem})",
-                           "free some space, then continue with --resume") from None
-    shutil.rmtree(parts)
-    return _report(target, len(scenario) - kept, digest)
+        raise InputProblem(output, f"cannot be written ({problem.strerror or _first_line(problem)})",
+                           "make room or give the permission, then continue with --resume") from None
+    if not keep_shards:
+        shutil.rmtree(parts, ignore_errors=True)
+    return _report(target, len(scenario) - before, digest)
+
+
+def _local(workers: int, processes: bool, stall: float) -> Work:
+    return lambda job, spans: work(job, spans, workers, processes, stall)
+
+
+def _consolidate(target: Path, job: Job, threads: int, keep_shards: bool) -> str:
+    shards = find(job.parts)
+    missing = gaps(shards, len(job.scenario))
+    if missing:
+        raise InputProblem(job.parts, f"lacks runs {missing[0][0]} to {missing[0][1] - 1}: a shard was removed meanwhile",
+                           "continue with --resume")
+    if not keep_shards:
+        return consolidate(target, job.header, shards, job.samples, job.compression, threads)
+    digest = consolidate(job.parts / INDEX, job.header, shards, job.samples, job.compression, threads, transients=False)
+    os.replace(job.parts, target)
+    return digest
+
+
+def _first_line(problem: Exception) -> str:
+    return (str(problem).splitlines() or [type(problem).__name__])[0]
 
 
 def _report(target: Path, computed: int, digest: str) -> Report:
@@ -99,6 +132,7 @@ def _already_there(target: Path, header: Header, runs: int, resume: bool) -> Rep
     data = read_data_set(target)
     if data.fingerprint != header.fingerprint or len(data) != runs:
         raise InputProblem(target, "belongs to another scenario", "choose another name with -o")
+    shutil.rmtree(parts_folder(target), ignore_errors=True)  # of a sweep that ended between its last two steps
     return _report(target, 0, data.content_hash)
 
 
@@ -122,19 +156,23 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _plan(scenario: Scenario, header: Header, parts: Path, workers: int, resume: bool,
-          folders: tuple[str, ...]) -> list[Batch]:
-    """The batches of a sweep; a resumed one keeps the division it began with."""
-    note = parts / "sweep.json"
+def _plan(scenario: Scenario, header: Header, simulate: Simulate, parts: Path, workers: int,
+          resume: bool) -> tuple[Job, int]:
+    """What the workers are given, and the runs in a batch; a resumed sweep keeps the division it began with."""
+    note = parts / NOTE
     if parts.exists() and not resume:
         raise InputProblem(parts, "an unfinished sweep stands there",
                            "continue it with --resume, remove the folder, or choose another name with -o")
-    size = max(1, min(LARGEST_BATCH, -(-len(scenario) // (4 * workers))))
-    begun = {"fingerprint": header.fingerprint, "runs": len(scenario), "batch": size}
+    samples = scenario.longest()
+    widest = max(kind_of(sensor).itemsize for sensor in scenario.sensors[0].channels.values())
+    most = max(1, min(LARGEST_BATCH[scenario.engine], -(-len(scenario) // (4 * workers)), BATCH_BYTES // (samples * widest)))
+    rows = chunk_rows(samples, widest, most)
+    begun: dict[str, Any] = {"fingerprint": header.fingerprint, "runs": len(scenario), "batch": most // rows * rows,
+                             "chunk": rows}
     if note.exists():
         try:
             found = json.loads(note.read_text(encoding="utf-8"))
-            size = int(found["batch"])
+            begun["batch"], begun["chunk"] = int(found["batch"]), int(found["chunk"])
             same = (found["fingerprint"], found["runs"]) == (begun["fingerprint"], begun["runs"])
         except (ValueError, KeyError, TypeError):
             raise InputProblem(note, "is damaged", f"remove the folder {parts.name} and start again") from None
@@ -146,29 +184,14 @@ def _plan(scenario: Scenario, header: Header, parts: Path, workers: int, resume:
             parts.mkdir(exist_ok=True)
         except OSError as problem:
             raise InputProblem(parts, f"cannot be made ({problem.strerror})", "choose another place with -o") from None
-        write_text(note, json.dumps(begun))
-    for left in parts.glob(".*.part"):  # of a process that was killed while it wrote
-        left.unlink()
-    edges = [*range(0, len(scenario), size), len(scenario)]
-    return [Batch(scenario, header, first, last, shard_path(parts, first, last), folders)
-            for first, last in pairwise(edges)]
+        write_text(note, note_text(begun))
+    return Job(scenario, header, simulate, parts.absolute(), samples, begun["chunk"]), begun["batch"]
 
 
-def _done(batch: Batch) -> bool:
-    """True if the batch's shard is there and whole; one that is not is computed again."""
-    if not batch.shard.exists():
-        return False
-    try:
-        return len(read_data_set(batch.shard)) == len(batch)
-    except InputProblem:
-        batch.shard.unlink()
-        return False
-
-
-def _consolidate(scenario: Scenario, header: Header, batches: list[Batch], target: Path) -> str:
-    def rows() -> Iterator[tuple[Run, Recording]]:
-        for batch in batches:
-            for index, recording in zip(range(batch.first, batch.last), read_data_set(batch.shard), strict=True):
-                yield scenario.run(index), recording
-
-    return write_data_set(target, header, rows(), len(scenario), scenario.longest())
+def _batches(missing: list[Span], size: int) -> Iterator[Span]:
+    """Spans of at most `size` runs, divided at whole multiples of it, so that chunks fit one after another."""
+    for first, last in missing:
+        while first < last:
+            edge = min(last, (first // size + 1) * size)
+            yield first, edge
+            first = edge

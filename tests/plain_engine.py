@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 
 import numpy as np
 
@@ -52,3 +53,16 @@ class StopsAfter:
 def unwanted(model, cut, sampling, **options):
     """An engine that must not be called."""
     raise AssertionError("computed again")
+
+
+def slow(model, cut, sampling, **options):
+    """As `simulate`, but every run takes five milliseconds."""
+    time.sleep(0.005)
+    return simulate(model, cut, sampling, **options)
+
+
+def hanging(model, cut, sampling, **options):
+    """As `simulate`, but one depth comes to no end."""
+    if abs(cut.axial_depth_of_cut - FATAL_DEPTH) < 1e-9:
+        time.sleep(1e6)
+    return simulate(model, cut, sampling, **options)

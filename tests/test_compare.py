@@ -66,7 +66,8 @@ def test_the_base_parameters_are_found_again(answer):
 def test_pictures_are_drawn(answer):
     names = {path.name for path in (answer[1] / "pictures").iterdir()}
     assert {f"{name}.{ending}" for name in ("residual_by_record", "worst_record", "residual_by_tooth_angle",
-                                            "residual_spectrum") for ending in ("png", "svg")} == names
+                                            "residual_spectrum", "misfit_on_chart", "constancy", "amplitude_dependence")
+            for ending in ("png", "svg")} | {"report.html"} == names
 
 
 def test_false_discoveries_are_controlled():

@@ -7,7 +7,8 @@ import pytest
 from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
-from analysis.diagnose import as_json, diagnose
+from analysis.diagnose import diagnose
+from analysis.diagnosis import as_json
 from analysis.observed import observe
 from testbed.effect import catalogue
 from testbed.engines import fast, predict

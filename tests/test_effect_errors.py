@@ -124,3 +124,22 @@ def test_a_model_with_an_unknown_effect_or_without_a_parameter_is_refused():
         fast.simulate(model.with_effect("proces_damping", coefficient=1.0), course, sampling)
     with pytest.raises(KeyError, match="angle"):
         fast.simulate(model.with_effect("runout", offset=1e-5), course, sampling)
+
+
+def test_two_effects_that_both_replace_the_chip_are_refused_in_one_line(tmp_path):
+    """The only way in which effects cannot be together: all others add up or multiply."""
+    from testbed.effect import HOOKS
+    from testbed.engines.packing import active_effects
+    from testbed.machine import Model, Structure
+
+    assert [name for name, hook in HOOKS.items() if hook.joins == "replace"] == ["chip"]
+    assert [name for name, effect in catalogue().items() if "chip" in effect.hooks] == ["contact_loss"]
+    law = GOOD.replace("def structure_force(velocity, coefficient):\n" + LAW,
+                       "def chip(penetration, coefficient):\n    return penetration + coefficient\n")
+    assert law != GOOD
+    (tmp_path / "my_chip.py").write_text(law)
+    effects = catalogue(tmp_path)
+    model = Model(Structure(2.573, 146.4, 0.0032)).with_effect("contact_loss").with_effect("my_chip", coefficient=1.0)
+    with pytest.raises(InputProblem, match="contact_loss and my_chip both replace the chip"):
+        active_effects(model, effects)
+    assert set(active_effects(model.with_effect("my_chip", coefficient=0.0), effects)) == {"contact_loss"}

@@ -1,6 +1,7 @@
 """Data sets: what is written reads back, by us and by xarray; what is damaged or unsafe is refused."""
 
 import os
+import zlib
 from dataclasses import replace
 
 import h5py
@@ -8,7 +9,8 @@ import numpy as np
 import pytest
 
 from testbed.batch import nothing
-from testbed.content_hash import content_hash
+from testbed.chunk_writer import COMPRESSIONS, deflated, fletcher32
+from testbed.content_hash import content_hash, row_digest
 from testbed.cut import Cut, Sampling
 from testbed.data_set import is_data_set, read_data_set
 from testbed.hdf5_guard import opened
@@ -17,6 +19,7 @@ from testbed.model_file import model_text
 from testbed.problem import InputProblem
 from testbed.recording import Recording
 from testbed.scenario import Run
+from testbed.seal import sealed_size
 from testbed.sensors.chain import ChannelSensor, SensorChain
 from testbed.store import Header, write_data_set
 
@@ -89,6 +92,48 @@ def test_other_ways_of_storing(tmp_path, sensor, kind, rel):
         assert file["velocity"].dtype == kind
     found = read_data_set(tmp_path / "a.h5").recording(0)
     assert found.channels["velocity"] == pytest.approx(rows[0][1].channels["velocity"], rel=rel or 1e-15, abs=0)
+
+
+@pytest.mark.parametrize("compression", COMPRESSIONS)
+def test_however_it_is_packed_the_content_is_the_same(tmp_path, trial, compression):
+    if compression == "zstd":
+        pytest.importorskip("hdf5plugin")
+    rows = trial[1]
+    digest = write_data_set(tmp_path / "a.h5", HEADER, rows, 3, 300, compression=compression, chunk_rows=2)
+    assert digest == read_data_set(trial[0]).content_hash
+    for (_, before), after in zip(rows, read_data_set(tmp_path / "a.h5"), strict=True):
+        assert np.array_equal(after.channels["displacement"], before.channels["displacement"])
+
+
+def test_each_runs_digest_is_that_of_its_samples(trial):
+    with h5py.File(trial[0]) as file:
+        kept = [row.tobytes() for row in file["digest_displacement"][()]]
+        assert kept == [row_digest(row) for row in file["displacement"][()]] and len(set(kept)) == 3
+
+
+def test_packed_planes_are_a_plain_zlib_stream():
+    rng = np.random.default_rng(0)
+    planes = np.stack([rng.integers(256, size=50_001), np.arange(50_001) // 5000]).astype(np.uint8)  # noise, and steps
+    packed = deflated(planes)
+    assert zlib.decompress(packed) == planes.tobytes()
+    assert 50_001 < len(packed) < 51_000  # the noise as it is, the steps nearly for nothing
+
+
+def plain_fletcher(data):
+    """The checksum as its definition says, word by word."""
+    first = second = 0
+    for at in range(0, len(data), 2):
+        first = (first + int.from_bytes(data[at:at + 2].ljust(2, b"\0"), "big")) % 65535
+        second = (second + first) % 65535
+    return first, second
+
+
+@pytest.mark.parametrize("size", [1, 2, 7, 16_384, 16_386, 40_001])
+def test_the_checksum_is_fletchers(size):
+    data = np.random.default_rng(size).bytes(size)
+    found = fletcher32(data)
+    assert ((found & 0xFFFF) % 65535, (found >> 16) % 65535) == plain_fletcher(data)
+    assert fletcher32(bytes(size)) == 0 and fletcher32(b"\xff" * (size + size % 2)) & 0xFFFF == 0xFFFF
 
 
 def test_xarray_opens_it(trial):
@@ -169,9 +214,20 @@ def test_a_truncated_file_is_an_input_problem(trial, share):
     assert "\n" not in str(problem.value)
 
 
-def test_damaged_bytes_are_refused_or_have_touched_no_sample(trial):
-    path, rows = trial
+def test_damaged_bytes_are_refused(trial):
+    path = trial[0]
     whole = path.read_bytes()
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        at = int(rng.integers(len(whole) - 16))
+        path.write_bytes(whole[:at] + bytes(rng.integers(256, size=16, dtype=np.uint8)) + whole[at + 16:])
+        with pytest.raises(InputProblem):
+            list(read_data_set(path))
+
+
+def test_damaged_bytes_without_a_seal_are_refused_or_have_touched_no_sample(trial):
+    path, rows = trial
+    whole = path.read_bytes()[:sealed_size(path)]
     rng = np.random.default_rng(3)
     refused = 0
     for _ in range(30):

@@ -1,6 +1,8 @@
 """Sweeps: the same values whoever computes them, nothing lost by an interruption, a failure told by name."""
 
+import errno
 import json
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +13,7 @@ from testbed import sweep
 from testbed.data_set import read_data_set
 from testbed.problem import InputProblem
 from testbed.scenario_file import scenario_from
+from testbed.shards import find, shard_path
 from testbed.yaml_text import parse
 
 TEXT = """name: trial
@@ -72,7 +75,7 @@ def test_an_interrupted_sweep_is_continued_where_it_stopped(scenario, tmp_path, 
 
 
 def test_shards_that_are_there_are_not_computed_again(scenario, tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep, "_consolidate", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    monkeypatch.setattr(sweep, "consolidate", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
     with pytest.raises(sweep.Interrupted) as stop:
         sweep.run(scenario, plain_engine.simulate, tmp_path / "a.h5")
     monkeypatch.undo()
@@ -133,6 +136,68 @@ def test_a_run_that_kills_its_process_is_found_and_told_by_name(scenario, tmp_pa
     plain = sweep.run(short, plain_engine.simulate, tmp_path / "b.h5")
     for index, (found, wanted) in enumerate(zip(samples(report.output), samples(plain.output), strict=True)):
         assert (len(found) == 1) if index == 2 else np.array_equal(found, wanted)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="limits the size of files as a Unix system can")
+def test_a_full_disk_is_told_in_a_line_and_the_sweep_is_continued(scenario, tmp_path, workers):
+    import resource
+
+    whole = sweep.run(scenario, plain_engine.simulate, tmp_path / "whole.h5")
+    smallest = 20_000
+    for limit, there in ((smallest, 0), (whole.output.stat().st_size - 1_000, 20)):  # in a shard, in the last step
+        unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, unlimited[1]))
+        try:
+            with pytest.raises(InputProblem, match="--resume") as problem:
+                sweep.run(scenario, plain_engine.simulate, tmp_path / "a.h5", workers=workers, resume=True)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
+        assert "\n" not in str(problem.value) and "File too large" in str(problem.value)
+        assert not (tmp_path / "a.h5").exists() and not list(tmp_path.glob(".*.part"))
+        kept = sum(last - first for first, last, _ in find(tmp_path / "a.h5.parts"))
+        assert kept == there
+    report = sweep.run(scenario, plain_engine.unwanted, tmp_path / "a.h5", resume=True)
+    assert report.content_hash == whole.content_hash and report.computed == 0
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT])
+def test_a_place_that_stops_taking_files_is_told_and_the_sweep_is_continued(scenario, tmp_path, monkeypatch, number):
+    def refuse(path, content):
+        if len(find(tmp_path / "a.h5.parts")) == 2:
+            raise OSError(number, os.strerror(number))
+        written(path, content)
+
+    from testbed import store
+
+    written = store.write_sealed
+    monkeypatch.setattr(store, "write_sealed", refuse)
+    with pytest.raises(InputProblem, match=os.strerror(number)):
+        sweep.run(scenario, plain_engine.simulate, tmp_path / "a.h5")
+    monkeypatch.undo()
+    assert len(find(tmp_path / "a.h5.parts")) == 2
+    report = sweep.run(scenario, plain_engine.simulate, tmp_path / "a.h5", resume=True)
+    assert 0 < report.computed < 20 and report.outcomes == {"ok": 20}
+
+
+def test_shards_misnamed_or_of_another_scenario_are_computed_again(scenario, tmp_path):
+    whole = sweep.run(scenario, plain_engine.simulate, tmp_path / "whole.h5")
+    with pytest.raises(sweep.Interrupted):
+        sweep.run(scenario, plain_engine.StopsAfter(12), tmp_path / "a.h5")
+    shards = find(tmp_path / "a.h5.parts")
+    os.replace(shards[0][2], shard_path(tmp_path / "a.h5.parts", 15, 20))
+    sweep.run(replace(scenario, seed=9), plain_engine.simulate, tmp_path / "other", keep_shards=True)
+    (tmp_path / "other" / shards[1][2].name).replace(shards[1][2])
+    report = sweep.run(scenario, plain_engine.simulate, tmp_path / "a.h5", resume=True)
+    assert report.content_hash == whole.content_hash and report.computed > 20 - 12
+
+
+def test_a_folder_of_shards_has_the_content_of_the_file(scenario, tmp_path):
+    one = sweep.run(scenario, plain_engine.simulate, tmp_path / "a.h5")
+    other = sweep.run(scenario, plain_engine.simulate, tmp_path / "b", keep_shards=True, workers=2, compression="none")
+    assert one.content_hash == other.content_hash and (tmp_path / "b").is_dir()
+    again = sweep.run(scenario, plain_engine.unwanted, tmp_path / "b", keep_shards=True, resume=True)
+    assert again.computed == 0 and sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "b"]
 
 
 def test_a_place_that_cannot_be_written(scenario, tmp_path):

@@ -147,13 +147,13 @@ def make(bench: Bench) -> Part:
         "False nearest neighbours need a motion that returns to its own neighbourhood. The entry transient dies within about "
         "20 states: the nearest neighbour of a state is the next one on its way in, and once the transient is below the noise "
         "every neighbour is noise, false in any dimension. With all samples the periodic motion, a closed curve, is what is "
-        "unfolded, not the map about it. Mutual information gives a quarter of the natural period, a property of the structure; "
-        "the map needs samples over one whole delay.",
+        "unfolded, not the map about it. Mutual information gives a quarter of the natural period, a property of the "
+        "structure; the map needs samples over one whole delay.",
     )
     caption = ("Choice of the dimension. (a) Rank of the states over the number of delays, without noise. (b) Normalised "
                "singular values of the milling test; dashed: what noise alone reaches. (c) False nearest neighbours of the "
-               "same test, once a delay and of all samples of its first and last 20 periods. (d) Average mutual information; triangles: first "
-               "minimum.")
+               "same test: once a delay, and of all samples of its first and last 20 periods. (d) Average mutual "
+               "information; triangles: first minimum.")
     table = Table("Directions that stand above the noise", ("noise", "d", "singular values over the largest", "noise reaches",
                                                            "directions"), tuple(rows))
     numbers = {"ranks": ranks, "false_neighbours": strobed, "directions": {f"{level:g}": {str(d): one.rank for d, one in

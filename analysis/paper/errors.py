@@ -117,7 +117,7 @@ def _draw(levels: list[dict[str, float]], counts: list[int], tests: list[dict[st
 
 def make(bench: Bench) -> Part:
     """The part."""
-    data, seeds = Collection(bench), bench.count(8, 2)
+    data, seeds = Collection(bench), bench.count(5, 2)
     outcomes = [data.errors(3, level, seeds) for level in LEVELS]
     counts = [1, 2, 3, 5] if not bench.quick else [2, 3]
     tests = [data.errors(count, NOISE, seeds) for count in counts]

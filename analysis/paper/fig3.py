@@ -108,8 +108,8 @@ def make(bench: Bench) -> Part:
     text = ("How the tool entered and left the work is not known: here the entry is a step to full engagement, and the exit "
             f"either an abrupt stop or a ramp over {RAMP * _geometric():.0f} revolutions ({RAMP:.0%} of the geometric one). "
             "The paper takes damping and frequency from the post-cut ring-down; only the abrupt stop leaves one.",)
-    caption = (f"A whole cut at {SPEED:.0f} rpm, {DEPTH} mm with 0.5 µm noise. Shaded: regions found automatically; dashed: when "
-               "the tool in truth entered, began to leave and left.")
+    caption = (f"A whole cut at {SPEED:.0f} rpm, {DEPTH} mm with 0.5 µm noise. Shaded: regions found automatically; dashed: "
+               "when the tool in truth entered, began to leave and left.")
     table = Table("Regions found (spindle revolutions)", ("record", "region", "from", "to"), tuple(rows))
     return Part("fig3", "Figure 3: a whole cut and its regions", text, (Picture("fig3", caption, _draw(records, segments)),),
                 (table,), tuple(statements), {"ring_down_amplitude": left, "worst_revolutions": worst})

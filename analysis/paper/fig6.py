@@ -107,8 +107,9 @@ def make(bench: Bench) -> Part:
                   "D, E stable", "; ".join(f"{name}: {count} of {len(published)}" for name, count in right.items()),
                   right["identified"] == len(published), "" if min(right.values()) == len(published) else
                   "case B lies within 1.3 % of the limit"),
-        Statement("fig. 6", "tests agree with the predicted boundary", "agree", f"{same} of {len(decided)} simulated tests with "
-                  f"loss of contact; {len(grid) - len(decided)} borderline", same == len(decided),
+        Statement("fig. 6", "tests agree with the predicted boundary", "agree",
+                  f"{same} of {len(decided)} simulated tests with loss of contact; {len(grid) - len(decided)} borderline",
+                  same == len(decided),
                   "" if same == len(decided) else "those that differ lie near the limit: after "
                   f"{TEETH} teeth a slow growth is not yet seen"))
     omega = 2 * math.pi * MEASURED.structure.natural_frequency
@@ -121,8 +122,8 @@ def make(bench: Bench) -> Part:
             "simulated with loss of contact stand in for them. Borderline: once-per-tooth samples that neither settle nor "
             f"grow within {TEETH} teeth. The immersion, 0.162, is inferred; damping of the identified set is taken as 0.0032.",)
     caption = ("Stability limits of the parameters of modal test and dynamometer (dashed) and of those identified (solid). "
-               "Circles: stable, crosses: unstable, triangles: borderline; large with letter: the published experiments; small: "
-               "simulated.")
+               "Circles: stable, crosses: unstable, triangles: borderline; large with letter: the published experiments; "
+               "small: simulated.")
     return Part("fig6", "Figure 6: stability boundaries and tests", text, (Picture("fig6", caption, _draw(charts, published +
                 grid)),), (table,), statements, {"area_between": between, "shift_of_omega": FOUND_OMEGA - omega,
                 "published_right": right, "simulated_right": [same, len(decided)],

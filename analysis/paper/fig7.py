@@ -87,7 +87,8 @@ def make(bench: Bench) -> Part:
         Statement(f"fig. 7{one.test.name}" if one.test.name != "E" else "case E",
                   f"{rpm(one.test.spindle_speed):.0f} rpm, {one.test.axial_depth_of_cut * 1e3:.1f} mm is "
                   f"{named(one.test.outcome)}", named(one.test.outcome),
-                  f"{named(one.linear)} (mu = {shown(one.multiplier)}); simulated: {named(one.seen.outcome)}, {one.seen.reason}",
+                  f"{named(one.linear)} (mu = {shown(one.multiplier)}); simulated: "
+                  f"{named(one.seen.outcome)}, {one.seen.reason}",
                   one.test.outcome == one.linear == one.seen.outcome) for one in cases)
     rows = tuple((one.test.name, f"{rpm(one.test.spindle_speed):.0f}", f"{one.test.axial_depth_of_cut * 1e3:.1f}",
                   named(one.test.outcome), shown(one.multiplier, 5), f"{abs(one.multiplier):.5f}", named(one.linear),

@@ -93,11 +93,11 @@ def make(bench: Bench) -> Part:
                                 ("natural_frequency", "damping_ratio", "tangential_coefficient")), f"{residual(one):.4f}",
                   f"{one.chi_square:.1f}", f"{off[rho]:.1%}" if rho in off else "-") for rho, one in found.items())
     text = ("The data are cut with immersion 0.162 and identified with another. The cutting coefficient makes up for it almost "
-            "wholly; the residual, small as it is, stands far above the multipliers' own errors (misfit per degree of freedom), "
-            "so that a good estimate of these errors does reveal a wrong immersion, and moduli by eye do not.",)
-    caption = ("A wrong immersion. (a) Parameters found over their truth. (b) Residual of the largest multipliers. (c) Published "
-               "outcomes that the paper's estimates reproduce. Red, dashed: the true immersion. (d) Stability limits of the "
-               "machines identified with three immersions.")
+            "wholly; the residual, small as it is, stands far above the multipliers' own errors (misfit per degree of "
+            "freedom), so that a good estimate of these errors does reveal a wrong immersion, and moduli by eye do not.",)
+    caption = ("A wrong immersion. (a) Parameters found over their truth. (b) Residual of the largest multipliers. (c) "
+               "Published outcomes that the paper's estimates reproduce. Red, dashed: the true immersion. (d) Stability limits "
+               "of the machines identified with three immersions.")
     head = ("immersion assumed", "omega / truth", "zeta / truth", "Gamma1 / truth", "residual", "misfit per degree of freedom",
             "chart wrong in")
     return Part("immersion", "Extension: what a wrong immersion does", text,

@@ -14,7 +14,7 @@ from analysis.floquet import (
     once_per_period_samples,
     tooth_period,
 )
-from analysis.paper.bench import IDENTIFIED, NOISE, Bench, clean_record, course_of, cut_at, measured
+from analysis.paper.bench import IDENTIFIED, Bench, clean_record, course_of, cut_at, measured
 from analysis.paper.part import Part, Picture, Statement, Table, target
 from analysis.paper.style import BLUE, ORANGE, PAGE, figure, letter, shown, unit_circle
 from analysis.temporal_elements import characteristic_multipliers
@@ -106,12 +106,14 @@ def _draw(found: dict[str, Trials]) -> Any:
     panels = drawn.subplots(2, 3).ravel()
     for axes, panel, (name, one) in zip(panels, "abcdef", found.items(), strict=True):
         unit_circle(axes)
-        for values, colour, marker, label in ((one.others["d = 4"], ORANGE, "o", "$d$ = 4"),
-                                              (one.found, BLUE, ".", "recommended")):
+        for place, along in ((one.exact[0].real, axes.axvline), (abs(one.exact[0].imag), axes.axhline)):
+            along(place, color="black", lw=0.5, ls=":", zorder=1)
+        for values, colour, size, label in ((one.others["d = 4"], ORANGE, 2.4, "$d$ = 4"),
+                                            (one.found, BLUE, 1.8, "recommended")):
             upper = values.real + 1j * np.abs(values.imag)
-            axes.plot(upper.real, upper.imag, marker, color=colour, ms=2.2, mew=0, alpha=0.8, label=label)
-        axes.plot(one.exact[0].real, abs(one.exact[0].imag), "+", color="black", ms=10, mew=0.9, label="temporal elements")
-        reach = 0.11
+            axes.plot(upper.real, upper.imag, "o", color=colour, ms=size, mew=0, alpha=0.9, label=label)
+        axes.plot([], [], ":", color="black", lw=0.7, label="temporal elements (where the lines cross)")
+        reach = 0.06
         axes.set(xlim=(one.exact[0].real - reach, one.exact[0].real + reach),
                  ylim=(abs(one.exact[0].imag) - reach, abs(one.exact[0].imag) + reach))
         speed, depth = CONDITIONS[name]
@@ -173,8 +175,9 @@ def make(bench: Bench) -> Part:
     text = ("Records are made by MuJoCo, from rest, with a step entry; the largest empirical multiplier is taken as it comes, "
             "never the one nearest to the truth. A to C lose contact, which ends the linear record.",)
     caption = ("Largest multipliers found over the seeds, d = 4 (orange) and recommended (blue), about those of temporal "
-               "elements (crosses); arcs: the unit circle. Some of d = 4 lie outside the panels.")
-    numbers = {"rms": {str(label or "recommended"): value for label, value in pooled.items()}, "d = 4 without spurious": nearest,
+               "elements (dotted); arcs: the unit circle. Some of d = 4 lie outside the panels.")
+    numbers = {"rms": {str(label or "recommended"): value for label, value in pooled.items()},
+               "d = 4 without spurious": nearest,
                "spurious share of d = 4": spurious, "per case": {name: {"recommended": rms(one.error()), "d = 4":
                rms(one.error("d = 4")), "exact": one.exact[0], "believed": float(np.mean(one.believed))}
                for name, one in found.items()}}

@@ -204,8 +204,8 @@ def make(bench: Bench) -> Part:
                   "the paper's difference holds what its machine had and its model had not; here there is none but the ratio"),
         Statement("table 2", "... and the cutting coefficient with the dynamometer", "2.16e8 against 2.14e8",
                   f"{said[1] / 1e8:.3f}e8 against {gamma_truth / 1e8:.3f}e8", abs(said[1] / gamma_truth - 1) < 0.03,
-                  f"the ratio 0.3 where the truth is 0.364 raises Gamma1 by {said[1] / gamma_truth - 1:.1%}: only a weighted sum "
-                  f"of both coefficients is seen; with the true ratio the difference is {errors['gamma']:+.2%}"),
+                  f"the ratio 0.3 where the truth is 0.364 raises Gamma1 by {said[1] / gamma_truth - 1:.1%}: only a weighted "
+                  f"sum of both coefficients is seen; with the true ratio the difference is {errors['gamma']:+.2%}"),
         Statement("table 2", "the identification converges from omega = 930, Gamma1 = 5e8 and from perturbations of it",
                   "converges", f"{len(ends)} starts end within {max(spread):.1e} of each other", max(spread) < 1e-2,
                   "this project's route: several starts, multipliers paired"),

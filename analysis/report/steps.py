@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.diagnose import Candidate, Diagnosis
+from analysis.diagnosis import Candidate, Diagnosis
 from analysis.report.constants import COLOURS
 from analysis.report.packed import listed
 from analysis.report.page import Page, Panel

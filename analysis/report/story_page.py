@@ -8,7 +8,7 @@ from typing import Any
 
 from analysis.add_effect import Addition
 from analysis.compare import estimates
-from analysis.diagnose import Diagnosis
+from analysis.diagnosis import Diagnosis
 from analysis.held_out import RecordError, pooled
 from analysis.identify import Estimate
 from analysis.observed import Observed

@@ -121,7 +121,7 @@ def add_before_after(
     page.heading("What was left before, and what is left after?")
     excess = [math.sqrt(max(error**2 - floor**2, 0.0)) for error, floor in (pooled(before), pooled(after))]
     page.answer(
-        f"Beyond the noise {excess[0]:.2%} of the motion was unexplained before; with {named(effects)} "
+        f"Beyond the noise {excess[0]:.2%} of the signal was unexplained before; with {named(effects)} "
         + (f"it is {excess[1]:.2%}." if excess[1] > 0 else "nothing is left beyond the noise.")
     )
     kinds = ["over time", "over the tooth's angle", "over frequency"]

@@ -141,7 +141,7 @@ def _says(look: Look, error: RecordError) -> str:
     time = look.record.start + place / look.record.rate
     where = next((part.kind for part in look.record.segments if part.start <= time <= part.stop), "")
     return (
-        f"{look.label}: {error.error:.1%} of its motion is unexplained (noise alone {error.noise_floor:.1%}). The largest "
+        f"{look.label}: {error.error:.1%} of its signal is unexplained (noise alone {error.noise_floor:.1%}). The largest "
         f"difference, {abs(rest[place]):.3g} {look.unit}, is at {time:.3f} s{', in ' + where if where else ''}."
     )
 

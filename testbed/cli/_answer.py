@@ -94,18 +94,27 @@ def output_folder(path: str | Path) -> Path:
 
 
 @contextmanager
-def progress(title: str, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
-    """A function of (done, all) that draws a bar with the time left: on a terminal only, never into a pipe."""
+def progress(title: str, quiet: bool = False, counted: str = "") -> Iterator[Callable[[int, int], None]]:
+    """A function of (done, all) that draws a bar with the time left: on a terminal only, never into a pipe.
+
+    counted: what is counted, such as `runs`; the rate is then shown too.
+    """
     if quiet or not sys.stderr.isatty():
         yield lambda done, total: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    rate = (TextColumn(f"{{task.fields[rate]}} {counted}/s"),) if counted else ()
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), *rate, TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        task = bar.add_task(title, total=None, rate="-")
+
+        def show(done: int, total: int) -> None:
+            speed = bar.tasks[task].speed
+            bar.update(task, completed=done, total=total, rate=f"{speed:.3g}" if speed else "-")
+
+        yield show
 
 
 def shown(value: float, unit: str, digits: int = 5) -> str:

@@ -69,6 +69,11 @@ def uncalibrated(records: Sequence[Any]) -> list[str]:
             for name, (unit, usual) in found.items()]
 
 
+def channel_units(records: Sequence[Any]) -> dict[str, str]:
+    """The unit of every channel of the records, SI or its own."""
+    return {name: unit for record in records for name, unit in record.recording.units.items()}
+
+
 @contextmanager
 def sign_of_life(title: str, quiet: bool = False) -> Iterator[Callable[[str], None]]:
     """A function of what is being done now, shown on a terminal with the time gone by; nothing in a pipe."""

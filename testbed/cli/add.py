@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, check_place, shown
+from testbed.cli._answer import Answer, check_place, output_folder, shown
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
 from testbed.problem import InputProblem
 
@@ -17,21 +17,23 @@ from testbed.problem import InputProblem
 @model_option
 @click.option("-c", "--campaign", required=True, metavar="CAMPAIGN.yaml", help="What was measured.")
 @click.option("-o", "--output", required=True, metavar="NEW.yaml", help="Write the model with the effect, refitted.")
+@click.option("--report", metavar="DIR", help="Write the error before and after as report.html into this folder.")
 @effects_option
 @shared
-def command(name: str, model_file: str, campaign: str, output: str, folders: tuple[str, ...], json_file: str | None,
-            seed: int | None, quiet: bool) -> None:
+def command(name: str, model_file: str, campaign: str, output: str, report: str | None, folders: tuple[str, ...],
+            json_file: str | None, seed: int | None, quiet: bool) -> None:
     """Add EFFECT to MODEL.yaml, fit all parameters jointly to the campaign, and write NEW.yaml.
 
     The errors before and after are those on records whose operating condition the fit left out. Intervals are 95 %.
     Nothing here is random: --seed changes nothing.
     """
     from analysis.add_effect import add_effect, as_json
-    from testbed.cli._fitting import plant_of, read_both, sign_of_life, uncalibrated
+    from testbed.cli._fitting import channel_units, plant_of, read_both, sign_of_life, uncalibrated
     from testbed.model_file import write_model
 
     answer = Answer(json_file, quiet)
     check_place(output)
+    folder = output_folder(report) if report else None
     catalogue = catalogue_of(folders)
     effect = _effect(name, catalogue)
     model, records, read = read_both(campaign, model_file, catalogue)
@@ -47,6 +49,12 @@ def command(name: str, model_file: str, campaign: str, output: str, folders: tup
     write_model(found.model, output, catalogue)
     _say(answer, found, uncalibrated(read))
     answer.say(f"written: {output}")
+    if folder is not None:
+        from analysis.report.story_page import addition_page
+
+        page = addition_page(found, records, model, channel_units(read),
+                             notes=[f"{campaign} against {model_file}", *uncalibrated(read)])
+        answer.say(f"open {page.write(folder / 'report.html')}")
     answer.finish(as_json(found))
 
 

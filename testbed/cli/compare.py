@@ -15,7 +15,8 @@ from testbed.cli._options import catalogue_of, effects_option, model_option, sha
                epilog="Example: testbed compare campaign.yaml -m model.yaml -o pictures")
 @click.argument("campaign", metavar="CAMPAIGN.yaml")
 @model_option
-@click.option("-o", "--output", metavar="DIR", help="Draw what is left unexplained, PNG and SVG, into this folder.")
+@click.option("-o", "--output", metavar="DIR",
+              help="Write report.html, and pictures of what is left unexplained as PNG and SVG, into this folder.")
 @effects_option
 @shared
 def command(campaign: str, model_file: str, output: str | None, folders: tuple[str, ...], json_file: str | None,
@@ -26,7 +27,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     error = rms(measured - predicted) / rms(measured about its mean). Nothing here is random: --seed changes nothing.
     """
     from analysis.compare import as_json, compare
-    from testbed.cli._fitting import plant_of, read_both, sign_of_life, uncalibrated
+    from testbed.cli._fitting import channel_units, plant_of, read_both, sign_of_life, uncalibrated
 
     answer = Answer(json_file, quiet)
     pictures = output_folder(output) if output else None
@@ -37,10 +38,16 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     _say(answer, found, uncalibrated(read), model)
     if pictures is not None:
         from analysis.compare_plots import save
+        from analysis.constancy import constancy
+        from analysis.report.compare_page import compare_page
 
-        with sign_of_life("drawing", quiet):
-            paths = save(found, pictures)
-        answer.say(f"{len(paths)} pictures are in {pictures}")
+        with sign_of_life("fitting test by test, drawing", quiet):
+            tested = constancy(found.fitter, found.fit, catalogue)
+            paths = save(found, pictures, tested)
+            page = compare_page(found, model, catalogue, channel_units(read), tested=tested,
+                                notes=[f"{campaign} against {model_file}", *uncalibrated(read)])
+            report = page.write(pictures / "report.html")
+        answer.say(f"{len(paths)} pictures are in {pictures}; open {report}")
     answer.finish(as_json(found))
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, shown
+from testbed.cli._answer import Answer, output_folder, shown
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
 
 
@@ -14,18 +15,21 @@ from testbed.cli._options import catalogue_of, effects_option, model_option, sha
                epilog="Example: testbed diagnose campaign.yaml -m model.yaml --json diagnosis.json")
 @click.argument("campaign", metavar="CAMPAIGN.yaml")
 @model_option
+@click.option("-o", "--output", metavar="DIR", help="Write the story as report.html into this folder.")
 @effects_option
 @shared
-def command(campaign: str, model_file: str, folders: tuple[str, ...], json_file: str | None, seed: int | None,
-            quiet: bool) -> None:
+def command(campaign: str, model_file: str, output: str | None, folders: tuple[str, ...], json_file: str | None,
+            seed: int | None, quiet: bool) -> None:
     """Fit MODEL.yaml to the campaign, then with each effect of the catalogue, and compare on records held out of the fit.
 
     An honest "these records cannot tell" is an answer too. Nothing here is random: --seed changes nothing.
     """
-    from analysis.diagnose import as_json, diagnose
-    from testbed.cli._fitting import plant_of, read_both, sign_of_life, uncalibrated
+    from analysis.diagnose import diagnose
+    from analysis.diagnosis import as_json
+    from testbed.cli._fitting import channel_units, plant_of, read_both, sign_of_life, uncalibrated
 
     answer = Answer(json_file, quiet)
+    folder = output_folder(output) if output else None
     catalogue = catalogue_of(folders)
     model, records, read = read_both(campaign, model_file, catalogue)
     with sign_of_life("fitting the believed model to all records", quiet) as say:
@@ -33,7 +37,20 @@ def command(campaign: str, model_file: str, folders: tuple[str, ...], json_file:
     for note in uncalibrated(read):
         answer.say(note)
     _say(answer, found, as_json(found, model), campaign, model_file)
-    answer.finish({"next_test": None} | as_json(found, model))
+    if folder is not None:
+        from analysis.report.story_page import diagnosis_page
+
+        page = diagnosis_page(found, as_json(found, model), model, catalogue, channel_units(read),
+                              notes=[f"{campaign} against {model_file}", *uncalibrated(read)],
+                              next_step=_next_step(found, campaign, model_file))
+        answer.say(f"open {page.write(folder / 'report.html')}")
+    answer.finish(as_json(found, model))
+
+
+def _next_step(found: Any, campaign: str, model_file: str) -> str:
+    if found.verdict != "missing_effect":
+        return ""
+    return f"testbed add {found.effects[0]} -m {model_file} -c {campaign} -o NEW.yaml"
 
 
 def _say(answer: Answer, found: Any, said: Any, campaign: str, model_file: str) -> None:
@@ -55,5 +72,14 @@ def _say(answer: Answer, found: Any, said: Any, campaign: str, model_file: str) 
     answer.table(("parameter", "believed", "refitted"),
                  [(name, shown(one["before"], one["unit"]), shown(one["after"], one["unit"]))
                   for name, one in said["base_parameters"].items()])
+    if len(found.steps) > 1:
+        answer.say()
+        answer.table(("step", "effects", "error, held out", "noise floor"),
+                     [(str(number), " + ".join(step.effects) or "as believed", f"{step.error_held_out:.4f}",
+                       f"{found.noise_floor:.4f}") for number, step in enumerate(found.steps)])
+    if found.next_test is not None:
+        test = found.next_test
+        answer.say(f"a cut at {test.spindle_speed * 30 / math.pi:.0f} rpm, {test.depth_of_cut * 1e3:.2f} mm would tell "
+                   f"{' from '.join(found.separates)} best: they differ there by {test.difference:.1f} times the noise")
     if found.verdict == "missing_effect":
-        answer.say(f"next: testbed add {found.effects[0]} -m {model_file} -c {campaign} -o NEW.yaml")
+        answer.say(f"next: {_next_step(found, campaign, model_file)}")

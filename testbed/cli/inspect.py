@@ -47,7 +47,8 @@ def command(
 ) -> None:
     """Show what was read: channels, units, conditions, speed from the tachometer, segments and noise floor.
 
-    DATA is a campaign.yaml, an HDF5 data set, or one measured file. Nothing here is random: --seed changes nothing.
+    DATA is a campaign.yaml, an HDF5 data set, one measured file, or what `testbed export` wrote. Nothing here is random:
+    --seed changes nothing.
     """
     from analysis.inspection import inspect
     from testbed.units import UnitProblem, parse_quantity
@@ -57,6 +58,11 @@ def command(
         sampling_rate = parse_quantity(rate, "Hz") if rate else None
     except UnitProblem as problem:
         raise InputProblem("--rate", problem.what, problem.do) from None
+    if _exported(data):
+        from testbed.cli.export import describe_export
+
+        describe_export(data, answer)
+        return
     pictures = output_folder(output) if output else None
     found = inspect(data, folder=folder, sampling_rate=sampling_rate, most=most)
     for line in _text(found):
@@ -70,6 +76,18 @@ def command(
                 tell(number, len(found.records))
         answer.say(f"pictures of {len(found.records)} records are in {pictures}")
     answer.finish(found.as_json())
+
+
+def _exported(data: str) -> bool:
+    """True for what `testbed export` wrote; a file of another kind is not opened for it."""
+    from pathlib import Path
+
+    place = Path(data)
+    if not place.is_dir() and place.suffix != ".parquet":
+        return False
+    from testbed.export.reading import is_export
+
+    return is_export(place)
 
 
 def _text(found: Inspection) -> list[str]:

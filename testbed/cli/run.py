@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import click
 
 from testbed.cli._answer import Answer, check_place, plain, progress
 from testbed.cli._options import catalogue_of, effects_option, shared
+
+FAR_WORKERS = 32  # batches are cut for at least so many on a cluster, which may grow while it computes
 
 
 @click.command(short_help="Simulate every test of a scenario into one data set.",
@@ -19,34 +22,55 @@ from testbed.cli._options import catalogue_of, effects_option, shared
               help="In place of the scenario's own: the reference, or the compiled one.")
 @click.option("--resume", is_flag=True, help="Continue a sweep that was interrupted.")
 @click.option("--processes", is_flag=True, help="Workers are processes: a run that kills its process is told by name.")
+@click.option("--stall", type=click.FloatRange(min=0.1), default=600.0, show_default=True, metavar="SECONDS",
+              help="With --processes: a run under way for longer is ended and stored as `limit`.")
+@click.option("--compression", type=click.Choice(["gzip", "zstd", "none"]), default="gzip", show_default=True,
+              help="How transients are packed; zstd is fast and needs hdf5plugin to be read.")
+@click.option("--shards", "keep_shards", is_flag=True, help="DATA becomes a folder of files: for very large sweeps.")
+@click.option("--dask", "address", metavar="ADDRESS", help="Compute on a dask.distributed scheduler, tcp://HOST:PORT.")
+@click.option("--cluster", "cluster_file", metavar="CLUSTER.yaml", help="Compute on jobs of a queue such as SLURM.")
 @effects_option
 @shared
-def command(scenario_file: str, output: str, workers: int, engine: str | None, resume: bool, processes: bool,
+def command(scenario_file: str, output: str, workers: int, engine: str | None, resume: bool, processes: bool, stall: float,
+            compression: Any, keep_shards: bool, address: str | None, cluster_file: str | None,
             folders: tuple[str, ...], json_file: str | None, seed: int | None, quiet: bool) -> None:
     """Simulate every test of SCENARIO.yaml (a file, or the name of a shipped scenario) into one HDF5 data set.
 
-    Results are the same for any number of workers. Interrupted with Ctrl-C, what is finished is kept in DATA.h5.parts
-    and --resume continues. A run that diverges is kept, with its outcome.
+    Results are the same for any number of workers, here or on a cluster. Interrupted with Ctrl-C, what is finished is
+    kept in DATA.h5.parts and --resume continues. A run that diverges is kept, with its outcome.
     """
+    import signal
+    from contextlib import ExitStack
     from dataclasses import replace
 
     from testbed import sweep
     from testbed.scenario_file import read_scenario
 
     answer = Answer(json_file, quiet)
-    check_place(output)
+    if not (keep_shards and resume and Path(output).is_dir()):
+        check_place(output)
     catalogue = catalogue_of(folders)
     scenario = read_scenario(scenario_file, catalogue)
     chosen: Any = engine or scenario.engine
-    scenario = replace(scenario, engine=chosen, seed=scenario.seed if seed is None else seed)
+    scenario = replace(scenario if seed is None else scenario.with_seed(seed), engine=chosen)
+    if address and cluster_file:
+        raise click.UsageError("--dask and --cluster exclude each other")
     try:
-        with progress(scenario.name, quiet) as show:
-            report = sweep.run(scenario, engine_named(scenario.engine), output, workers=workers, resume=resume,
-                               progress=show, processes=processes, folders=folders,
-                               model_xml=_xml(scenario, catalogue, folders))
+        with ExitStack() as stack:
+            # SIGTERM is a queue's way to say that the time is up.
+            stack.callback(signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, signal.default_int_handler))
+            far = None
+            if address or cluster_file:
+                from testbed.cluster import on_cluster
+
+                far = stack.enter_context(on_cluster(address, cluster_file))
+            show = stack.enter_context(progress(scenario.name, quiet, "runs"))
+            report = sweep.run(scenario, engine_named(scenario.engine), output, resume=resume, progress=show,
+                               workers=max(workers, FAR_WORKERS) if far else workers, processes=processes,
+                               folders=folders, model_xml=_xml(scenario, catalogue, folders), compression=compression,
+                               stall=stall, cluster=far, keep_shards=keep_shards)
     except sweep.Interrupted as stop:
-        again = _again(scenario_file, output, workers, engine, processes, folders, seed)
-        raise KeyboardInterrupt(f"{stop}; continue with: {again}") from None
+        raise KeyboardInterrupt(f"{stop}; continue with: {_again()}") from None
     outcomes = ", ".join(f"{count} {name}" for name, count in report.outcomes.items())
     answer.say(f"{report.output}: {report.runs} runs ({outcomes}), {report.computed} computed now, "
                f"content {report.content_hash[:16]}")
@@ -74,14 +98,20 @@ def _xml(scenario: Any, catalogue: Any, folders: tuple[str, ...]) -> str:
     return model_xml(run.model, run.cut, steps=run.steps if scenario.engine == "mujoco" else None, catalogue=catalogue)
 
 
-def _again(scenario_file: str, output: str, workers: int, engine: str | None, processes: bool, folders: tuple[str, ...],
-           seed: int | None) -> str:
+def _again() -> str:
+    """The command that continues this one: as it was typed, with --resume."""
     import shlex
 
-    parts = ["testbed", "run", scenario_file, "-o", output, "--workers", str(workers), "--resume"]
-    parts += ["--engine", engine] if engine else []
-    parts += ["--seed", str(seed)] if seed is not None else []
-    parts += ["--processes"] if processes else []
-    for folder in folders:
-        parts += ["--effects", folder]
-    return shlex.join(parts)
+    context = click.get_current_context()
+    parts = ["testbed", "run"]
+    for parameter in context.command.params:
+        given = context.params[parameter.name or ""]
+        if context.get_parameter_source(parameter.name or "") is not click.core.ParameterSource.COMMANDLINE:
+            continue
+        if isinstance(parameter, click.Argument):
+            parts.append(str(given))
+        elif parameter.name != "resume":
+            option = max(parameter.opts, key=len)
+            for value in given if isinstance(given, tuple) else (given,):
+                parts += [option] if value is True else [option, str(value)]
+    return shlex.join([*parts, "--resume"])

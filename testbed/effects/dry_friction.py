@@ -12,7 +12,9 @@ three times the frequency of the stuck structure, so that a coarse step cannot c
 
 Valid for a joint or guideway whose static and kinetic friction are alike. Force and slope jump at breakaway and at the
 turning points, so integration keeps second order at the best. Over a cycle of amplitude X it dissipates 4 F_c X: a
-free vibration loses 4 F_c / k of its amplitude every cycle, then stops.
+free vibration loses 4 F_c / k of its amplitude every cycle, then stops. The loop has no linear delay equation: about a
+sliding motion the small perturbation depends on its sign at every turning point, and while the joint sticks any deflection
+it stopped at is an equilibrium (a multiplier of exactly 1 for each).
 
 Start of a fit: k over 4 times the loss of amplitude a cycle at the end of a ring-down.
 """
@@ -41,6 +43,9 @@ EFFECT = Effect(
     ),
     states=("deflection",),
     smooth=False,
+    no_linear_answer="dry friction has no linear delay equation: stuck, it is a spring of F_c / z_c beside the structure's own "
+    "(give the model that stiffness); sliding, its equivalent damping 4 F_c / (pi X omega) falls with the amplitude X "
+    "(simulate at the amplitude asked for)",
 )
 
 

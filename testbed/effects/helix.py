@@ -4,8 +4,8 @@
 
 The lag over the depth is b tan(beta) / R; entry and exit are ramps of that length, and where it equals the pitch the
 force is constant. The part of each edge that is in the cut is integrated by Gauss-Legendre points that move with it.
-The force has a corner where either end of the edge enters or leaves. For one mode along the feed the sign of the
-helix is of no consequence (the axial force does not act).
+The force has a corner where either end of the edge enters or leaves: the steps end there, so that fourth order is kept.
+For one mode along the feed the sign of the helix is of no consequence (the axial force does not act).
 
 Source: W. A. Kline, R. E. DeVor and J. R. Lindberg (1982), Int. J. Machine Tool Design and Research 22, 7-22;
 stability: M. Zatarain, J. Munoa, G. Peigne and T. Insperger (2006), Analysis of the influence of mill helix angle on
@@ -34,7 +34,6 @@ EFFECT = Effect(
         ("immersion_error", "two depths at one radial depth: the window grows with the axial depth only with a helix"),
         ("entry_ramp", "a long cut: the ramp ends after R sin(exit angle) of feed, the helix stays"),
     ),
-    smooth=False,  # the force has corners where an end of the edge enters or leaves, and no step need end there
 )
 
 

@@ -43,6 +43,7 @@ EFFECT = Effect(
         ("helix", "one cut at two speeds: a mode keeps its frequency, the harmonics of the tooth passing move"),
     ),
     states=("deflection", "deflection_rate"),
+    oscillators=(("deflection", "deflection_rate"),),
 )
 
 

@@ -24,6 +24,7 @@ from testbed.effect import HOOKS, Effect
 from testbed.engines import hooks as base_hooks
 
 ENGINES = Path(__file__).parent
+FAST = ("loop_kernel", "oscillator_kernel", "sampling_kernel", "fast_kernel")
 _SLOTS = {"displacement": "Y[0]", "velocity": "Y[1]", "time": "Y[2]"}
 _COMPILED = [name for name, hook in HOOKS.items() if hook.joins in ("sum", "product", "replace")]
 
@@ -41,6 +42,7 @@ class Layout:
                 self.parameter[name, parameter.name] = len(self.parameter)
             for state in effect.states:
                 self.state[name, state] = 3 + len(self.state)
+        self.oscillators = 1 + sum(len(effect.oscillators) for effect in effects.values())
 
 
 def _argument(layout: Layout, effect: Effect, argument: str) -> str:
@@ -60,7 +62,7 @@ def _hook_text(layout: Layout, hook: str) -> list[str]:
     base = getattr(base_hooks, f"hook_{hook}").py_func
     joins = HOOKS[hook].joins
     start = {"sum": "0.0", "product": "1.0", "replace": "penetration"}[joins]
-    lines = ["@njit", f"def hook_{hook}({', '.join(inspect.signature(base).parameters)}):", f"    total = {start}"]
+    lines = ["@inner", f"def hook_{hook}({', '.join(inspect.signature(base).parameters)}):", f"    total = {start}"]
     for effect in layout.effects.values():
         if hook in effect.hooks:
             sign = {"sum": "+=", "product": "*=", "replace": "="}[joins]
@@ -71,7 +73,7 @@ def _hook_text(layout: Layout, hook: str) -> list[str]:
 
 def _derivatives_text(layout: Layout) -> list[str]:
     base = base_hooks.hook_derivatives.py_func
-    lines = ["@njit", f"def hook_derivatives({', '.join(inspect.signature(base).parameters)}):", "    pass"]
+    lines = ["@inner", f"def hook_derivatives({', '.join(inspect.signature(base).parameters)}):", "    pass"]
     for effect in layout.effects.values():
         for state in effect.states:
             slot = layout.state[effect.name, state]
@@ -81,11 +83,11 @@ def _derivatives_text(layout: Layout) -> list[str]:
 
 
 def _import_text(effects: Mapping[str, Effect]) -> list[str]:
-    lines = ["from numba import njit", "import testbed.engines.compose as _compose", ""]
+    lines = ["from testbed.engines.compiled import inlined, inner", "import testbed.engines.compose as _compose", ""]
     for effect in effects.values():
         for hook in effect.hooks:
             if hook in _COMPILED or hook.startswith("derivative_"):
-                lines.append(f"{effect.name}__{hook} = njit(_compose.source_of({effect.name!r}, {hook!r}))")
+                lines.append(f"{effect.name}__{hook} = inner(_compose.source_of({effect.name!r}, {hook!r}))")
     return [*lines, "", ""]
 
 

@@ -13,21 +13,24 @@ from testbed.effect import Effect
 from testbed.effect import catalogue as known_effects
 from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
-from testbed.engines.compose import compose
+from testbed.engines import sampling_kernel as sk
+from testbed.engines.compose import FAST, compose
 from testbed.engines.measure import measured_channels
-from testbed.engines.packing import Packed, pack
+from testbed.engines.packing import Packed, pack, stiffening
 from testbed.machine import Cutter, Model
 from testbed.recording import Outcome, Recording
 
 _NO_EFFECTS: Mapping[str, Effect] = MappingProxyType({})
+STIFFER = 1.05  # a structure stiffened beyond this, in frequency, is run again with finer steps
+REFINEMENTS = 4  # how often: after a coarse run the motion itself may still change
 LIMIT = 1.0  # m; a displacement beyond it is a run that has diverged
 CHANNELS = {
-    "displacement": fk.SENSED_X,
-    "velocity": fk.SENSED_V,
-    "acceleration": fk.SENSED_A,
-    "force_x": fk.FORCE_X,
-    "force_y": fk.FORCE_Y,
-    "spindle_angle": fk.ANGLE,
+    "displacement": sk.SENSED_X,
+    "velocity": sk.SENSED_V,
+    "acceleration": sk.SENSED_A,
+    "force_x": sk.FORCE_X,
+    "force_y": sk.FORCE_Y,
+    "spindle_angle": sk.ANGLE,
 }
 UNITS = {
     "displacement": "m",
@@ -63,32 +66,31 @@ def _run(
     linear: bool,
 ) -> BatchResult:
     runs = len(packed)
-    A, P, G, integers, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIY")
+    A, P, G, integers, O, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIOY")
     result = BatchResult(
-        np.empty((runs, fk.N_CHANNELS, count)),
+        np.empty((runs, sk.N_CHANNELS, count)),
         np.empty((runs, passes + 1)),
         np.empty((runs, passes + 1, 2)),
         np.empty(runs, dtype=np.int64),
         np.empty(runs),
     )
     if linear:
-        kernel = compose(_NO_EFFECTS, ("loop_kernel", "fast_kernel", "linear_kernel"))
+        kernel = compose(_NO_EFFECTS, (*FAST, "linear_kernel"))
         kernel.run_linear_batch(
             G, integers, Y, clock, LIMIT, result.out, result.pass_times, result.pass_states, result.outcome, result.outcome_time
         )
     else:
-        wanted = np.zeros(fk.N_CHANNELS, dtype=np.bool_)
-        wanted[[fk.FORCE_X, fk.FORCE_Y]] = forces
-        kernel = compose(catalogue, ("loop_kernel", "fast_kernel"))
+        kernel = compose(catalogue, FAST)
         kernel.run_batch(
             A,
             P,
             G,
             integers,
+            O,
             Y,
             durations,
             clock,
-            wanted,
+            forces,
             LIMIT,
             result.out,
             result.pass_times,
@@ -127,7 +129,32 @@ def simulate_batch(
         for row, values in zip(table, durations, strict=True):
             row[: len(values)] = values
     linear = not (general or forces) and all(one.base for one in packed)
-    return _run(packed, clock, table, forces, count, passes, effects, linear)
+    result = _run(packed, clock, table, forces, count, passes, effects, linear)
+    if steps is None and not linear:
+        _refine(result, models, cuts, packed, effects, clock, table, forces)
+    return result
+
+
+def _refine(result: BatchResult, models: Sequence[Model], cuts: Sequence[Cut], packed: Sequence[Packed],
+            effects: Mapping[str, Effect], clock: np.ndarray, table: np.ndarray, forces: bool) -> None:  # fmt: skip
+    """Run again, with finer steps, what has moved so far that its structure became stiffer than the steps were made for."""
+    assumed = np.ones(len(packed))
+    for _ in range(REFINEMENTS):
+        again = []
+        for run, model in enumerate(models):
+            x, v = result.pass_states[run, :, 0], result.pass_states[run, :, 1]
+            amplitude = float(np.nanmax(np.hypot(x, v / model.structure.natural_frequency_rad)))
+            found = stiffening(model, effects, amplitude) if model.effects else 1.0
+            if found > STIFFER * assumed[run]:
+                again.append(run)
+                assumed[run] = found
+        if not again:
+            return
+        finer = [pack(models[run], cuts[run], effects, None, table.shape[1] > 0, assumed[run]) for run in again]
+        part = _run(finer, clock[again], table[again], forces, result.out.shape[2], result.pass_times.shape[1] - 1, effects,
+                    False)  # fmt: skip
+        for name in ("out", "pass_times", "pass_states", "outcome", "outcome_time"):
+            getattr(result, name)[again] = getattr(part, name)
 
 
 def simulate(

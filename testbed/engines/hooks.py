@@ -4,74 +4,74 @@ The kernels are written against these names. `testbed.engines.compose` puts the 
 A holds one flag per effect, P all effects' parameters, Y the state [x (m), v (m/s), t (s), effects' states ...].
 """
 
-from numba import njit
+from testbed.engines.compiled import inner
 
 N_STATES = 0
 
 
-@njit
+@inner
 def hook_edge_position(A, P, Y, tooth, flutes, radius, angle):
     return 0.0
 
 
-@njit
+@inner
 def hook_relative_displacement(A, P, Y):
     return 0.0
 
 
-@njit
+@inner
 def hook_relative_velocity(A, P, Y):
     return 0.0
 
 
-@njit
+@inner
 def hook_engagement(A, P, Y, phase, engagement_angle, entry_angle, feed_travel, feed_per_tooth, radius):
     return 1.0
 
 
-@njit
+@inner
 def hook_chip(A, P, penetration):
     return penetration
 
 
-@njit
+@inner
 def hook_force_factor(A, P, Y, chip, penetration, angle, edge_velocity, depth, cutting_speed, length_cut, radius,
                       feed_per_tooth, tooth):
     return 1.0
 
 
-@njit
+@inner
 def hook_tangential_force(A, P, Y, chip, penetration, angle, edge_velocity, depth, cutting_speed, length_cut, radius,
                           feed_per_tooth, tooth):
     return 0.0
 
 
-@njit
+@inner
 def hook_normal_force(A, P, Y, chip, penetration, angle, edge_velocity, depth, cutting_speed, length_cut, radius,
                       feed_per_tooth, tooth):
     return 0.0
 
 
-@njit
+@inner
 def hook_structure_force(A, P, Y, mass, stiffness, damping):
     return 0.0
 
 
-@njit
+@inner
 def hook_derivatives(A, P, Y, D, applied_force, mean_torque, mass, stiffness, damping):
     """Write the time derivatives of the effects' states into D[3:]."""
 
 
-@njit
+@inner
 def hook_speed(A, P, Y, spindle_speed):
     return 0.0
 
 
-@njit
+@inner
 def hook_sensed_displacement(A, P, Y):
     return 0.0
 
 
-@njit
+@inner
 def hook_sensed_velocity(A, P, Y):
     return 0.0

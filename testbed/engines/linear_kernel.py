@@ -11,22 +11,9 @@ import math
 import numpy as np
 from numba import njit
 
-from testbed.engines.fast_kernel import (
-    CUT,
-    IDLE,
-    N_A,
-    N_B,
-    OUTCOME_DIVERGED,
-    OUTCOME_OK,
-    RING_DOWN,
-    SENSED_A,
-    SENSED_V,
-    SENSED_X,
-    TEETH_A,
-    TEETH_B,
-    free_map,
-)
+from testbed.engines.fast_kernel import CUT, IDLE, OUTCOME_DIVERGED, OUTCOME_OK, RING_DOWN, SEGMENTS, STEPS, TEETH
 from testbed.engines.loop_kernel import (
+    CORNERS,
     DAMPING,
     ENTRY,
     FEED,
@@ -37,10 +24,11 @@ from testbed.engines.loop_kernel import (
     PITCH,
     SLICE_DEPTH,
     SLICES,
-    SPLIT,
     STIFFNESS,
     piece_of_edge,
 )
+from testbed.engines.oscillator_kernel import oscillator_map
+from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X, fill_quintic
 
 
 @njit(cache=True)
@@ -55,65 +43,89 @@ def chip_stiffness(G, phase, teeth):
 
 
 @njit(cache=True)
-def cross(G, x, v, t0, dt, steps, kappa, memory, row0, first, last, clock, out, position, limit):
-    """Step through one segment in the cut; kappa has 2 * steps + 1 rows. Returns (x, v, next sample, still bounded)."""
-    e00, e01, e10, e11 = free_map(G, dt)
-    f00, f01, f10, f11 = free_map(G, 0.5 * dt)
+def cross(G, x, v, t0, dt, steps, kappa, memory, row0, last, clock, out, position, limit):
+    """Step through one segment in the cut, from row0 of kappa and memory on. `last` is what is left at its start.
+
+    Returns (x, v, next sample, what is left at its end, still bounded).
+    """
+    e00, e01, e10, e11 = oscillator_map(G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS], dt)
+    f00, f01, f10, f11 = oscillator_map(G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS], 0.5 * dt)
     pull, drag = G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS]
     feed, count = G[FEED], out.shape[1]
-    pending = memory[row0] if first else last
     for step in range(steps):
         row = row0 + 2 * step
-        n1 = -kappa[2 * step] * (feed + x - memory[row])
+        n1 = -kappa[row] * (feed + x - memory[row])
         hx = f00 * x + f01 * v
         ex, ev = e00 * x + e01 * v, e10 * x + e11 * v
-        n2 = -kappa[2 * step + 1] * (feed + hx + 0.5 * dt * f01 * n1 - memory[row + 1])
-        n3 = -kappa[2 * step + 1] * (feed + hx - memory[row + 1])
-        n4 = -kappa[2 * step + 2] * (feed + ex + dt * f01 * n3 - memory[row + 2])
+        n2 = -kappa[row + 1] * (feed + hx + 0.5 * dt * f01 * n1 - memory[row + 1])
+        n3 = -kappa[row + 1] * (feed + hx - memory[row + 1])
+        n4 = -kappa[row + 2] * (feed + ex + dt * f01 * n3 - memory[row + 2])
         x1 = ex + dt * (e01 * n1 + 2.0 * f01 * (n2 + n3)) / 6.0
         v1 = ev + dt * (e11 * n1 + 2.0 * f11 * (n2 + n3) + n4) / 6.0
         if not abs(x1) < limit:
-            return x, v, position, pending, False
+            return x, v, position, last, False
         if position < count and clock[0] + position / clock[1] <= t0 + dt:
             a0 = n1 - pull * x - drag * v
-            a1 = -kappa[2 * step + 2] * (feed + x1 - memory[row + 2]) - pull * x1 - drag * v1
+            a1 = -kappa[row + 2] * (feed + x1 - memory[row + 2]) - pull * x1 - drag * v1
             while position < count:
                 u = (clock[0] + position / clock[1] - t0) / dt
                 if u > 1.0:
                     break
-                h10, h01, h11 = u * (1.0 - u) ** 2, u * u * (3.0 - 2.0 * u), u * u * (u - 1.0)
-                out[SENSED_X, position] = (1.0 - h01) * x + h01 * x1 + dt * (h10 * v + h11 * v1)
-                out[SENSED_V, position] = (1.0 - h01) * v + h01 * v1 + dt * (h10 * a0 + h11 * a1)
-                out[SENSED_A, position] = (
-                    6.0 * u * (1.0 - u) * (v1 - v) / dt + (1.0 - u) * (1.0 - 3.0 * u) * a0 + u * (3.0 * u - 2.0) * a1
-                )
+                fill_quintic(out, position, u, dt, x, v, a0, x1, v1, a1)
                 position += 1
-        memory[row] = x if first and step == 0 else pending
+        memory[row] = last
         memory[row + 1] = 0.5 * (x + x1) + 0.125 * dt * (v - v1)
-        pending = x1
+        last = x1
         x, v = x1, v1
         t0 += dt
-    return x, v, position, pending, True
+    return x, v, position, last, True
+
+
+@njit(cache=True)
+def cross_pitch_linear(G, I, x, v, t0, kappa, memory, flights, clock, limit, out, position):  # noqa: E741
+    """One tooth pass in the cut. flights (segments, 4): exact maps over whole segments.
+
+    Returns (x, v, next sample, still bounded).
+    """
+    row0, last = 0, x
+    for segment in range(I[SEGMENTS]):
+        steps, teeth = I[STEPS + segment], I[TEETH + segment]
+        duration = (G[CORNERS + segment + 1] - G[CORNERS + segment]) / G[OMEGA]
+        if teeth == 0:
+            position = fly_linear(G, x, v, t0, duration, clock, out, position)
+            x, v = (flights[segment, 0] * x + flights[segment, 1] * v, flights[segment, 2] * x + flights[segment, 3] * v)
+        else:
+            x, v, position, last, bounded = cross(G, x, v, t0, duration / steps, steps, kappa, memory, row0, last, clock,
+                                                  out, position, limit)  # fmt: skip
+            if not bounded:
+                return x, v, position, False
+            memory[row0 + 2 * steps] = last
+        row0 += 2 * steps + 1
+        t0 += duration
+    return x, v, position, True
 
 
 @njit(cache=True)
 def run_linear(G, I, Y, clock, limit, out, pass_times, pass_states):  # noqa: E741
     """As the general kernel's run_one, for the base model. The forces and the angle are not sampled."""
-    n_a, n_b = I[N_A], I[N_B]
-    tau = G[PITCH] / G[OMEGA]
-    dt_a = G[SPLIT] / G[OMEGA] / n_a
-    dt_b = (tau - G[SPLIT] / G[OMEGA]) / n_b if n_b > 0 else 0.0
-    kappa_a, kappa_b = np.empty(2 * n_a + 1), np.zeros(2 * n_b + 1)
-    for row in range(2 * n_a + 1):
-        kappa_a[row] = chip_stiffness(G, 0.5 * row * G[SPLIT] / n_a, I[TEETH_A])
-    if I[TEETH_B] > 0 and n_b > 0:
-        for row in range(2 * n_b + 1):
-            kappa_b[row] = chip_stiffness(G, G[SPLIT] + 0.5 * row * (G[PITCH] - G[SPLIT]) / n_b, I[TEETH_B])
-    memory = np.zeros(2 * (n_a + n_b) + 1)
-    x, v = Y[0], Y[1]
-    position, last = 0, 0.0
-    a, b, c, d = free_map(G, tau)
-    p, q, r, s = free_map(G, n_b * dt_b)
+    tau, rows = G[PITCH] / G[OMEGA], 1
+    pull, drag = G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS]
+    flights = np.zeros((I[SEGMENTS], 4))
+    for segment in range(I[SEGMENTS]):
+        rows += 2 * I[STEPS + segment]
+        duration = (G[CORNERS + segment + 1] - G[CORNERS + segment]) / G[OMEGA]
+        p, q, r, s = oscillator_map(pull, drag, duration)
+        flights[segment, 0], flights[segment, 1], flights[segment, 2], flights[segment, 3] = p, q, r, s
+    # a corner belongs to two segments: where a straight tooth leaves, the force jumps, and each needs its own row
+    kappa, memory = np.zeros(rows + I[SEGMENTS]), np.zeros(rows + I[SEGMENTS])
+    row0 = 0
+    for segment in range(I[SEGMENTS]):
+        steps, low, high = I[STEPS + segment], G[CORNERS + segment], G[CORNERS + segment + 1]
+        for row in range(2 * steps + 1 if I[TEETH + segment] > 0 else 0):
+            kappa[row0 + row] = chip_stiffness(G, low + (high - low) * row / (2.0 * steps), I[TEETH + segment])
+        row0 += 2 * steps + 1
+    x, v, position = Y[0], Y[1], 0
+    a, b, c, d = oscillator_map(pull, drag, tau)
     pass_times[0], pass_states[0, 0], pass_states[0, 1] = Y[2], x, v
     for number in range(I[IDLE] + I[CUT] + I[RING_DOWN]):
         t0 = Y[2] + number * tau
@@ -121,21 +133,7 @@ def run_linear(G, I, Y, clock, limit, out, pass_times, pass_states):  # noqa: E7
             position = fly_linear(G, x, v, t0, tau, clock, out, position)
             x, v = a * x + b * v, c * x + d * v
         else:
-            x, v, position, last, bounded = cross(
-                G, x, v, t0, dt_a, n_a, kappa_a, memory, 0, True, last, clock, out, position, limit
-            )
-            if bounded and n_b > 0:
-                if I[TEETH_B] > 0:
-                    x, v, position, last, bounded = cross(
-                        G, x, v, t0 + n_a * dt_a, dt_b, n_b, kappa_b, memory, 2 * n_a, False, last, clock, out, position, limit
-                    )
-                    memory[2 * (n_a + n_b)] = last
-                else:
-                    memory[2 * n_a] = last
-                    position = fly_linear(G, x, v, t0 + n_a * dt_a, n_b * dt_b, clock, out, position)
-                    x, v = p * x + q * v, r * x + s * v
-            else:
-                memory[2 * n_a] = last
+            x, v, position, bounded = cross_pitch_linear(G, I, x, v, t0, kappa, memory, flights, clock, limit, out, position)
             if not bounded:
                 out[:, position:] = np.nan
                 pass_times[number + 1 :] = np.nan
@@ -161,13 +159,13 @@ def fly_linear(G, x, v, t0, dt, clock, out, position):
     while start + (end - 1) / rate > t0 + dt:  # the same comparison as everywhere else decides
         end -= 1
     pull, drag = G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS]
-    a, b, c, d = free_map(G, first - t0)
+    a, b, c, d = oscillator_map(pull, drag, first - t0)
     x0, v0 = a * x + b * v, c * x + d * v
-    a, b, c, d = free_map(G, 1.0 / rate)
+    a, b, c, d = oscillator_map(pull, drag, 1.0 / rate)
     x1, v1 = a * x0 + b * v0, c * x0 + d * v0
     x2, v2 = a * x1 + b * v1, c * x1 + d * v1
     x3, v3 = a * x2 + b * v2, c * x2 + d * v2
-    a, b, c, d = free_map(G, 4.0 / rate)
+    a, b, c, d = oscillator_map(pull, drag, 4.0 / rate)
     sensed_x, sensed_v, sensed_a = out[SENSED_X], out[SENSED_V], out[SENSED_A]
     while position + 4 <= end:
         sensed_x[position], sensed_x[position + 1], sensed_x[position + 2], sensed_x[position + 3] = x0, x1, x2, x3

@@ -10,8 +10,8 @@ constants below are its places).
 import math
 
 import numpy as np
-from numba import njit
 
+from testbed.engines.compiled import inlined, inner
 from testbed.engines.hooks import (
     hook_chip,
     hook_derivatives,
@@ -26,8 +26,11 @@ from testbed.engines.hooks import (
     hook_tangential_force,
 )
 
-FLUTES, PITCH, RADIUS, ENTRY, ENGAGED, SLICES, SLICE_LAG, SLICE_COVER, SLICE_DEPTH, KT, KN, FEED, FEED_SPEED, \
-    OMEGA, T_ENTRY, LENGTH_BEFORE, MASS, DAMPING, STIFFNESS, SPLIT, G_SIZE = range(21)
+FLUTES, PITCH, RADIUS, ENTRY, ENGAGED, SLICES, SLICE_LAG, SLICE_DEPTH, KT, KN, FEED, FEED_SPEED, OMEGA, T_ENTRY, \
+    LENGTH_BEFORE, MASS, DAMPING, STIFFNESS, CORNERS = range(19)
+# The pitch is cut into segments at the corners of the force; segment i runs from G[CORNERS + i] to G[CORNERS + i + 1].
+MOST_SEGMENTS = 4
+G_SIZE = CORNERS + MOST_SEGMENTS + 1
 
 
 MOST_POINTS = 32
@@ -36,7 +39,7 @@ for _count in range(1, MOST_POINTS + 1):
     GAUSS_NODES[_count, :_count], GAUSS_WEIGHTS[_count, :_count] = np.polynomial.legendre.leggauss(_count)
 
 
-@njit
+@inner
 def piece_of_edge(G, phase, edge):
     """(weight as a share of SLICE_DEPTH, angle after entry) of one Gauss point of a tooth's part that is in the cut.
 
@@ -57,16 +60,21 @@ def piece_of_edge(G, phase, edge):
     return 0.5 * slices * GAUSS_WEIGHTS[slices, point] * (high - low) / lag, turned
 
 
-@njit
+@inlined
+def radius_of_edge(A, P, G, Y, feed, theta, sine, tooth):
+    """`edge_radius` where the feed's travel (m), the angle's sine and the tooth's number are known already."""
+    x = Y[0] + hook_relative_displacement(A, P, Y)
+    return (feed + x) * sine + hook_edge_position(A, P, Y, tooth, G[FLUTES], G[RADIUS], theta)
+
+
+@inner
 def edge_radius(A, P, G, Y, theta, edge, pass_number):
     """Radial position of an edge beyond the nominal circle of a tool that does not feed, m."""
     tooth = (pass_number - edge // int(G[SLICES])) % int(G[FLUTES])
-    feed = G[FEED_SPEED] * (Y[2] - G[T_ENTRY])
-    x = Y[0] + hook_relative_displacement(A, P, Y)
-    return (feed + x) * math.sin(theta) + hook_edge_position(A, P, Y, tooth, G[FLUTES], G[RADIUS], theta)
+    return radius_of_edge(A, P, G, Y, G[FEED_SPEED] * (Y[2] - G[T_ENTRY]), theta, math.sin(theta), tooth)
 
 
-@njit
+@inner
 def leave_surface(A, P, G, Y, phase, pass_number, teeth, old, new):
     """Radial positions the edges leave behind them at this instant; `old` is what they met, `new` may be `old`."""
     for edge in range(teeth * int(G[SLICES])):
@@ -77,7 +85,7 @@ def leave_surface(A, P, G, Y, phase, pass_number, teeth, old, new):
         new[edge] = radial if chip == penetration else old[edge] + chip
 
 
-@njit
+@inner
 def first_surface(A, P, G, Y, phase, teeth, time, new):
     """Surface before the first tooth: what rigid teeth would have left one pitch earlier. Y is scratch."""
     Y[0] = 0.0
@@ -90,40 +98,47 @@ def first_surface(A, P, G, Y, phase, teeth, time, new):
         new[edge] = edge_radius(A, P, G, Y, G[ENTRY] + turned, edge, -1)
 
 
-@njit
+@inlined
+def force_of_edge(A, P, G, Y, velocity, feed, cover, turned, theta, sine, cosine, met, tooth):
+    """(tangential force, normal force, radial position left behind) of one edge that met the surface `met`; N, m."""
+    radial = radius_of_edge(A, P, G, Y, feed, theta, sine, tooth)
+    penetration = radial - met
+    chip = hook_chip(A, P, penetration)
+    if cover <= 0.0:
+        return 0.0, 0.0, radial if chip == penetration else met + chip
+    cutting_speed, length = G[RADIUS] * G[OMEGA], G[LENGTH_BEFORE] + feed
+    depth = G[SLICE_DEPTH] * cover \
+        * hook_engagement(A, P, Y, turned, G[ENGAGED], G[ENTRY], feed, G[FEED], G[RADIUS])
+    radial_velocity = velocity * sine
+    factor = depth * chip * hook_force_factor(A, P, Y, chip, penetration, theta, radial_velocity, depth,
+                                              cutting_speed, length, G[RADIUS], G[FEED], tooth)
+    tangential = G[KT] * factor + hook_tangential_force(
+        A, P, Y, chip, penetration, theta, radial_velocity, depth, cutting_speed, length, G[RADIUS], G[FEED], tooth)
+    normal = G[KN] * factor + hook_normal_force(
+        A, P, Y, chip, penetration, theta, radial_velocity, depth, cutting_speed, length, G[RADIUS], G[FEED], tooth)
+    return tangential, normal, radial if chip == penetration else met + chip
+
+
+@inner
 def cutting_force(A, P, G, Y, phase, pass_number, teeth, surface):
     """(F_x on the structure, F_y across the feed, torque on the spindle) of all edges, N and N m."""
     force_x, force_y, torque = 0.0, 0.0, 0.0
-    slices = int(G[SLICES])
-    cutting_speed = G[RADIUS] * G[OMEGA]
     velocity = Y[1] + hook_relative_velocity(A, P, Y)
     feed = G[FEED_SPEED] * (Y[2] - G[T_ENTRY])
-    length = G[LENGTH_BEFORE] + feed
-    for edge in range(teeth * slices):
+    for edge in range(teeth * int(G[SLICES])):
         cover, turned = piece_of_edge(G, phase, edge)
-        if cover <= 0.0:
-            continue
         theta = G[ENTRY] + turned
         sine, cosine = math.sin(theta), math.cos(theta)
-        cover *= hook_engagement(A, P, Y, turned, G[ENGAGED], G[ENTRY], feed, G[FEED], G[RADIUS])
-        depth = G[SLICE_DEPTH] * cover
-        tooth = (pass_number - edge // slices) % int(G[FLUTES])
-        penetration = edge_radius(A, P, G, Y, theta, edge, pass_number) - surface[edge]
-        chip = hook_chip(A, P, penetration)
-        radial_velocity = velocity * sine
-        factor = depth * chip * hook_force_factor(A, P, Y, chip, penetration, theta, radial_velocity, depth,
-                                                  cutting_speed, length, G[RADIUS], G[FEED], tooth)
-        tangential = G[KT] * factor + hook_tangential_force(
-            A, P, Y, chip, penetration, theta, radial_velocity, depth, cutting_speed, length, G[RADIUS], G[FEED], tooth)
-        normal = G[KN] * factor + hook_normal_force(
-            A, P, Y, chip, penetration, theta, radial_velocity, depth, cutting_speed, length, G[RADIUS], G[FEED], tooth)
+        tooth = (pass_number - edge // int(G[SLICES])) % int(G[FLUTES])
+        tangential, normal, left = force_of_edge(A, P, G, Y, velocity, feed, cover, turned, theta, sine, cosine,
+                                                 surface[edge], tooth)
         force_x -= tangential * cosine + normal * sine
         force_y += tangential * sine - normal * cosine
         torque += tangential * G[RADIUS]
     return force_x, force_y, torque
 
 
-@njit
+@inlined
 def derivative(A, P, G, Y, D, force_x, mean_torque):
     """Time derivative D of the state Y under the applied force: the structure's own law and the effects' states."""
     mass, damping, stiffness = G[MASS], G[DAMPING], G[STIFFNESS]
@@ -134,7 +149,7 @@ def derivative(A, P, G, Y, D, force_x, mean_torque):
     hook_derivatives(A, P, Y, D, force_x, mean_torque, mass, stiffness, damping)
 
 
-@njit
+@inner
 def spindle_speed(A, P, G, Y):
     """Spindle speed now, rad/s."""
     return G[OMEGA] * (1.0 + hook_speed(A, P, Y, G[OMEGA]))

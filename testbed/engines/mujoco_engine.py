@@ -57,32 +57,40 @@ _NO_EFFECTS: Mapping[str, Effect] = MappingProxyType({})
 
 
 def _grid(model: Model, cut: Cut, effects: Mapping[str, Effect], steps: int | None) -> Packed:
-    """Packed inputs with this engine's own grid: plain steps everywhere, of one size before and after the exit."""
+    """Packed inputs with this engine's own grid: plain steps everywhere, of about one size in all segments.
+
+    steps: how many while the leading tooth crosses its cut.
+    """
     packed = pack(model, cut, effects, steps)
-    split, pitch = packed.G[lk.SPLIT], packed.G[lk.PITCH]
+    segments = packed.I[fk.SEGMENTS]
+    lengths = np.diff(packed.G[lk.CORNERS : lk.CORNERS + segments + 1])
     if steps is None:
         fastest = fastest_frequency(model, effects)
-        steps = max(12, math.ceil(split / cut.spindle_speed * fastest / STEP_PHASE), math.ceil(split / STEP_ANGLE))
-    packed.I[fk.N_A] = steps
-    packed.I[fk.N_B] = math.ceil((pitch - split) / (split / steps) - 1e-9) if pitch - split > 0 else 0
+        density = max(fastest / STEP_PHASE / cut.spindle_speed, 1.0 / STEP_ANGLE, 12.0 / packed.crossing)
+    else:
+        density = steps / packed.crossing
+    packed.I[fk.STEPS : fk.STEPS + segments] = np.maximum(1, np.ceil(lengths * density - 1e-9))
     return packed
 
 
 def _settings(packed: Packed) -> np.ndarray:
     """The plugin's settings as one flat array: head, flags, parameters, geometry."""
     head = np.zeros(mk.N_HEAD)
-    for place, source in ((mk.M_N_A, fk.N_A), (mk.M_N_B, fk.N_B), (mk.M_TEETH_A, fk.TEETH_A),
-                          (mk.M_TEETH_B, fk.TEETH_B), (mk.M_IDLE, fk.IDLE), (mk.M_CUT, fk.CUT),
-                          (mk.M_STATES_ON, fk.STATES_ON), (mk.M_STEADY, fk.STEADY_SPEED)):
+    for place, source in ((mk.M_SEGMENTS, fk.SEGMENTS), (mk.M_IDLE, fk.IDLE), (mk.M_CUT, fk.CUT),
+                          (mk.M_STEADY, fk.STEADY_SPEED)):
         head[place] = packed.I[source]
+    head[mk.M_STATES_ON] = packed.states_on
+    head[mk.M_STEPS : mk.M_STEPS + lk.MOST_SEGMENTS] = packed.I[fk.STEPS : fk.STEPS + lk.MOST_SEGMENTS]
+    head[mk.M_TEETH : mk.M_TEETH + lk.MOST_SEGMENTS] = packed.I[fk.TEETH : fk.TEETH + lk.MOST_SEGMENTS]
     head[[mk.M_A, mk.M_P, mk.M_Y]] = packed.A.size, packed.P.size, packed.Y.size
-    head[mk.M_EDGES] = max(1, packed.I[fk.TEETH_A] * int(packed.G[lk.SLICES]))
+    teeth = max(1, int(packed.I[fk.TEETH : fk.TEETH + lk.MOST_SEGMENTS].max()))
+    head[mk.M_EDGES] = teeth * int(packed.G[lk.SLICES])
     return np.concatenate([head, packed.A, packed.P, packed.G])
 
 
 def _state_size(settings: np.ndarray) -> int:
-    n_b = settings[mk.M_N_B] if settings[mk.M_TEETH_B] > 0 else 0
-    rows = 2 * (settings[mk.M_N_A] + n_b) + 1
+    steps = settings[mk.M_STEPS : mk.M_STEPS + lk.MOST_SEGMENTS]
+    rows = 2 * steps[settings[mk.M_TEETH : mk.M_TEETH + lk.MOST_SEGMENTS] > 0].sum() + 1
     return int(mk.U_HEAD + lk.G_SIZE + mk.Y_BLOCKS * settings[mk.M_Y] + (rows + 2) * settings[mk.M_EDGES])
 
 
@@ -177,7 +185,7 @@ def prepare(model: Model, cut: Cut, *, steps: int | None = None, catalogue: Mapp
     packed = _grid(model, cut, effects, steps)
     plugin, kernel = mujoco_plugin.register(effects)
     compiled = mujoco.MjModel.from_xml_string(_xml(model, packed, plugin))
-    per_pass = int(packed.I[fk.N_A] + packed.I[fk.N_B])
+    per_pass = int(packed.I[fk.STEPS : fk.STEPS + packed.I[fk.SEGMENTS]].sum())
     record = np.full((max(1, per_pass * cut.total_passes), mk.R_SIZE), np.nan)
     joint = mujoco.mj_name2id(compiled, mujoco.mjtObj.mjOBJ_JOINT, FEED_JOINT)
     numeric = compiled.numeric("cut").data  # a view; the record's address is this process's own, so not in the text

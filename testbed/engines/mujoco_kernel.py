@@ -10,12 +10,13 @@ from numba import njit
 
 from testbed.engines.hooks import hook_sensed_displacement, hook_sensed_velocity, hook_structure_force
 from testbed.engines.loop_kernel import (
+    CORNERS,
     DAMPING,
     G_SIZE,
     MASS,
+    MOST_SEGMENTS,
     OMEGA,
     PITCH,
-    SPLIT,
     STIFFNESS,
     T_ENTRY,
     cutting_force,
@@ -25,9 +26,9 @@ from testbed.engines.loop_kernel import (
     spindle_speed,
 )
 
-# settings N: this head, then the arrays A, P and G of `packing`
-M_N_A, M_N_B, M_TEETH_A, M_TEETH_B, M_IDLE, M_CUT, M_STATES_ON, M_STEADY, M_A, M_P, M_Y, M_DOF, M_EDGES, M_RECORD, \
-    M_ROWS, N_HEAD = range(16)
+# settings N: this head, with one number a segment from M_STEPS and M_TEETH on; then the arrays A, P and G of `packing`
+M_SEGMENTS, M_IDLE, M_CUT, M_STATES_ON, M_STEADY, M_A, M_P, M_Y, M_DOF, M_EDGES, M_RECORD, M_ROWS, M_STEPS = range(13)
+M_TEETH, N_HEAD = M_STEPS + MOST_SEGMENTS, M_STEPS + 2 * MOST_SEGMENTS
 # state U: this head, then G, seven states (Y0, Y, D0 = first slope, three more slopes, D1), two surfaces, the memory
 U_COUNT, U_PASS, U_SEGMENT, U_STEP, U_TIME, U_DT, U_STAGE, U_MEAN_TORQUE, U_IMPULSE, U_PASS_TIME, U_MIDDLE, \
     U_SPEED0, U_TORQUE, U_FORCE_X, U_FORCE_Y, U_HEAD = (*range(13), 16, 17, 18)
@@ -63,12 +64,13 @@ def surface_row(N, U, row):
 @njit
 def place_on_grid(N, U):
     """(steps in this segment, angle of one, phase at the segment's start, its first surface row, teeth in the cut)."""
-    split, pitch = U[U_HEAD + SPLIT], U[U_HEAD + PITCH]
-    n_a, n_b = int(N[M_N_A]), int(N[M_N_B])
+    segment, row0 = int(U[U_SEGMENT]), 0
+    for before in range(segment):
+        row0 += 2 * int(N[M_STEPS + before])
+    low, high = U[U_HEAD + CORNERS + segment], U[U_HEAD + CORNERS + segment + 1]
     cutting = 0.0 <= U[U_PASS] - N[M_IDLE] < N[M_CUT]
-    if U[U_SEGMENT] == 0.0:
-        return n_a, split / n_a, 0.0, 0, int(N[M_TEETH_A]) if cutting else 0
-    return n_b, (pitch - split) / n_b, split, 2 * n_a, int(N[M_TEETH_B]) if cutting else 0
+    steps = int(N[M_STEPS + segment])
+    return steps, (high - low) / steps, low, row0, int(N[M_TEETH + segment]) if cutting else 0
 
 
 @njit
@@ -77,14 +79,19 @@ def enter_cut(N, U, time):
     A, P = settings_of(N)
     G = U[U_HEAD:U_HEAD + G_SIZE]
     G[T_ENTRY] = time
-    n_a, n_b, teeth = int(N[M_N_A]), int(N[M_N_B]), int(N[M_TEETH_A])
+    teeth = 0
+    for segment in range(int(N[M_SEGMENTS])):
+        teeth = max(teeth, int(N[M_TEETH + segment]))
     scratch = state_block(N, U, Y_STAGE)
-    rows = 2 * (n_a + (n_b if N[M_TEETH_B] > 0 else 0)) + 1
-    for row in range(rows):
-        phase = 0.5 * row * G[SPLIT] / n_a
-        if row > 2 * n_a:
-            phase = G[SPLIT] + (0.5 * row - n_a) * (G[PITCH] - G[SPLIT]) / n_b
-        first_surface(A, P, G, scratch, phase, teeth, time + phase / G[OMEGA], surface_row(N, U, row))
+    row = 0
+    for segment in range(int(N[M_SEGMENTS])):
+        if N[M_TEETH + segment] == 0.0:  # the cut is over: no surface is remembered there
+            break
+        low, high, steps = G[CORNERS + segment], G[CORNERS + segment + 1], int(N[M_STEPS + segment])
+        for half in range(2 * steps + 1):
+            phase = low + (high - low) * half / (2.0 * steps)
+            first_surface(A, P, G, scratch, phase, teeth, time + phase / G[OMEGA], surface_row(N, U, row + half))
+        row += 2 * steps
 
 
 @njit(cache=True)  # an entry, with its callees compiled in
@@ -232,11 +239,12 @@ def next_place(N, U, time, steps, row_end, teeth):
     if U[U_STEP] < steps:
         return
     U[U_STEP] = 0.0
-    last = U[U_SEGMENT] == 1.0 or N[M_N_B] == 0.0
-    if teeth > 0 and (last or N[M_TEETH_B] == 0.0):
+    segment = int(U[U_SEGMENT])
+    last = segment + 1 == int(N[M_SEGMENTS])
+    if teeth > 0 and (last or N[M_TEETH + segment + 1] == 0.0):
         surface_row(N, U, row_end)[:] = surface_row(N, U, -1)
     if not last:
-        U[U_SEGMENT] = 1.0
+        U[U_SEGMENT] = segment + 1.0
         return
     U[U_SEGMENT] = 0.0
     U[U_PASS] += 1.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -10,29 +9,37 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbed.cut import Cut
-from testbed.effect import Effect
+from testbed.effect import HOOKS, Effect
 from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
 from testbed.engines.compose import Layout
+from testbed.engines.grid import Motion, arguments_of, axial_points, corners_of_pitch, motion_of, python_hook, steps_of_segments
 from testbed.machine import Cutter, Cutting, Model, Structure
+from testbed.problem import InputProblem
 
-POINT_ANGLE = 0.3  # rad of helical lag that one Gauss point more is spent on
-STEP_PHASE = 0.15  # rad of the fastest vibration a step may cover
-FREE_PHASE = 0.3  # the same where no tooth cuts and the oscillator's exact map carries all but a weak nonlinearity
-STEP_ANGLE = 0.12  # rad of tooth travel a step in the cut may cover
 _PYTHON_HOOKS = ("measure",)
 
 
 @dataclass(frozen=True)
 class Packed:
-    """Arrays of one run: effect flags A, parameters P, geometry G, integer settings I, state Y at time 0."""
+    """Arrays of one run: effect flags A, parameters P, geometry G, integer settings I, oscillators O, state Y at time 0.
+
+    O (rows, 3) is described in `oscillator_kernel`; its first I[CARRIED] rows are in use.
+    """
 
     A: np.ndarray
     P: np.ndarray
     G: np.ndarray
     I: np.ndarray  # noqa: E741
+    O: np.ndarray  # noqa: E741
     Y: np.ndarray
     base: bool  # True where no effect touches the loop, so that the linear kernel serves
+    crossing: float  # rad the leading tooth turns through its cut, what whole pitches leave of it
+
+    @property
+    def states_on(self) -> bool:
+        """Whether an active effect has states of its own."""
+        return bool(self.I[fk.CARRIED] > 1 or self.I[fk.PLAIN_COUNT] > 0)
 
 
 def active_effects(model: Model, catalogue: Mapping[str, Effect]) -> dict[str, Mapping[str, float]]:
@@ -46,13 +53,28 @@ def active_effects(model: Model, catalogue: Mapping[str, Effect]) -> dict[str, M
             raise KeyError(f"effect {name} lacks {', '.join(missing)}")
         if not catalogue[name].is_neutral(values):
             active[name] = values
+    for hook, what in HOOKS.items():
+        rivals = [name for name in active if what.joins == "replace" and hook in catalogue[name].hooks]
+        if len(rivals) > 1:
+            raise InputProblem("effects", f"{' and '.join(rivals)} both replace the {hook}", "switch all but one of them off")
     return active
 
 
-def _python_hook(effect: Effect, hook: str, values: Mapping[str, float], **offers: float) -> float:
-    wanted = inspect.signature(effect.hooks[hook]).parameters
-    known = {**offers, **values}
-    return float(effect.hooks[hook](**{name: known[name] for name in wanted}))
+def stiffening(model: Model, catalogue: Mapping[str, Effect], amplitude: float) -> float:
+    """Highest frequency of the structure up to a displacement of `amplitude` (m) over its natural one, at least 1."""
+    structure, added = model.structure, 0.0
+    width = 1e-3 * amplitude
+    offers = {"velocity": 0.0, "time": 0.0, "mass": structure.mass, "stiffness": structure.stiffness,
+              "damping": structure.damping}  # fmt: skip
+    for name, values in active_effects(model, catalogue).items():
+        effect = catalogue[name]
+        if amplitude > 0.0 and "displacement" in arguments_of(effect, "structure_force"):
+            still = offers | dict.fromkeys(effect.states, 0.0)
+            added += max(
+                -(python_hook(effect, "structure_force", values, **still, displacement=side + width)
+                  - python_hook(effect, "structure_force", values, **still, displacement=side - width)) / (2.0 * width)
+                for side in (-amplitude, amplitude))  # fmt: skip
+    return math.sqrt(1.0 + max(0.0, added) / structure.stiffness)
 
 
 def true_geometry(model: Model, catalogue: Mapping[str, Effect]) -> tuple[Cutter, Cutting]:
@@ -61,9 +83,9 @@ def true_geometry(model: Model, catalogue: Mapping[str, Effect]) -> tuple[Cutter
     for name, values in active_effects(model, catalogue).items():
         effect = catalogue[name]
         if "immersion" in effect.hooks:
-            cutting = replace(cutting, immersion=_python_hook(effect, "immersion", values, immersion=cutting.immersion))
+            cutting = replace(cutting, immersion=python_hook(effect, "immersion", values, immersion=cutting.immersion))
         if "helix_angle" in effect.hooks:
-            cutter = replace(cutter, helix_angle=_python_hook(effect, "helix_angle", values, helix_angle=cutter.helix_angle))
+            cutter = replace(cutter, helix_angle=python_hook(effect, "helix_angle", values, helix_angle=cutter.helix_angle))
     return cutter, cutting
 
 
@@ -74,55 +96,13 @@ def fastest_frequency(model: Model, catalogue: Mapping[str, Effect]) -> float:
     for name, values in active_effects(model, catalogue).items():
         if "highest_frequency" in catalogue[name].hooks:
             rates.append(
-                _python_hook(catalogue[name], "highest_frequency", values, mass=structure.mass, stiffness=structure.stiffness)
+                python_hook(catalogue[name], "highest_frequency", values, mass=structure.mass, stiffness=structure.stiffness)
             )
     return max(rates)
 
 
-def _teeth(cutter: Cutter, cutting: Cutting, lag: float) -> tuple[float, int, int]:
-    """(angle at which the pitch is split, teeth in the cut before it, teeth after it)."""
-    window = cutting.engagement_angle + lag
-    over = math.floor(window / cutter.pitch + 1e-9)
-    split = window - over * cutter.pitch
-    if split < 1e-9 * cutter.pitch:
-        return cutter.pitch, over, over
-    return split, over + 1, over
-
-
-def axial_points(lag: float, kinked: bool) -> int:
-    """Gauss points along the part of an edge in the cut, lagging by at most `lag` rad; more for a law with a kink."""
-    if lag == 0.0:
-        return 1
-    points = 3 + math.ceil(lag / POINT_ANGLE)
-    return min(lk.MOST_POINTS, 2 * points if kinked else points)
-
-
 def _touches_loop(effect: Effect) -> bool:
     return any(hook not in _PYTHON_HOOKS and hook not in ("immersion", "helix_angle") for hook in effect.hooks)
-
-
-def _grid(
-    steps: int | None,
-    split: float,
-    cutter: Cutter,
-    speed: float,
-    fastest: float,
-    stepped: bool,
-    steady: bool,
-    lag: float,
-    free_phase: float = STEP_PHASE,
-) -> tuple[int, int]:
-    """Steps before and after the split of the pitch."""
-    rest = cutter.pitch - split
-    n_a = steps or max(math.ceil(split / speed * fastest / STEP_PHASE), math.ceil(split / STEP_ANGLE), 6)
-    if steps is None and 0.0 < lag < split:  # the force has corners one lag after entry and before exit: step onto them
-        n_a = min(range(n_a, 2 * n_a + 1), key=lambda n: abs(n * lag / split - max(1, round(n * lag / split))))
-    if rest <= 0.0:
-        return n_a, 0
-    if not stepped:
-        return n_a, 1 if steady else max(8, math.ceil(n_a / 2))
-    span = free_phase * speed / fastest if steps is None else split / n_a
-    return n_a, max(1, math.ceil(rest / span - 1e-9))
 
 
 _layouts: dict[int, tuple[Mapping[str, Effect], Layout]] = {}
@@ -137,7 +117,7 @@ def _layout(catalogue: Mapping[str, Effect]) -> Layout:
 
 
 def _geometry(
-    cutter: Cutter, cutting: Cutting, structure: Structure, cut: Cut, slices: int, lag: float, split: float
+    cutter: Cutter, cutting: Cutting, structure: Structure, cut: Cut, slices: int, lag: float, corners: np.ndarray
 ) -> np.ndarray:
     """The array G of loop_kernel."""
     values = {
@@ -148,7 +128,6 @@ def _geometry(
         lk.ENGAGED: cutting.engagement_angle,
         lk.SLICES: slices,
         lk.SLICE_LAG: lag / slices,
-        lk.SLICE_COVER: lag / slices,
         lk.SLICE_DEPTH: cut.axial_depth_of_cut / slices,
         lk.KT: cutting.tangential_coefficient,
         lk.KN: cutting.normal_coefficient,
@@ -156,18 +135,40 @@ def _geometry(
         lk.FEED_SPEED: cut.feed_per_tooth / cut.tooth_passing_period(cutter.flutes),
         lk.OMEGA: cut.spindle_speed,
         lk.LENGTH_BEFORE: cut.length_cut_before,
-        lk.SPLIT: split,
         lk.MASS: structure.mass,
         lk.DAMPING: structure.damping,
         lk.STIFFNESS: structure.stiffness,
     }
-    return np.array([values.get(place, 0.0) for place in range(lk.G_SIZE)])
+    G = np.array([values.get(place, cutter.pitch) for place in range(lk.G_SIZE)])
+    G[lk.T_ENTRY] = 0.0
+    G[lk.CORNERS : lk.CORNERS + len(corners)] = corners
+    return G
+
+
+def _settings(cut: Cut, steps: list[int], teeth: list[int], motion: Motion, steady: bool, states: int) -> np.ndarray:
+    """The array I of fast_kernel; `states`: how many the catalogue's effects have in all."""
+    integers = np.zeros(fk.PLAIN + states, dtype=np.int64)
+    integers[[fk.IDLE, fk.CUT, fk.RING_DOWN]] = cut.idle_passes, cut.passes, cut.ring_down_passes
+    integers[[fk.EXACT_FLIGHT, fk.STEADY_SPEED]] = motion.exact, steady
+    integers[[fk.SEGMENTS, fk.CARRIED, fk.PLAIN_COUNT]] = len(steps), len(motion.oscillators), len(motion.plain)
+    integers[fk.STEPS : fk.STEPS + len(steps)] = steps
+    integers[fk.TEETH : fk.TEETH + len(teeth)] = teeth
+    integers[fk.PLAIN : fk.PLAIN + len(motion.plain)] = motion.plain
+    return integers
 
 
 def pack(
-    model: Model, cut: Cut, catalogue: Mapping[str, Effect], steps: int | None = None, measured_clock: bool = False
+    model: Model,
+    cut: Cut,
+    catalogue: Mapping[str, Effect],
+    steps: int | None = None,
+    measured_clock: bool = False,
+    stiffening: float = 1.0,
 ) -> Packed:
-    """Arrays for one run. `steps` is the number of steps while the leading tooth crosses the split; None chooses it."""
+    """Arrays for one run. `steps`: how many while the leading tooth crosses its cut; None chooses.
+
+    stiffening: the highest frequency of the structure in this motion over its natural one, for the choice of steps.
+    """
     layout = _layout(catalogue)
     active = active_effects(model, catalogue)
     cutter, cutting = true_geometry(model, catalogue) if active else (model.cutter or Cutter(), model.cutting or Cutting())
@@ -179,30 +180,23 @@ def pack(
             P[layout.parameter[name, parameter.name]] = values[parameter.name]
     lag = 2.0 * depth * abs(math.tan(cutter.helix_angle)) / cutter.diameter
     slices = axial_points(min(lag, cutting.engagement_angle), any("chip" in catalogue[name].hooks for name in active))
-    split, teeth_a, teeth_b = _teeth(cutter, cutting, lag)
-    hooks = {hook for name in active for hook in catalogue[name].hooks}
-    steady = "speed" not in hooks
-    states = any(catalogue[name].states for name in active)
-    linear = not states and "structure_force" not in hooks
-    stepped = not linear or teeth_b > 0
-    fastest = fastest_frequency(model, catalogue) * (1.0 if steady else 2.0)  # the classical scheme gathers phase error
-    weak = steady and not states and teeth_b == 0
-    n_a, n_b = _grid(steps, split, cutter, cut.spindle_speed, fastest, stepped, steady, lag, FREE_PHASE if weak else STEP_PHASE)
-    G = _geometry(cutter, cutting, structure, cut, slices, lag, split)
-    settings = {
-        fk.N_A: n_a,
-        fk.N_B: n_b,
-        fk.TEETH_A: teeth_a,
-        fk.TEETH_B: teeth_b,
-        fk.IDLE: cut.idle_passes,
-        fk.CUT: cut.passes,
-        fk.RING_DOWN: cut.ring_down_passes,
-        fk.LINEAR: linear,
-        fk.STATES_ON: states,
-        fk.STEADY_SPEED: steady,
-    }
-    integers = np.array([settings[place] for place in range(fk.I_SIZE)], dtype=np.int64)
+    corners, teeth = corners_of_pitch(cutter, cutting, lag)
+    steady = not any("speed" in catalogue[name].hooks for name in active)
+    motion = motion_of(structure, active, catalogue, layout)
+    if stiffening > 1.0:
+        carried, integrated = motion.rates
+        # squared: the frequency grows, and so does the share of the force that is integrated and not carried exactly
+        motion = replace(motion, rates=(carried, max(integrated, stiffening**2 * structure.natural_frequency_rad)))
+    window = cutting.engagement_angle + lag
+    crossing = window - cutter.pitch * math.floor(window / cutter.pitch + 1e-9)
+    if crossing < 1e-9 * cutter.pitch:
+        crossing = cutter.pitch
+    speed, own = cut.spindle_speed, structure.natural_frequency_rad
+    counts = steps_of_segments(steps, corners, teeth, crossing, speed, own, motion, steady)
     Y = np.zeros(3 + len(layout.state))
     Y[:2] = cut.initial_displacement, cut.initial_velocity
+    O = np.zeros((layout.oscillators, 3))  # noqa: E741
+    O[: len(motion.oscillators)] = motion.oscillators
     base = not measured_clock and not any(_touches_loop(catalogue[name]) for name in active)
-    return Packed(A, P, G, integers, Y, base)
+    return Packed(A, P, _geometry(cutter, cutting, structure, cut, slices, lag, corners),
+                  _settings(cut, counts, teeth, motion, steady, len(layout.state)), O, Y, base, crossing)  # fmt: skip

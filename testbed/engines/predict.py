@@ -11,12 +11,14 @@ from testbed.cut import Cut, Sampling
 from testbed.effect import Effect
 from testbed.effect import catalogue as known_effects
 from testbed.engines import fast
-from testbed.engines import fast_kernel as fk
-from testbed.engines.compose import compose
+from testbed.engines import sampling_kernel as sk
+from testbed.engines.compose import FAST, compose
+from testbed.engines.grid import STEP_PHASE
 from testbed.engines.measure import measured_channels
-from testbed.engines.packing import STEP_PHASE, fastest_frequency, pack
+from testbed.engines.packing import fastest_frequency, pack
 from testbed.machine import Model
 
+MOST_SUBSTEPS = 200  # steps within one sample, beyond which a driven structure is not followed
 _STILL = Cut(spindle_speed=1.0, axial_depth_of_cut=0.0)  # a driven structure is not cut
 
 
@@ -48,21 +50,24 @@ def predict_driven(
 ) -> np.ndarray:
     """Predicted channels of a structure under a sampled force (N), from states (x, v) at the first sample.
 
-    Shape (runs, channels, samples); zeros for `force` make it a free decay.
+    Shape (runs, channels, samples); zeros for `force` make it a free decay; NaN where a step would have to be absurdly short.
     """
     effects = known_effects() if catalogue is None else catalogue
     fastest = max(fastest_frequency(model, effects) for model in models)
     substeps = max(1, math.ceil(fastest / rate / STEP_PHASE)) if any(model.effects for model in models) else 1
+    if substeps > MOST_SUBSTEPS:  # a friction far stiffer than anything these samples could show
+        return np.full((len(models), len(channels), len(force)), np.nan)
     packed = [pack(model, _STILL, effects) for model in models]
-    A, P, G, integers, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIY")
+    A, P, G, integers, O, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIOY")
     Y[:, :2] = states
-    out = np.zeros((len(models), fk.N_CHANNELS, len(force)))
-    kernel = compose(effects, ("loop_kernel", "fast_kernel", "drive_kernel"))
+    out = np.zeros((len(models), sk.N_CHANNELS, len(force)))
+    kernel = compose(effects, (*FAST, "drive_kernel"))
     kernel.drive_batch(
         A,
         P,
         G,
         integers,
+        O,
         Y,
         np.broadcast_to(force, (len(models), len(force))),
         rate,

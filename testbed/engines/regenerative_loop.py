@@ -85,35 +85,25 @@ class RegenerativeLoop:
         return out
 
 
-def _breaks(packed: Packed) -> tuple[np.ndarray, np.ndarray]:
-    """Phases between which the force is smooth (an edge enters and leaves at tip and top), and the teeth there."""
-    pitch, split, engaged = packed.G[lk.PITCH], packed.G[lk.SPLIT], packed.G[lk.ENGAGED]
-    lag = packed.G[lk.SLICES] * packed.G[lk.SLICE_LAG]
-    corners = np.sort([0.0, split, pitch, *(np.array([lag, engaged, engaged + lag]) % pitch)])
-    breaks = [0.0]
-    for corner in corners:
-        if breaks[-1] + 1e-9 * pitch < corner < pitch * (1 - 1e-9):
-            breaks.append(float(corner))
-    breaks.append(pitch)
-    middles = 0.5 * (np.array(breaks[1:]) + np.array(breaks[:-1]))
-    teeth = np.where(middles < split, packed.I[fk.TEETH_A], packed.I[fk.TEETH_B])
-    return np.array(breaks), teeth
-
-
 def regenerative_loop(model: Model, cut: Cut, catalogue: Mapping[str, Effect] | None = None) -> RegenerativeLoop:
-    """The delay equation of `model` at `cut`. ValueError where the model has no cutter."""
+    """The delay equation of `model` at `cut`. ValueError where the model has no cutter, or an effect no linear answer."""
     if model.cutter is None:
         raise ValueError("the model has no cutter: nothing is cut")
     effects = known_effects() if catalogue is None else catalogue
     packed, layout = pack(model, cut, effects), Layout(effects)
     active = active_effects(model, effects)
+    for name in active:
+        if effects[name].no_linear_answer:
+            raise ValueError(effects[name].no_linear_answer)
     unknowns, prescribed = [0, 1], [False, False]
     for name in active:
         for state in effects[name].states:
             unknowns.append(layout.state[name, state])
             prescribed.append("speed" in effects[name].hooks)
     uneven = model.cutter.flutes > 1 and any("edge_position" in effects[name].hooks for name in active)
-    breaks, teeth = _breaks(packed)
+    segments = packed.I[fk.SEGMENTS]
+    breaks = packed.G[lk.CORNERS : lk.CORNERS + segments + 1].copy()
+    teeth = packed.I[fk.TEETH : fk.TEETH + segments].copy()
     return RegenerativeLoop(
         packed, compose(effects, ("loop_kernel", "linearised_kernel")), np.array(unknowns), np.array(prescribed),
         breaks, teeth, float(packed.G[lk.PITCH]), cut.spindle_speed, fastest_frequency(model, effects),

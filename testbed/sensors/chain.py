@@ -14,6 +14,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from testbed.noise import NoiseRecipe
 from testbed.recording import Recording
 
 
@@ -22,7 +23,7 @@ class ChannelSensor:
     """One channel's sensor, in the channel's SI unit.
 
     noise: white noise, rms. bits, full_scale: a converter of 2 full_scale / 2^bits a count; none where bits is 0.
-    offset: constant. drift: slope of the slow drift, unit/s.
+    offset: constant. drift: slope of the slow drift, unit/s. recipe: disturbances beyond white noise.
     """
 
     noise: float = 0.0
@@ -30,6 +31,7 @@ class ChannelSensor:
     full_scale: float = 0.0
     offset: float = 0.0
     drift: float = 0.0
+    recipe: NoiseRecipe | None = None
 
     def __post_init__(self) -> None:
         if not all(math.isfinite(value) for value in (self.noise, self.full_scale, self.offset, self.drift)):
@@ -51,6 +53,8 @@ class ChannelSensor:
         measured = signal + self.offset + self.drift * time
         if self.noise:
             measured = measured + self.noise * rng.standard_normal(len(signal))
+        if self.recipe is not None and len(signal) > 1:
+            measured = self.recipe.disturbed(measured, 1.0 / (time[1] - time[0]), rng)
         if self.step is None:
             return measured
         # The lowest count is left out, so that it can mean "no sample" in a file.

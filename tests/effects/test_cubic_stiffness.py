@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from base_flexure import FREQUENCY, STIFFNESS, flexure, free, samples
+from base_flexure import FREQUENCY, STIFFNESS, flexure, free, samples, stable_cut
 from scipy.special import ellipk
 
 from testbed.engines import fast
@@ -26,3 +26,14 @@ def test_ring_down_rings_at_the_backbone_frequency(coefficient):
     frequency = (len(crossings) - 1) / (crossings[-1] - crossings[0])
     assert frequency == pytest.approx(backbone(coefficient, amplitude), rel=1e-6)
     assert (frequency > FREQUENCY) == (coefficient > 0)
+
+
+@pytest.mark.parametrize(("share", "amplitude"), [(0.5, 2e-4), (1.0, 2e-4), (4.0, 2e-4), (1.0, 5e-5)])
+def test_the_step_chosen_follows_the_stiffness_that_the_motion_meets(share, amplitude):
+    """k3 x^2 from half of k to five times it, in a cut: right to 1e-4 of the peak without a given step."""
+    model = flexure(cubic_stiffness={"coefficient": share * STIFFNESS / amplitude**2})
+    cut = stable_cut(8, initial_displacement=amplitude, ring_down_passes=4)
+    chosen, fine = (fast.simulate(model, cut, samples(cut, 20e3), steps=steps).channels["displacement"]
+                    for steps in (None, 1200))
+    assert np.abs(chosen - fine).max() < 1e-4 * np.abs(fine).max()
+    assert np.abs(fine - fast.simulate(flexure(), cut, samples(cut, 20e3)).channels["displacement"]).max() > 0.1 * amplitude

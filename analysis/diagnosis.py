@@ -1,0 +1,157 @@
+"""What a diagnosis is: the candidates tried, the verdict, a sentence a machinist understands, and the answer in JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from analysis.held_out import RecordError
+from analysis.next_test import NextTest
+from analysis.waveform import Fitter, WaveformFit
+from testbed.machine import BASE_UNITS, Model
+
+ADEQUATE = 1.02  # error over noise floor up to which nothing is looked for
+COMPLETE = 1.15  # error over noise floor above which something is still missing
+EXPLAINED = 0.75  # share of the excess that named effects must take away, else the cause is said to be unknown
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A set of effects tried: what it was fitted to and how well it predicts what it was not fitted to."""
+
+    effects: tuple[str, ...]
+    parameters: Mapping[str, float]
+    error_fit: float
+    error_held_out: float
+    delta_bic: float
+    converged: bool
+    fit: WaveformFit | None = None
+    fitter: Fitter | None = None
+    errors: tuple[RecordError, ...] = ()
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The verdict and the numbers behind it."""
+
+    verdict: str
+    effects: tuple[str, ...]
+    sentence: str
+    baseline: float
+    with_effects: float
+    noise_floor: float
+    candidates: tuple[Candidate, ...]
+    base: Candidate
+    best: Candidate
+    steps: tuple[Candidate, ...] = field(default_factory=tuple)
+    next_test: NextTest | None = None
+    separates: tuple[str, ...] = ()
+
+
+def excess(error: float, noise: float) -> float:
+    """Squared error beyond the noise's."""
+    return max(error**2 - noise**2, 0.0)
+
+
+def verdict_of(
+    base: Candidate,
+    best: Candidate,
+    steps: Sequence[Candidate],
+    tries: tuple[Candidate, ...],
+    noise: float,
+    tied: tuple[str, ...],
+) -> Diagnosis:
+    """The verdict on the best set of effects found, after all steps."""
+
+    def answer(verdict: str, effects: tuple[str, ...], sentence: str) -> Diagnosis:
+        return Diagnosis(
+            verdict, effects, sentence, base.error_held_out, best.error_held_out, noise, tries, base, best, tuple(steps)
+        )
+
+    ratio = base.error_held_out / noise
+    if ratio <= ADEQUATE:
+        return answer(
+            "adequate",
+            (),
+            f"The model explains the records down to their noise (error {ratio:.3f} of the "
+            "noise floor): nothing is missing that these records could show.",
+        )
+    if base.fit is not None and not base.fit.converged and not best.effects:
+        return answer(
+            "not_converged",
+            (),
+            "The fit of the believed model did not settle, so nothing can be said of what "
+            "it lacks: check the conditions and the starting values.",
+        )
+    if tied and len(best.effects) <= 1 and tied[0] in best.effects:
+        return answer(
+            "undecided",
+            tied,
+            f"Something is missing, and {' and '.join(tied)} explain it equally well: these records cannot tell them apart.",
+        )
+    share = 1.0 - excess(best.error_held_out, noise) / max(excess(base.error_held_out, noise), 1e-300)
+    left = best.error_held_out / noise
+    if best.effects and (left <= COMPLETE or share >= EXPLAINED):
+        rest = f" A further effect is one of {', '.join(tied)}, which these records cannot tell apart." if tied else ""
+        rest = (
+            rest
+            if left <= COMPLETE or tied
+            else f" Something more remains: the error is still {left:.2f} times the noise floor."
+        )
+        return answer(
+            "missing_effect",
+            best.effects,
+            f"The model lacks {' and '.join(best.effects)}: the error on records "
+            f"left out of the fit falls from {base.error_held_out:.3g} to {best.error_held_out:.3g}.{rest}",
+        )
+    if ratio <= 1.05 and not best.effects:
+        return answer(
+            "adequate",
+            (),
+            f"The error is {ratio:.3f} of the noise floor and no known effect lowers it: nothing "
+            "is missing that these records could show.",
+        )
+    return answer(
+        "unexplained",
+        (),
+        f"Something is missing (error {ratio:.3g} times the noise floor) that no effect of the catalogue explains.",
+    )
+
+
+def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
+    """The answer of `testbed diagnose --json` (contract); `history` follows the error from step to step."""
+    after = result.best.fit.state.model if result.best.fit is not None else before
+    names = [name for name in (result.base.fit.names if result.base.fit else ()) if name in BASE_UNITS]
+    return {
+        "verdict": result.verdict,
+        "effects": list(result.effects),
+        "sentence": result.sentence,
+        "error": {"baseline": result.baseline, "with_effects": result.with_effects, "noise_floor": result.noise_floor},
+        "candidates": [
+            {
+                "effects": list(one.effects),
+                "parameters": dict(one.parameters),
+                "error_fit": one.error_fit,
+                "error_held_out": one.error_held_out,
+                "delta_bic": one.delta_bic,
+                "converged": one.converged,
+            }
+            for one in result.candidates
+        ],
+        "base_parameters": {
+            name: {"before": before.value(name), "after": after.value(name), "unit": BASE_UNITS[name]} for name in names
+        },
+        "next_test": None
+        if result.next_test is None
+        else {
+            "spindle_speed": result.next_test.spindle_speed,
+            "depth_of_cut": result.next_test.depth_of_cut,
+            "separates": list(result.separates),
+            "difference": result.next_test.difference,
+        },
+        "history": [
+            {"effects": list(step.effects), "error": step.error_held_out, "noise_floor": result.noise_floor}
+            for step in result.steps
+        ],
+    }

@@ -1,0 +1,157 @@
+"""Where the fit of a candidate effect starts: its strengths, frequencies and angles, tried by one Gauss-Newton step each."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.lines import find_peaks
+from analysis.observed import Observed
+from analysis.starts import free_parameters
+from analysis.waveform import Fitter, Free, Linearised, State, WaveformFit
+from testbed.effect import Effect
+from testbed.machine import Model
+
+SHARES = (0.1, 0.4, 1.0)  # of an effect's example strength, tried as starts
+SCREENED = 3  # records, the worst fitted, on which starting points are compared
+
+
+def _residual_peaks(records: Sequence[Observed], fit: WaveformFit, count: int = 6) -> list[float]:
+    """Frequencies (Hz) of the strongest lines in the residuals."""
+    found: list[tuple[float, float]] = []
+    for record, rest in zip(records, fit.residuals, strict=True):
+        values = rest.reshape(record.data.shape)[0]
+        found += [(height, frequency) for frequency, height in find_peaks(values, record.rate, count=count)]
+    kept: list[float] = []
+    for _, frequency in sorted(found, reverse=True):
+        if frequency > 5.0 and all(abs(frequency / other - 1) > 0.02 for other in kept):
+            kept.append(frequency)
+    return kept[:count]
+
+
+def fitting_example(fitter: Fitter, effect: Effect, fit: WaveformFit) -> Effect:
+    """The effect with examples that suit these records, where its own would swamp them (records in volts, say).
+
+    Each parameter that switches the effect is lowered by tens until the prediction moves by less than a third of the record.
+    """
+    index = int(np.argmax([float(np.mean(rest**2)) for rest in fit.residuals]))
+    record, state = fitter.records[index], fit.state
+    size = float(np.sqrt(np.mean(record.project(record.data) ** 2)))
+    base = fit.residuals[index]
+    fitted = []
+    for parameter in effect.parameters:
+        example = parameter.example
+        for _ in range(20 if parameter.vanishes else 0):
+            values = {
+                one.name: example if one is parameter else one.neutral if one.vanishes else one.example
+                for one in effect.parameters
+            }
+            model = state.model.with_effect(effect.name, **values)
+            moved = fitter.residual_of(index, replace(state, model=model))[: len(base)] - base
+            if float(np.sqrt(np.mean(moved**2))) <= 0.3 * size:
+                break
+            example = parameter.neutral + 0.1 * (example - parameter.neutral)
+        fitted.append(replace(parameter, example=example))
+    return replace(effect, parameters=tuple(fitted))
+
+
+def starting_points(effect: Effect, records: Sequence[Observed], fit: WaveformFit) -> list[dict[str, float]]:
+    """Parameter values a fit of the effect starts from: frequencies at the residual's lines, angles all round, signs both."""
+    choices: list[list[float]] = []
+    for parameter in effect.parameters:
+        low, high = parameter.bounds
+        if not parameter.vanishes and parameter.unit == "Hz":
+            peaks = [peak for peak in _residual_peaks(records, fit) if low <= peak <= high]
+            choices.append(peaks or [parameter.start or parameter.example])
+        elif not parameter.vanishes and parameter.unit == "rad":
+            choices.append([low + (high - low) * (k + 0.5) / 4 for k in range(4)])
+        elif parameter.vanishes:
+            away = [share * (parameter.example - parameter.neutral) for share in SHARES]
+            signed = [parameter.neutral + sign * size for size in away for sign in (1.0, -1.0)]
+            choices.append([value for value in signed if low <= value <= high])
+        else:
+            choices.append([parameter.start if parameter.start is not None else parameter.example])
+    names = [parameter.name for parameter in effect.parameters]
+    return [dict(zip(names, values, strict=True)) for values in itertools.islice(itertools.product(*choices), 24)]
+
+
+def effect_parameters(effect: Effect) -> list[Free]:
+    """The effect's parameters as unknowns of a fit."""
+    free = []
+    for parameter in effect.parameters:
+        size = abs(parameter.example - parameter.neutral) or abs(parameter.example) or 1.0
+        if parameter.unit == "Hz":
+            size = 0.02 * max(abs(parameter.example), 1.0)
+        elif parameter.unit == "rad":
+            size = 0.3
+        free.append(
+            Free(
+                f"{effect.name}.{parameter.name}", 0.3 * size if parameter.unit not in ("Hz", "rad") else size, parameter.bounds
+            )
+        )
+    return free
+
+
+def all_free(records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> list[Free]:
+    """The base parameters these records can speak of, and those of the effects the model has."""
+    own = [free for name in model.effects for free in effect_parameters(catalogue[name])]
+    return [*free_parameters(records, model), *own]
+
+
+def applicable(effect: Effect, records: Sequence[Observed]) -> bool:
+    """Whether these records could show the effect at all: without a cut, only the structure's and the sensor's effects can."""
+    if any(record.cut is not None for record in records):
+        return True
+    places = set(effect.hooks)
+    return bool(places & {"structure_force", "measure", "sensed_displacement"})
+
+
+def _extended(fitter: Fitter, effect: Effect) -> Fitter:
+    return Fitter(fitter.plant, fitter.records, [*fitter.free, *effect_parameters(effect)])
+
+
+@dataclass(frozen=True)
+class Origin:
+    """A state of the base model that candidates start from, with its slopes by the base's unknowns."""
+
+    state: State
+    parts: tuple[Linearised, ...]
+
+
+def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequence[Origin]) -> tuple[float, State, Fitter]:
+    """(cost, state, fitter) after the best single Gauss-Newton step from any of the effect's starting points.
+
+    The slopes by the base's own unknowns are those of the origin; only the effect's are computed.
+    """
+    effect = fitting_example(fitter, effect, fit)
+    wider = _extended(fitter, effect)
+    best: tuple[float, State] = (math.inf, fit.state)
+    places = [place for place, one in enumerate(wider.free) if one.path.startswith(f"{effect.name}.")]
+    points = starting_points(effect, fitter.records, fit)
+    worst = [int(place) for place in np.argsort([-float(np.mean(rest**2)) for rest in fit.residuals])[:SCREENED]]
+    for origin in origins:
+        tried = []
+        for values in points:
+            state = replace(origin.state, model=origin.state.model.with_effect(effect.name, **values))
+            tried.append((wider.cost(state, worst), state))
+        tried.sort(key=lambda pair: pair[0])
+        tried = [(wider.cost(state), state) for _, state in tried[:2]]
+        for cost, state in tried:
+            parts = wider.with_slopes(origin.parts, state, places)
+            for damping in (1e-3, 1.0):
+                move, own = wider.step(parts, damping)
+                trial = wider.with_own(wider.moved(state, move), own)
+                new = wider.cost(trial)
+                if new < cost:
+                    cost, state = new, trial
+                    break
+            if cost < best[0]:
+                best = (cost, state)
+    if best[0] > fit.cost and all(record.cut is None for record in fitter.records):
+        found = wider.fit(best[1], iterations=10)  # without a cut this is cheap, and one step may not turn the corner
+        best = (found.cost, found.state)
+    return best[0], best[1], wider

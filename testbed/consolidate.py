@@ -1,0 +1,168 @@
+"""Many shards become one data set: chunks are copied as they are, tables a shard at a time, so that memory stays flat."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import shutil
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from testbed.atomic import replacing
+from testbed.chunk_writer import Compression, channel_data
+from testbed.content_hash import ATTRIBUTE, DIGEST, content_hash
+from testbed.problem import InputProblem
+from testbed.recording import CHANNEL_UNITS
+from testbed.seal import seal, state
+from testbed.store import RAGGED, Header, ragged, write_digests, write_header
+
+_BOOKKEEPING = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf4Dimid"}
+_RESERVED = 2**30  # bytes; where reserving is done by writing, more would take long
+_SHARED = {"run", "time", "mark", "pass", "digest_byte", "scenario_text", "model_text", "model_xml"}
+
+
+def consolidate(target: Path, header: Header, shards: Sequence[tuple[int, int, Path]], samples: int,
+                compression: Compression, threads: int = 1, transients: bool = True) -> str:
+    """Write one data set of all shards (first run, last run + 1, file), in order; returns its content hash.
+
+    transients: without them the file is the index of a folder of shards: all tables, and the hash of the whole. Each
+    shard's seal is checked before it is copied. InputProblem where one is damaged: it is removed, since what is missing
+    is what a resumed sweep computes.
+    """
+    count = shards[-1][1]
+    with replacing(target) as temporary, _hdf5_on_disk():
+        if transients:
+            _make_sure_of_room(temporary, round(1.02 * sum(path.stat().st_size for _, _, path in shards)))
+        with h5py.File(temporary, "w", libver="v110") as file:
+            write_header(file, header, count, samples)
+            writer = _Writer(file, shards, samples, compression, transients)
+            for first, path in _whole(shards, threads):
+                with h5py.File(path, "r") as shard:
+                    writer.take(shard, first)
+            digests = {name: bytes(values) for name, values in writer.digests.items()}
+            for name, values in digests.items():
+                write_digests(file, name, values)
+            digest = content_hash(file, digests)
+            file.attrs[ATTRIBUTE] = digest
+            for name in () if transients else digests:
+                del file[name]  # nothing was written to it: it would be read as a record of nothing
+        seal(temporary, threads)
+    return digest
+
+
+def _make_sure_of_room(path: Path, size: int) -> None:
+    """OSError now rather than in the midst of HDF5's writing, which does not stand it."""
+    if shutil.disk_usage(path.parent).free < size:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    if hasattr(os, "posix_fallocate") and size <= _RESERVED:  # a quota shows only when the room is asked for
+        with path.open("r+b") as file:
+            os.posix_fallocate(file.fileno(), 0, max(1, size))
+
+
+@contextmanager
+def _hdf5_on_disk() -> Iterator[None]:
+    """What HDF5 says of a disk that takes no more, as the OSError that it is."""
+    try:
+        yield
+    except RuntimeError as problem:
+        found = re.search(r"errno = (\d+)", str(problem))
+        if found is None:
+            raise
+        raise OSError(int(found[1]), os.strerror(int(found[1]))) from None
+
+
+def _whole(shards: Iterable[tuple[int, int, Path]], threads: int) -> Iterator[tuple[int, Path]]:
+    """Shards whose every byte is as it was written, checked a few ahead."""
+    with ThreadPoolExecutor(max(1, threads)) as pool:
+        waiting = []
+        for first, _, path in shards:
+            waiting.append((first, path, pool.submit(state, path)))
+            if len(waiting) > 2 * threads:
+                yield _sound(*waiting.pop(0))
+        for item in waiting:
+            yield _sound(*item)
+
+
+def _sound(first: int, path: Path, found: object) -> tuple[int, Path]:
+    if found.result() != "whole":  # type: ignore[attr-defined]
+        path.unlink()
+        raise InputProblem(path, "was damaged after it was written; it is removed", "continue with --resume")
+    return first, path
+
+
+class _Writer:
+    """The data set under way. digests: a channel's row hashes, one after another."""
+
+    def __init__(self, file: h5py.File, shards: Sequence[tuple[int, int, Path]], samples: int,
+                 compression: Compression, transients: bool) -> None:
+        self.file, self.samples, self.compression, self.transients = file, samples, compression, transients
+        self.count = shards[-1][1]
+        self.digests: dict[str, bytearray] = {}
+        self.widths = dict.fromkeys(RAGGED, 1)
+        self.rows: dict[str, int] = {}  # in a chunk: as in the largest shards, whose chunks are copied as they are
+        for _, _, path in shards:
+            with h5py.File(path, "r") as shard:
+                self.widths = {name: max(width, shard[name].shape[1]) for name, width in self.widths.items()}
+                for name in shard:
+                    if name in CHANNEL_UNITS:
+                        self.rows[name] = max(self.rows.get(name, 1), shard[name].chunks[0])
+
+    def take(self, shard: h5py.File, first: int) -> None:
+        """Take all runs of a shard; the first of them becomes number `first`."""
+        for name in shard:
+            if name in self.rows:
+                self._channel(shard[name], name, first)
+                self.digests.setdefault(name, bytearray()).extend(shard[DIGEST + name][()].tobytes())
+            elif name in RAGGED:
+                self._ragged(shard[name], name, first)
+            elif name not in _SHARED and not name.startswith(DIGEST):
+                self._table(shard[name], name, first)
+
+    def _table(self, source: h5py.Dataset, name: str, first: int) -> None:
+        if name not in self.file:
+            data = self.file.create_dataset(name, (self.count,), source.dtype)
+            data.dims[0].attach_scale(self.file["run"])
+            _copy_attributes(source, data)
+        self.file[name][first:first + len(source)] = source[()]
+
+    def _ragged(self, source: h5py.Dataset, name: str, first: int) -> None:
+        data = self.file[name] if name in self.file else ragged(self.file, name, self.count, self.widths[name])
+        values = np.full((len(source), data.shape[1]), np.nan)
+        values[:, : source.shape[1]] = source[()]
+        data[first:first + len(source)] = values
+
+    def _channel(self, source: h5py.Dataset, name: str, first: int) -> None:
+        if name not in self.file:
+            data = channel_data(self.file, name, self.count, self.samples, source.dtype, self.compression,
+                                min(self.rows[name], self.count))
+            _copy_attributes(source, data)
+        if not self.transients:
+            return
+        data = self.file[name]
+        rows, wide = data.chunks
+        if _storage(source) != _storage(data) or first % rows or (len(source) % rows and first + len(source) < self.count):
+            for start in range(0, len(source), rows):
+                data[first + start:first + min(start + rows, len(source))] = source[start:start + rows]
+            return
+        for start in range(0, len(source), rows):
+            for column in range(0, self.samples, wide):
+                skipped, raw = source.id.read_direct_chunk((start, column))
+                data.id.write_direct_chunk((first + start, column), raw, filter_mask=skipped)
+
+
+def _storage(data: h5py.Dataset) -> tuple[object, ...]:
+    """Chunks and filters: where two data sets agree in them, a chunk's bytes mean the same in both."""
+    filters = data.id.get_create_plist()
+    return (data.dtype, data.chunks, *(filters.get_filter(place)[0] for place in range(filters.get_nfilters())))
+
+
+def _copy_attributes(source: h5py.Dataset, data: h5py.Dataset) -> None:
+    for key in source.attrs:
+        if key not in _BOOKKEEPING:
+            data.attrs[key] = source.attrs[key]

@@ -1,0 +1,127 @@
+"""The grid in the spindle angle: where the pitch is cut into segments, what moves in a run, and how many steps that takes."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from testbed.effect import Effect
+from testbed.engines import loop_kernel as lk
+from testbed.engines.compose import Layout
+from testbed.machine import Cutter, Cutting, Structure
+
+POINT_ANGLE = 0.3  # rad of helical lag that one Gauss point more is spent on
+STEP_PHASE = 0.15  # rad of the structure's vibration, or of a law's own, that a step in the cut may cover
+CARRIED_PHASE = 0.3  # rad of a carried oscillator's vibration that a step in the cut may cover
+FREE_PHASE = 0.3  # rad of the structure's vibration that a step outside the cut may cover: only a weak rest is integrated
+STEP_ANGLE = 0.12  # rad of tooth travel a step in the cut may cover
+
+
+def python_hook(effect: Effect, hook: str, values: Mapping[str, float], **offers: float) -> float:
+    wanted = inspect.signature(effect.hooks[hook]).parameters
+    known = {**offers, **values}
+    return float(effect.hooks[hook](**{name: known[name] for name in wanted}))
+
+
+def arguments_of(effect: Effect, hook: str) -> set[str]:
+    """What a hook of the effect asks for; nothing where it has none."""
+    return set(inspect.signature(effect.hooks[hook]).parameters) if hook in effect.hooks else set()
+
+
+def corners_of_pitch(cutter: Cutter, cutting: Cutting, lag: float) -> tuple[np.ndarray, list[int]]:
+    """(angles that cut the pitch where the force is not smooth, 0 and the pitch among them; teeth in the cut between them).
+
+    The leading tooth's tip enters at 0, its top after `lag`; a tip leaves at the engagement angle, a top `lag` later.
+    """
+    pitch, engaged = cutter.pitch, cutting.engagement_angle
+    corners = [0.0]
+    for corner in sorted(angle - pitch * math.floor(angle / pitch + 1e-9) for angle in (lag, engaged, engaged + lag)):
+        if corners[-1] + 1e-9 * pitch < corner:
+            corners.append(corner)
+    corners.append(pitch)
+    teeth = [math.ceil((engaged + lag - 0.5 * (low + high)) / pitch) for low, high in pairwise(corners)]
+    return np.array(corners), teeth
+
+
+def axial_points(lag: float, kinked: bool) -> int:
+    """Gauss points along the part of an edge in the cut, lagging by at most `lag` rad; more for a law with a kink."""
+    if lag == 0.0:
+        return 1
+    points = 3 + math.ceil(lag / POINT_ANGLE)
+    return min(lk.MOST_POINTS, 2 * points if kinked else points)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What moves in a run: oscillators O, places of the other states, whether all is carried exactly in free flight.
+
+    rates: angular frequencies (rad/s) of what is carried exactly, and of what is integrated (0 where nothing is).
+    """
+
+    oscillators: np.ndarray
+    plain: list[int]
+    exact: bool
+    rates: tuple[float, float]
+
+
+def _oscillators(effect: Effect, values: Mapping[str, float], structure: Structure) -> list[tuple[str, float, float]]:
+    """(first state, pull, drag) of each pair of states that is an underdamped oscillator at these values."""
+    found = []
+    for position, rate in effect.oscillators:
+        still = dict.fromkeys(effect.states, 0.0) | {
+            "applied_force": 0.0, "mean_torque": 0.0, "displacement": 0.0, "velocity": 0.0, "time": 0.0,
+            "mass": structure.mass, "stiffness": structure.stiffness, "damping": structure.damping}  # fmt: skip
+        pull = -python_hook(effect, f"derivative_{rate}", values, **(still | {position: 1.0}))
+        drag = -python_hook(effect, f"derivative_{rate}", values, **(still | {rate: 1.0}))
+        if pull > 0.25 * drag * drag:
+            found.append((position, pull, drag))
+    return found
+
+
+def motion_of(structure: Structure, active: Mapping[str, Mapping[str, float]], catalogue: Mapping[str, Effect],
+            layout: Layout) -> Motion:  # fmt: skip
+    """Sort the states of the active effects into oscillators and others."""
+    plain: list[int] = []
+    rows = [(0.0, structure.stiffness / structure.mass, structure.damping / structure.mass)]
+    exact, carried, integrated = True, structure.natural_frequency_rad, 0.0
+    for name, values in active.items():
+        effect = catalogue[name]
+        pairs = _oscillators(effect, values, structure)
+        places = {layout.state[name, state] for state in effect.states}
+        for position, pull, drag in pairs:
+            place = layout.state[name, position]
+            rows.append((place, pull, drag))
+            places -= {place, place + 1}
+            carried = max(carried, math.sqrt(pull))
+        plain += sorted(places)
+        reads_states = arguments_of(effect, "speed") & {*effect.states}
+        exact = exact and not places and not reads_states and "structure_force" not in effect.hooks
+        if "highest_frequency" in effect.hooks and (places or not pairs):
+            integrated = max(integrated, python_hook(effect, "highest_frequency", values, mass=structure.mass,
+                                                      stiffness=structure.stiffness))  # fmt: skip
+    return Motion(np.array(rows, dtype=float), plain, exact, (carried, integrated))
+
+
+def steps_of_segments(steps: int | None, corners: np.ndarray, teeth: list[int], crossing: float, speed: float, structure: float,
+           motion: Motion, steady: bool) -> list[int]:  # fmt: skip
+    """Steps of each segment. `structure`: the highest angular frequency of the structure alone, rad/s."""
+    carried, integrated = motion.rates
+    if steps:
+        dense = free = steps / crossing
+    else:
+        dense = max(structure / STEP_PHASE, carried / CARRIED_PHASE, integrated / STEP_PHASE) / speed
+        dense, free = max(dense, 1.0 / STEP_ANGLE), max(carried / FREE_PHASE, integrated / STEP_PHASE) / speed
+    least = 1 if steps else math.ceil(6 / max(1, sum(count > 0 for count in teeth)))
+    found = []
+    for length, count in zip(np.diff(corners), teeth, strict=True):
+        if count > 0 or not motion.exact:
+            density = dense if count > 0 else free
+            found.append(max(least if count > 0 else 1, math.ceil(length * density - 1e-9)))
+        else:  # one exact map; at a varying speed the time it takes is integrated
+            found.append(1 if steady else max(8, math.ceil(length * dense / 4.0)))
+    return found

@@ -1,0 +1,110 @@
+"""Samples at the recording's rate: within a step by the quintic through displacement, velocity and acceleration at both
+ends, in free flight by the exact map."""
+
+from testbed.engines.compiled import inner
+from testbed.engines.hooks import hook_sensed_displacement, hook_sensed_velocity
+from testbed.engines.loop_kernel import SLICES, cutting_force
+from testbed.engines.oscillator_kernel import carry, copy, free_slope, set_maps
+
+SENSED_X, SENSED_V, SENSED_A, FORCE_X, FORCE_Y, ANGLE, N_CHANNELS = range(7)
+
+
+@inner
+def fill_quintic(out, position, u, dt, x0, v0, a0, x1, v1, a1):
+    """One sample of displacement, velocity and acceleration at the share u of a step of dt."""
+    rise = (x1 - x0) / dt - v0 - 0.5 * a0 * dt  # what the three powers above the second must make up
+    gain = v1 - v0 - a0 * dt
+    bend = (a1 - a0) * dt
+    c3 = 10.0 * rise - 4.0 * gain + 0.5 * bend
+    c4 = -15.0 * rise + 7.0 * gain - bend
+    c5 = 6.0 * rise - 3.0 * gain + 0.5 * bend
+    out[SENSED_X, position] = x0 + dt * u * (v0 + u * (0.5 * a0 * dt + u * (c3 + u * (c4 + u * c5))))
+    out[SENSED_V, position] = v0 + u * (a0 * dt + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))
+    out[SENSED_A, position] = a0 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5)) / dt
+
+
+@inner
+def angle_between(u, dt, angle0, angle1, w0, w1):
+    """Spindle angle at the share u of a step of dt, by the cubic through angle and speed at both ends, rad."""
+    h01 = u * u * (3.0 - 2.0 * u)
+    return angle0 + h01 * (angle1 - angle0) + dt * u * (1.0 - u) * ((1.0 - u) * w0 - u * w1)
+
+
+@inner
+def sample_step(A, P, G, clock, Y0, D0, Y1, D1, angle0, angle1, w0, w1, out, position):
+    """Fill the samples of the motion that fall into one step; return the next sample."""
+    start, rate = clock[0], clock[1]
+    dt = Y1[2] - Y0[2]
+    count = out.shape[1]
+    if position >= count or start + position / rate > Y1[2]:
+        return position
+    x0, v0 = Y0[0] + hook_sensed_displacement(A, P, Y0), Y0[1] + hook_sensed_velocity(A, P, Y0)
+    x1, v1 = Y1[0] + hook_sensed_displacement(A, P, Y1), Y1[1] + hook_sensed_velocity(A, P, Y1)
+    a0, a1 = D0[1] + hook_sensed_velocity(A, P, D0), D1[1] + hook_sensed_velocity(A, P, D1)
+    while position < count:
+        t = start + position / rate
+        if t > Y1[2]:
+            break
+        u = (t - Y0[2]) / dt
+        fill_quintic(out, position, u, dt, x0, v0, a0, x1, v1, a1)
+        out[ANGLE, position] = angle_between(u, dt, angle0, angle1, w0, w1)
+        out[FORCE_X, position] = 0.0
+        out[FORCE_Y, position] = 0.0
+        position += 1
+    return position
+
+
+@inner
+def sample_forces(A, P, G, clock, Y0, D0, Y1, D1, phase0, phase1, pass_number, teeth, S, row, surface, W, out, position):
+    """Fill the forces of the samples that fall into one step; S still holds what its edges met."""
+    start, rate = clock[0], clock[1]
+    dt = Y1[2] - Y0[2]
+    while position < out.shape[1]:
+        t = start + position / rate
+        if t > Y1[2]:
+            break
+        u = (t - Y0[2]) / dt
+        h10, h01, h11 = u * (1.0 - u) ** 2, u * u * (3.0 - 2.0 * u), u * u * (u - 1.0)
+        for place in range(Y0.shape[0]):
+            W[place] = (1.0 - h01) * Y0[place] + h01 * Y1[place] + dt * (h10 * D0[place] + h11 * D1[place])
+        W[2] = t
+        low, middle, high = (1.0 - u) * (1.0 - 2.0 * u), 4.0 * u * (1.0 - u), u * (2.0 * u - 1.0)
+        for edge in range(teeth * int(G[SLICES])):
+            surface[edge] = low * S[row, edge] + middle * S[row + 1, edge] + high * S[row + 2, edge]
+        fx, fy, torque = cutting_force(A, P, G, W, phase0 + u * (phase1 - phase0), pass_number, teeth, surface)
+        out[FORCE_X, position] = fx
+        out[FORCE_Y, position] = fy
+        position += 1
+
+
+@inner
+def sample_flight(A, P, G, O, clock, Y, dt, angle0, span, w0, w1, W, D, E, out, position):
+    """Fill the samples of an exact free flight of length dt that starts in state Y; return the next sample.
+
+    The spindle turns by `span` from angle0, at the speed w0 first and w1 last. W, D, E are scratch.
+    """
+    start, rate = clock[0], clock[1]
+    count = out.shape[1]
+    first = start + position / rate
+    if position >= count or first > Y[2] + dt:
+        return position
+    copy(Y, W)
+    for place in range(D.shape[0]):
+        D[place] = 0.0
+    set_maps(O, first - Y[2], E)
+    carry(O, E, W)
+    set_maps(O, 1.0 / rate, E)
+    while position < count:
+        t = start + position / rate
+        if t > Y[2] + dt:
+            break
+        free_slope(O, W, D)
+        out[SENSED_X, position] = W[0] + hook_sensed_displacement(A, P, W)
+        out[SENSED_V, position] = W[1] + hook_sensed_velocity(A, P, W)
+        out[SENSED_A, position] = D[1] + hook_sensed_velocity(A, P, D)
+        out[FORCE_X, position] = 0.0
+        out[FORCE_Y, position] = 0.0
+        out[ANGLE, position] = angle_between((t - Y[2]) / dt if dt > 0.0 else 0.0, dt, angle0, angle0 + span, w0, w1)
+        carry(O, E, W)
+        position += 1
+    return position

@@ -1,0 +1,101 @@
+"""A seal at a file's end: the hash of all bytes before it, so that one flipped bit anywhere is noticed.
+
+The content hash of a data set covers its values, not the bytes that HDF5 keeps for itself. The seal covers all of them.
+It stands after HDF5's own end of file, where no HDF5 reader looks: `\\nsealed sha256-16M DIGEST SIZE\\n`, SIZE the
+number of bytes before it, DIGEST the SHA-256 of the SHA-256 of each 16 MiB of them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from hashlib import sha256
+from pathlib import Path
+from typing import Literal
+
+BLOCK = 16 * 2**20  # bytes
+_LENGTH = len(b"\nsealed sha256-16M " + b"0" * 64 + b" " + b"0" * 15 + b"\n")
+_PATTERN = re.compile(rb"\nsealed sha256-16M ([0-9a-f]{64}) ([0-9]{15})\n")
+State = Literal["whole", "broken", "absent"]
+
+
+def seal(path: Path, threads: int = 1) -> None:
+    """Put the seal at the end of a finished file. OSError where it cannot be written."""
+    size = path.stat().st_size
+    with path.open("ab") as file:
+        file.write(_trailer(_digest(path, size, threads), size))
+
+
+def write_sealed(path: Path, content: bytes) -> None:
+    """Write a file and its seal. OSError where it cannot be written."""
+    total = sha256()
+    view = memoryview(content)
+    for first in range(0, len(content), BLOCK):
+        total.update(sha256(view[first:first + BLOCK]).digest())
+    with path.open("wb") as file:
+        file.write(content)
+        file.write(_trailer(total.hexdigest(), len(content)))
+
+
+def _trailer(digest: str, size: int) -> bytes:
+    return f"\nsealed sha256-16M {digest} {size:015d}\n".encode()
+
+
+def sealed_size(path: Path) -> int | None:
+    """Number of bytes before the seal; None where the file does not end in one that fits its length."""
+    size = path.stat().st_size - _LENGTH
+    if size < 0:
+        return None
+    with path.open("rb") as file:
+        file.seek(size)
+        found = _PATTERN.fullmatch(file.read())
+    return size if found and int(found[2]) == size else None
+
+
+def state(path: Path, threads: int = 1) -> State:
+    """Whether a file is, to the last bit, what was sealed. Reads all of it. OSError where it cannot be read."""
+    size = sealed_size(path)
+    if size is None:
+        return "absent"
+    with path.open("rb") as file:
+        file.seek(size)
+        found = _PATTERN.fullmatch(file.read())
+    return "whole" if found and found[1].decode() == _digest(path, size, threads) else "broken"
+
+
+def cut_off(path: Path) -> bool:
+    """True where a file ends in the beginning of a seal."""
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - _LENGTH))
+        return b"\nsealed sha256-16M " in file.read()
+
+
+def _digest(path: Path, size: int, threads: int) -> str:
+    total = sha256()
+    if threads <= 1 or size <= BLOCK:
+        with path.open("rb") as file:
+            for first in range(0, size, BLOCK):
+                total.update(sha256(file.read(min(BLOCK, size - first))).digest())
+        return total.hexdigest()
+
+    def block(first: int) -> bytes:
+        with path.open("rb") as file:
+            file.seek(first)
+            return sha256(file.read(min(BLOCK, size - first))).digest()
+
+    with ThreadPoolExecutor(threads) as pool:
+        for digest in _few_ahead(pool, block, size, 2 * threads):
+            total.update(digest)
+    return total.hexdigest()
+
+
+def _few_ahead(pool: ThreadPoolExecutor, block: Callable[[int], bytes], size: int, ahead: int) -> Iterator[bytes]:
+    """The blocks' digests in order, with a few in work at a time: memory stays flat however large the file."""
+    waiting: list[Future[bytes]] = []
+    for first in range(0, size, BLOCK):
+        waiting.append(pool.submit(block, first))
+        if len(waiting) >= ahead:
+            yield waiting.pop(0).result()
+    for future in waiting:
+        yield future.result()

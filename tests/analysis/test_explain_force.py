@@ -1,0 +1,123 @@
+"""Is a hidden law found as a short formula, nothing where nothing hides, and what the force depends on ranked right?"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plain_cut import MARK, RATE, TRUE, motion, record
+from test_latent_force import PLANT, cut_state
+
+from analysis.explain_force import as_json, explain, formula_text, write_effect
+from analysis.force_ranking import explained, rank
+from analysis.latent_force import missing_force
+from analysis.observed import Nuisances, Observed, drift_basis, observe
+from analysis.waveform import State
+from testbed.cut import Cut
+from testbed.effect import read_effect
+
+NOISE = 1e-6
+WRONG = TRUE.with_values({"natural_frequency": 146.7, "damping_ratio": 0.0045})
+
+
+def decays(structure_law, amplitudes=(2.5e-4, 1.5e-4), passes=40):
+    """Free decays from several displacements, as records; model-free."""
+    found = []
+    for seed, amplitude in enumerate(amplitudes):
+        cut = Cut(2 * np.pi * 100.0, 0.0, idle_passes=passes, passes=0, initial_displacement=amplitude)
+        times, xs, _ = motion(TRUE, cut, structure_law=structure_law)
+        wanted = np.arange(int(times[-1] * RATE)) / RATE
+        x = np.interp(wanted, times, xs) + NOISE * np.random.default_rng(seed).standard_normal(len(wanted))
+        found.append(
+            Observed(
+                f"tap_{seed}",
+                "ring-down",
+                ("displacement",),
+                x[None],
+                RATE,
+                0.0,
+                np.array([NOISE]),
+                "idle",
+                drift_basis(len(x)),
+                (),
+                ("ring-down", f"tap_{seed}"),
+                force=np.zeros(len(x)),
+            )
+        )
+    state = State(WRONG, 0.0, tuple(Nuisances(displacement=amplitude) for amplitude in amplitudes))
+    return missing_force(PLANT, found, state, {})
+
+
+@pytest.mark.parametrize(
+    ("name", "law", "value"),
+    [
+        ("damping_3", lambda x, v: -3000.0 * v**3, 3000.0),
+        ("damping_xx", lambda x, v: -4e9 * x**2 * v, 4e9),
+        ("stiffness_5", lambda x, v: -4e20 * x**5, 4e20),
+    ],
+)
+def test_a_law_of_the_structure_is_read_off_free_decays(name, law, value):
+    found = explain(decays(law))
+    assert [one.term.name for one in found.formula] == [name]
+    assert found.formula[0].value == pytest.approx(value, rel=0.04)
+    assert found.formula[0].low < found.formula[0].value < found.formula[0].high
+    assert found.share > 0.95
+    assert found.state.model.structure.natural_frequency == pytest.approx(146.4, abs=0.03)
+    assert found.state.model.structure.damping_ratio == pytest.approx(0.0032, rel=0.1)
+    assert found.in_cut == () and len(found.maps["in_cut"]["force"]) == 0
+
+
+def test_where_nothing_hides_nothing_is_proposed(tmp_path):
+    found = explain(decays(lambda x, v: 0.0))
+    assert found.formula == () and found.share == 0.0 and "No force of the library" in found.sentence
+    with pytest.raises(ValueError, match="nothing to write"):
+        write_effect(found, tmp_path, "proposal")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_law_of_the_chip_is_read_off_cuts_and_written(tmp_path):
+    law = 2.0e12
+    made = [
+        record(rpm, depth, seed, tooth_law=lambda depth, chip, angle: law * depth * chip * chip)
+        for seed, (rpm, depth) in enumerate(((3500.0, 1.5e-3), (4200.0, 2.0e-3), (2700.0, 1.5e-3)))
+    ]
+    records = [observe(one, TRUE) for one in made]
+    bent = TRUE.with_values({"tangential_coefficient": 4.5e8, "normal_coefficient": 5.0e8, "damping_ratio": 0.0034})
+    state = replace(cut_state(records, bent), angle=MARK - 0.03)
+    found = explain(missing_force(PLANT, records, state, {}))
+    assert [one.term.name for one in found.formula] == ["square_n"]
+    assert found.formula[0].value == pytest.approx(law, rel=0.05)
+    assert found.state.angle == pytest.approx(MARK, abs=0.01)
+    assert found.state.model.cutting.tangential_coefficient == pytest.approx(5.5e8, rel=0.05)
+    assert any("chip" in one.variables for one in found.in_cut[:3])
+    assert all(one.share < 0.2 for one in found.out_of_cut)
+    effect = read_effect(write_effect(found, tmp_path, "proposal"))
+    assert effect.example()["square_n"] == pytest.approx(found.formula[0].value, rel=1e-5)
+    assert found.start("proposal").model.effects["proposal"]["square_n"] == found.formula[0].value
+    answer = as_json(found)
+    assert answer["formula"][0]["acts"] == "normal_force" and "b h^2" in formula_text(found.formula)
+    assert set(found.maps["in_cut"]) >= {"displacement", "velocity", "force"}
+
+
+def samples(force, **variables):
+    count = len(force)
+    return {"force": force, "deviation": np.ones(count), "condition": np.arange(count) * 4 // count, **variables}
+
+
+def test_the_variable_that_the_force_goes_with_is_ranked_first():
+    random = np.random.default_rng(0)
+    x, v, chip = random.uniform(-2.0, 2.0, (3, 8000))
+    noise = 0.3 * random.standard_normal(8000)
+    single = rank(samples(x**3 + noise, displacement=x, velocity=v, chip=chip))
+    assert "displacement" in single[0].variables
+    alone = {one.variables: one.share for one in single if len(one.variables) == 1}
+    assert alone["displacement",] > 0.9 and abs(alone["velocity",]) < 0.03 and abs(alone["chip",]) < 0.03
+    pair = rank(samples(x * v + noise, displacement=x, velocity=v, chip=chip))
+    assert set(pair[0].variables) == {"displacement", "velocity"} and pair[0].share > 0.6
+    assert rank(samples(x[:50], displacement=x[:50])) == ()
+
+
+def test_what_holds_in_one_condition_only_explains_nothing():
+    """A bin that no other condition has says nothing of this one."""
+    time = np.linspace(0.0, 1.0, 4000)
+    force = np.floor(time * 4)
+    assert explained(force, np.ones(4000), np.arange(4000) * 4 // 4000, np.arange(4000) * 16 // 4000) < 0.01

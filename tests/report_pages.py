@@ -1,0 +1,111 @@
+"""Pages for the tests of the report: three cuts with a hidden effect, fitted from the truth so that no search is needed."""
+
+from __future__ import annotations
+
+from functools import cache, partial
+from types import SimpleNamespace
+
+from campaign_files import BELIEVED, TRUE
+from synthetic_campaign import MARK_ANGLE, TESTS, synthetic_campaign
+
+import analysis.compare
+from analysis.add_effect import Addition
+from analysis.compare import Comparison, compare, estimates
+from analysis.diagnosis import Candidate, Diagnosis
+from analysis.effect_start import effect_parameters
+from analysis.held_out import held_out_errors, pooled, record_error
+from analysis.observed import first_nuisances, observe
+from analysis.report.compare_page import compare_page
+from analysis.report.page import Page
+from analysis.report.story_page import addition_page, diagnosis_page
+from analysis.starts import free_parameters, polish
+from analysis.waveform import Fitter, State
+from testbed.effect import catalogue
+from testbed.engines import fast, predict
+
+CATALOGUE = catalogue()
+EFFECT, OTHER = "process_damping", "tool_wear"
+HIDDEN = TRUE.with_effect(EFFECT, coefficient=2.0e5)
+UNITS = {"displacement": "m"}
+PLANT = SimpleNamespace(
+    predict_cuts=partial(predict.predict_cuts, catalogue=CATALOGUE),
+    predict_driven=partial(predict.predict_driven, catalogue=CATALOGUE),
+)
+
+
+@cache
+def records(true=HIDDEN):
+    """Three cuts made ready for a fit."""
+    made = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=4, tests=TESTS[:3])
+    return tuple(observe(record, BELIEVED) for record in made)
+
+
+def fit_from(model, chosen, effects=()):
+    """(fitter, fit) of a model from where the truth is."""
+    free = free_parameters(chosen, model)
+    for name in effects:
+        free += effect_parameters(CATALOGUE[name])
+    fitter = Fitter(PLANT, chosen, free)
+    state = State(model, MARK_ANGLE, tuple(first_nuisances(record, MARK_ANGLE) for record in chosen))
+    return fitter, polish(fitter, state, rounds=1, iterations=4)
+
+
+@cache
+def comparison(true=HIDDEN) -> Comparison:
+    """compare() without its search for a start."""
+    search = analysis.compare.base_fit
+    analysis.compare.base_fit = lambda plant, chosen, model, *, free: fit_from(TRUE, chosen)
+    try:
+        return compare(PLANT, records(true), BELIEVED, CATALOGUE)
+    finally:
+        analysis.compare.base_fit = search
+
+
+@cache
+def candidate(*effects: str) -> Candidate:
+    """A set of effects fitted; process damping starts at its true strength, tool wear from none."""
+    model = TRUE
+    for name in effects:
+        model = HIDDEN if name == EFFECT else model.with_effect(OTHER, rate=0.1)
+    fitter, fit = fit_from(model, records(), effects)
+    errors = tuple(held_out_errors(fitter, fit))
+    in_sample = [record_error(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
+    parameters = {path: fit.state.model.value(path) for path in fit.names if "." in path}
+    return Candidate(effects, parameters, pooled(in_sample)[0], pooled(errors)[0], 100.0, True, fit, fitter, errors)
+
+
+def diagnosis() -> Diagnosis:
+    """What diagnose() would answer: process damping is missing, tool wear was tried."""
+    base, found, other = candidate(), candidate(EFFECT), candidate(OTHER)
+    return Diagnosis(
+        "missing_effect", (EFFECT,), "The model lacks process_damping.", base.error_held_out, found.error_held_out,
+        pooled(base.errors)[1], (found, other), base, found, (base, found),
+    )
+
+
+def addition() -> Addition:
+    """What add_effect() would answer."""
+    base, found = candidate(), candidate(EFFECT)
+    return Addition(
+        EFFECT, found.fit.state.model, base.error_held_out, found.error_held_out, pooled(base.errors)[1], base.errors,
+        found.errors, True, estimates(found.fitter, found.fit, CATALOGUE), True, ("one warning",), found.fit,
+    )
+
+
+@cache
+def failing_page() -> Page:
+    """compare's page where something is missing."""
+    return compare_page(comparison(), BELIEVED, CATALOGUE, UNITS)
+
+
+@cache
+def story() -> Page:
+    """diagnose's page."""
+    said = {"next_test": {"spindle_speed": 318.0, "depth_of_cut": 0.0018, "separates": [EFFECT, OTHER]}}
+    return diagnosis_page(diagnosis(), said, BELIEVED, CATALOGUE, UNITS)
+
+
+@cache
+def added() -> Page:
+    """add's page."""
+    return addition_page(addition(), records(), BELIEVED, UNITS)

@@ -1,0 +1,174 @@
+"""The report's pages: what they carry, that they fetch nothing, and that their sentences follow the data."""
+
+import base64
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+import report_pages as pages
+from campaign_files import BELIEVED, TRUE
+
+from analysis.report.compare_page import compare_page, verdict_of
+from analysis.report.force_map import add_force_map, force_map_says
+from analysis.report.packed import packed, thinned
+from analysis.report.page import Page, Panel, heat_colour
+from analysis.residual_views import by_angle, by_frequency
+
+
+def unpacked(row):
+    """What the page's script makes of a packed row."""
+    if "n" in row:
+        return row["from"] + row["step"] * np.arange(row["n"])
+    counts = np.frombuffer(base64.b64decode(row["i2"]), "<i2").astype(float)
+    values = np.where(counts == -32768, np.nan, row["offset"] + row["scale"] * counts)
+    return 10**values if "log" in row else values
+
+
+def test_packed_rows_come_back():
+    values = np.random.default_rng(0).normal(3.0, 2.0, 1000)
+    values[[3, 500]] = np.nan, np.inf
+    back = unpacked(packed(values))
+    known = np.isfinite(values)
+    assert np.array_equal(np.isfinite(back), known)
+    assert np.abs(back - values)[known].max() < 2e-5 * np.ptp(values[known])
+    small = np.geomspace(1e-9, 1e3, 50)
+    assert np.allclose(unpacked(packed(small, logarithmic=True)), small, rtol=1e-3)
+    assert np.allclose(unpacked(packed(np.full(4, 7.5))), 7.5)
+
+
+@pytest.mark.parametrize("count", [5000, 5001, 123457])
+def test_an_envelope_loses_no_peak(count):
+    values = np.random.default_rng(1).normal(size=count)
+    values[count // 3], values[count - 1] = 40.0, -50.0
+    time, row = thinned(values, 2.0, 1000.0, 400)
+    x, y = unpacked(time), unpacked(row)
+    assert len(x) == len(y) <= 404
+    assert y.max() == pytest.approx(40.0, abs=1e-2) and y.min() == pytest.approx(-50.0, abs=1e-2)
+    assert x[np.argmax(y)] == pytest.approx(2.0 + count // 3 / 1000.0, abs=2 * count / 400 / 1000.0)
+    assert x[0] >= 2.0 and x[-1] <= 2.0 + count / 1000.0 + 0.5
+
+
+class Outside(HTMLParser):
+    """Collects whatever a page's markup would fetch or leave open."""
+
+    def __init__(self):
+        super().__init__()
+        self.fetched, self.headings = [], []
+        self._in_heading = False
+
+    def handle_starttag(self, tag, attributes):
+        for name, value in attributes:
+            if name in ("src", "href", "srcset", "action", "data") and not value.startswith(("#", "data:")):
+                self.fetched.append((tag, value))
+        self._in_heading = tag == "h2"
+
+    def handle_data(self, data):
+        if self._in_heading:
+            self.headings.append(data)
+            self._in_heading = False
+
+
+@pytest.mark.parametrize("made", [pages.failing_page, pages.story, pages.added])
+def test_a_page_is_one_small_file_that_fetches_nothing(made):
+    text = made().html()
+    assert len(text.encode()) < 6e6
+    assert text.count("* plotly.js v") == 1  # the library's own head, once
+    reader = Outside()
+    reader.feed(text)
+    assert reader.fetched == [] and "default-src 'none'" in text
+    assert len(reader.headings) >= 4 and all("?" in heading for heading in reader.headings)
+    assert text.count('class="answer"') >= len(reader.headings) - 1  # the boxes to tick answer by themselves
+
+
+def test_rows_that_pictures_share_are_carried_once():
+    values = np.random.default_rng(2).normal(size=300)
+    page = Page("two")
+    for _ in range(2):
+        page.figure(Panel([{"type": "scatter", "y": packed(values)}]))
+    data = json.loads(re.search(r'id="pictures">(.*?)</script>', page.html(), re.DOTALL).group(1))
+    assert len(data["rows"]) == 1
+    assert [picture["panels"][""]["traces"][0]["y"]["row"] for picture in data["pictures"]] == [0, 0]
+
+
+def test_what_users_wrote_is_escaped():
+    page = Page("<script>alert(1)</script>")
+    page.heading("<b>?")
+    page.table(("<i>",), [("</td><script>",)])
+    page.figure(Panel([{"name": "</script><script>alert(2)</script>", "y": [1.0]}]))
+    text = page.html()
+    assert "<script>alert" not in text and "</script><script>alert" not in text and "<b>?" not in text
+
+
+def test_a_page_without_pictures_carries_no_library():
+    page = Page("plain")
+    page.text("nothing to draw")
+    assert len(page.html()) < 10_000 and "<script" not in page.html()
+
+
+def test_the_sentences_follow_the_data():
+    failing, complete = pages.comparison(), pages.comparison(TRUE)
+    assert not failing.adequate and complete.adequate
+    assert "more than noise" in verdict_of(failing) and "down to its noise" in verdict_of(complete)
+    worst = max(failing.records, key=lambda one: one.chi_square).name
+    assert worst in verdict_of(failing)
+    text = compare_page(complete, BELIEVED, pages.CATALOGUE, pages.UNITS).html()
+    for said in ("0 of 3 records hold more than noise", "At none in particular", "Nowhere: all 3 cuts"):
+        assert said in text
+    assert "0 of 3 records hold more than noise" not in pages.failing_page().html()
+
+
+def test_the_story_says_what_was_found():
+    text = pages.story().html()
+    found = pages.diagnosis()
+    assert f"From {found.baseline:.4f} to {found.with_effects:.4f} in 1 step" in text
+    assert "3037 rpm and 1.8 mm" in text  # the next test
+    assert found.with_effects < 0.9 * found.baseline
+    assert "process_damping.coefficient" in text and "one warning" in pages.added().html()
+
+
+def test_every_fitted_set_can_be_ticked():
+    spec = next(one for one in pages.story().pictures if "missing" in one)
+    assert {key.split("|")[0] for key in spec["panels"]} == {"", pages.EFFECT, pages.OTHER}
+    assert len(spec["panels"]) == 3 * len(pages.records())
+    bare, own = (spec["panels"][f"{name}|0"]["says"] for name in ("", pages.EFFECT))
+    error = [float(re.search(r"error ([\d.]+)", text).group(1)) for text in (bare, own)]
+    assert error[1] < 0.8 * error[0]
+
+
+def test_the_angle_and_the_line_are_found_where_they_were_put():
+    found = pages.comparison(TRUE)
+    record, error, state = found.fitter.records[0], found.errors[0], found.fit.state
+    time = record.start + np.arange(record.samples) / record.rate
+    turning = 1.0 / record.period
+
+    def left(values):
+        return type(error)(error.name, 1.0, error.noise_floor, values[None], 1.0, 1.0, 1.0)
+
+    view = by_frequency(record, left(1e-4 * np.sin(2 * np.pi * 3 * turning * time)), state, 0)[0]
+    assert view.shares["tooth passing"] > 0.99
+    assert view.frequency[np.argmax(view.amplitude)] == pytest.approx(3 * turning, rel=1e-3)
+    between = left(1e-4 * np.sin(2 * np.pi * 2.5 * turning * time))
+    assert by_frequency(record, between, state, 0)[0].shares["tooth passing"] < 0.05
+    entry = record.pass_start(20, state.angle, state.nuisances[0])
+    bump = np.zeros(record.samples)
+    for turn in range(40):  # a blow 30 degrees after every entry
+        bump[round((entry + (turn + 30 / 360) * record.period - record.start) * record.rate)] = 1e-3
+    assert by_angle(record, left(bump), state, 0)[0].peak[0] == pytest.approx(30.0, abs=5.0)
+
+
+def test_the_force_map_says_what_the_force_goes_with():
+    random = np.random.default_rng(3)
+    x, v = random.normal(size=(2, 5000)) * [[1e-4], [0.1]]
+    assert "goes with displacement" in force_map_says(x, v, 1e12 * x**3 + 0.1 * random.normal(size=5000))
+    assert "goes with velocity" in force_map_says(x, v, 50.0 * v * np.abs(v))
+    assert "goes with neither" in force_map_says(x, v, random.normal(size=5000))
+    page = Page("map")
+    add_force_map(page, "cut 1", x, v, 50.0 * v)
+    assert "velocity" in page.html()
+
+
+def test_heat_runs_from_green_to_red():
+    calm, hot = (tuple(int(heat_colour(value)[k : k + 2], 16) for k in (1, 3, 5)) for value in (-1.0, 2.0))
+    assert calm[1] > calm[0] and hot[0] > hot[1]
