@@ -81,7 +81,7 @@ def _started(given: _ClusterFile, path: object) -> Any:
     if given.kind == "local":
         from distributed import LocalCluster
 
-        return LocalCluster(n_workers=given.workers, **({"dashboard_address": None} | given.options))
+        return LocalCluster(n_workers=given.workers, **({"dashboard_address": ":0"} | given.options))
     try:
         import dask_jobqueue
     except ImportError:
@@ -114,6 +114,7 @@ def compute_on(client: Client, job: Job, spans: list[Span]) -> Iterator[Span]:
     """
     from distributed import as_completed
     from distributed.client import FutureCancelledError
+    from distributed.comm import CommClosedError
     from distributed.scheduler import KilledWorker
 
     waiting = list(reversed(spans))
@@ -145,7 +146,7 @@ def compute_on(client: Client, job: Job, spans: list[Span]) -> Iterator[Span]:
             future = next(done)
             span = running.pop(future.key)
             fault = future.exception() if future.status == "error" else None
-            if future.status == "finished":
+            if future.status == "finished" or shard_path(job.parts, *span).exists():  # or it died after it wrote
                 _seen(job, span)
                 yield span
             elif isinstance(fault, (KilledWorker, FutureCancelledError)) or future.status in ("cancelled", "lost"):
@@ -164,6 +165,8 @@ def compute_on(client: Client, job: Job, spans: list[Span]) -> Iterator[Span]:
             elif fault is not None:
                 raise fault
             hand_out()
+    except CommClosedError as problem:
+        raise InputProblem(job.parts, f"the scheduler is gone ({_first_line(problem)})", "continue with --resume") from None
     finally:
         client.cancel([future for future in list(done.futures)] if running else [])
 

@@ -14,7 +14,7 @@ from multiprocessing.connection import wait as wait_for
 from typing import Any
 
 from testbed.batch import Job, compute, write_failed
-from testbed.shards import Span
+from testbed.shards import Span, shard_path
 
 STALL = 600.0       # s without a run begun or ended, after which a worker is taken for hung
 DEATHS_OF_A_RUN = 3  # a run that was under way alone so often when its process died is `crashed`
@@ -183,6 +183,8 @@ class _Processes:
         span = worker.span
         if span is None:
             return None
+        if shard_path(self.job.parts, *span).exists():  # it died after it wrote
+            return span
         self.deaths[span] += 1
         if span[1] - span[0] == 1:
             if self.deaths[span] >= DEATHS_OF_A_RUN:

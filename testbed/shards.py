@@ -74,7 +74,8 @@ def overlaps(shards: list[Shard]) -> list[Shard]:
     for shard in shards:
         if shard[0] < reached:
             twice.append(shard)
-        reached = max(reached, shard[1])
+        else:
+            reached = shard[1]
     return twice
 
 

@@ -26,7 +26,7 @@ from testbed.model_file import model_text
 from testbed.pool import STALL, work
 from testbed.problem import InputProblem
 from testbed.scenario import Scenario
-from testbed.shards import INDEX, NOTE, Span, find, gaps, kept, parts_folder
+from testbed.shards import INDEX, NOTE, Span, find, gaps, kept, overlaps, parts_folder
 from testbed.store import Header, truth_units
 from testbed.verification import note_text
 
@@ -103,6 +103,9 @@ def _local(workers: int, processes: bool, stall: float) -> Work:
 
 def _consolidate(target: Path, job: Job, threads: int, keep_shards: bool) -> str:
     shards = find(job.parts)
+    for shard in overlaps(shards):  # of a worker that died after it wrote, when its runs were computed in pieces
+        shard[2].unlink()
+        shards.remove(shard)
     missing = gaps(shards, len(job.scenario))
     if missing:
         raise InputProblem(job.parts, f"lacks runs {missing[0][0]} to {missing[0][1] - 1}: a shard was removed meanwhile",

@@ -58,6 +58,18 @@ def test_a_span_is_divided_about_the_run_under_way():
     assert divided((0, 8), 8) == [(0, 4), (4, 8)]  # while it wrote
 
 
+def test_runs_that_stand_in_two_shards_are_taken_once(undisturbed, tmp_path):
+    def twice(job, spans):
+        for first, last in spans:
+            middle = (first + last) // 2
+            for span in ((first, middle), (middle, last), (first, last)):
+                compute(job, *span)
+            yield first, last
+
+    report = sweep.run(sweep_kills.scenario(RUNS), plain_engine.simulate, tmp_path / "a.h5", cluster=twice)
+    assert report.content_hash == undisturbed.content_hash and every_run_once(tmp_path / "a.h5")
+
+
 def test_a_shard_is_whole_or_not_there_wherever_its_writing_is_cut(tmp_path):
     """The process is killed at each of the file operations of a shard's writing in turn, until one writing survives."""
     scenario = sweep_kills.scenario(6)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
+import signal
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -42,14 +44,23 @@ def make_all(work: Work, names: Sequence[str], workers: int, resume: bool) -> It
         for name in waiting:
             yield make_one(work, name)
         return
-    from testbed.pool import _end, _process_pool
-
-    pool: ProcessPoolExecutor = _process_pool(min(workers, len(waiting)))
+    # spawn: a forked process would share the engines' compiled state
+    pool = ProcessPoolExecutor(min(workers, len(waiting)), mp_context=multiprocessing.get_context("spawn"),
+                               initializer=_ignore_interrupts)
     try:
         for future in as_completed([pool.submit(make_one, work, name) for name in waiting]):
             yield future.result()
+    except BaseException:  # Ctrl-C, or a part that failed: the others are not waited for
+        for process in list((pool._processes or {}).values()):
+            process.terminate()
+        raise
     finally:
-        _end(pool)
+        pool.shutdown(cancel_futures=True)
+
+
+def _ignore_interrupts() -> None:
+    """Ctrl-C reaches every process of a terminal; only the first is to answer it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def make_one(work: Work, name: str) -> tuple[Any, float]:

@@ -226,9 +226,10 @@ def cross_pitch(A, P, G, I, O, T, S, pass_number, mean_torque, maps, work, left,
             if not bounded:
                 return position, impulse, False
             impulse += load
-            following = segment + 1 < I[SEGMENTS] and I[TEETH + segment + 1] > 0
-            if cutting and I[TEETH + segment] > 0 and not following:
-                copy(left[0], S[last])
+            staying = I[TEETH + segment + 1] if segment + 1 < I[SEGMENTS] else 0
+            if cutting:  # what the teeth that leave here have left; the others' the next segment's first step keeps
+                for edge in range(staying * int(G[SLICES]), I[TEETH + segment] * int(G[SLICES])):
+                    S[last, edge] = left[0, edge]
         row0 = last
     return position, impulse, True
 
