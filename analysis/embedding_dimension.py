@@ -102,14 +102,14 @@ def false_nearest_neighbours(recording: Recording, dimensions: Sequence[int] = t
             raise ValueError(f"{signal.size} samples are too few for {dimension} coordinates {lag} apart")
         vectors = np.column_stack([signal[k * lag:k * lag + count] for k in range(dimension)])
         distance, neighbour = cKDTree(vectors).query(vectors, k=2)
-        near, other = distance[:, 1], neighbour[:, 1]
+        near, other = np.asarray(distance)[:, 1], np.asarray(neighbour)[:, 1]
         added = np.abs(signal[dimension * lag:dimension * lag + count] - signal[other + dimension * lag])
         false = (added > ratio * near) | (np.hypot(near, added) > size * spread)
         fractions.append(float(np.mean(false)))
     return np.array(fractions)
 
 
-def mutual_information(recording: Recording, lags: Sequence[int], *, bins: int = 24,
+def mutual_information(recording: Recording, lags: Sequence[int] | np.ndarray, *, bins: int = 24,
                        channel: str = "displacement") -> np.ndarray:
     """Average mutual information (bit) between the signal and itself `lags` samples later, (lags,); `bins` of equal count."""
     signal = np.asarray(recording.channels[channel], float)

@@ -21,8 +21,9 @@ def make(bench: Bench) -> Part:
             problem = str(failure)
             break
         pictures.append(Picture(f"fig4_{camera}", caption, None, 0.5))
-    text = ("The paper shows a photograph; this is the simulated rig. Mass, frequency and damping of the mode are the sister "
-            "papers'; the shape of the leaves is a working choice that gives this stiffness.",)
+    text: tuple[str, ...] = (
+        "The paper shows a photograph; this is the simulated rig. Mass, frequency and damping of the mode are the sister "
+        "papers'; the shape of the leaves is a working choice that gives this stiffness.",)
     if problem:
         text += (f"No picture: {problem}.",)
     return Part("fig4", "Figure 4: the experiment", text, tuple(pictures), (), (), {"problem": problem})

@@ -46,7 +46,7 @@ def _draw(found: dict[float, Identification], charts: dict[float, StabilityChart
     ratios.legend(loc="upper right")
     letter(ratios, "a", "parameters")
     rest.semilogy(over, [residual(one) for one in found.values()], "o-", color=BLUE)
-    rest.set(xlabel="immersion assumed", ylabel=r"rms residual of $\mu$")
+    rest.set(xlabel="immersion assumed", ylabel=r"rms residual of $\mu$", ylim=(7e-4, 0.1))
     letter(rest, "b", "residual")
     counts.step(fixed, right, color="black", where="mid", lw=0.9)
     counts.set(xlabel="immersion", ylabel="outcomes right of 5", ylim=(0, 5.4), yticks=range(6))

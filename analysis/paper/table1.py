@@ -92,8 +92,9 @@ def trials(bench: Bench, name: str, seeds: int) -> Trials:
                      one.believed))
         for label, found in _others(record, name).items():
             others.setdefault(label, []).append(found)
-    found, low, high, believed = (np.array(column) for column in zip(*rows, strict=True))
-    return Trials(exact, found, low.real, high.real, believed.astype(bool), {key: np.array(v) for key, v in others.items()})
+    columns = [np.array(column) for column in zip(*rows, strict=True)]
+    return Trials(exact, columns[0], columns[1].real, columns[2].real, columns[3].astype(bool),
+                  {key: np.array(values) for key, values in others.items()})
 
 
 def rms(errors: np.ndarray) -> float:
@@ -124,7 +125,7 @@ def _draw(found: dict[str, Trials]) -> Any:
 
 
 def _rows(found: dict[str, Trials]) -> list[tuple[str, ...]]:
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for name, one in found.items():
         speed, depth = CONDITIONS[name]
         first = one.found[0]

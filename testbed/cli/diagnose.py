@@ -9,6 +9,9 @@ import click
 
 from testbed.cli._answer import Answer, output_folder, shown
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
+from testbed.problem import InputProblem
+
+MANY = 6  # effects that --until-adequate adds at the most
 
 
 @click.command(short_help="Say which physical effect is missing, or none, or none of those known.",
@@ -16,13 +19,18 @@ from testbed.cli._options import catalogue_of, effects_option, model_option, sha
 @click.argument("campaign", metavar="CAMPAIGN.yaml")
 @model_option
 @click.option("-o", "--output", metavar="DIR", help="Write the story as report.html into this folder.")
+@click.option("--until-adequate", is_flag=True, help=f"Go on adding, up to {MANY} effects, until only noise is left.")
+@click.option("--propose", metavar="DIR", help="Where the catalogue does not explain the records, estimate the missing force "
+              "and write it into DIR as an effect file of your own.")
+@click.option("--false-alarms", "alarms", type=click.IntRange(min=1), metavar="N",
+              help="Repeat the diagnosis on N campaigns simulated without a hidden effect: how often is one named?")
 @effects_option
 @shared
-def command(campaign: str, model_file: str, output: str | None, folders: tuple[str, ...], json_file: str | None,
-            seed: int | None, quiet: bool) -> None:
+def command(campaign: str, model_file: str, output: str | None, until_adequate: bool, propose: str | None,
+            alarms: int | None, folders: tuple[str, ...], json_file: str | None, seed: int | None, quiet: bool) -> None:
     """Fit MODEL.yaml to the campaign, then with each effect of the catalogue, and compare on records held out of the fit.
 
-    An honest "these records cannot tell" is an answer too. Nothing here is random: --seed changes nothing.
+    An honest "these records cannot tell" is an answer too. Only --false-alarms draws random numbers, from --seed.
     """
     from analysis.diagnose import diagnose
     from analysis.diagnosis import as_json
@@ -33,18 +41,66 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     catalogue = catalogue_of(folders)
     model, records, read = read_both(campaign, model_file, catalogue)
     with sign_of_life("fitting the believed model to all records", quiet) as say:
-        found = diagnose(plant_of(catalogue), records, model, catalogue, say=say)
+        found = diagnose(plant_of(catalogue), records, model, catalogue, say=say,
+                         **({"most": MANY} if until_adequate else {}))
     for note in uncalibrated(read):
         answer.say(note)
-    _say(answer, found, as_json(found, model), campaign, model_file)
+    said = as_json(found, model)
+    _say(answer, found, said, campaign, model_file)
+    explanation = _propose(answer, found, records, catalogue, propose, campaign, model_file) if propose else None
+    if explanation is not None:
+        said["proposal"] = explanation
+    if alarms:
+        said["false_alarms"] = _false_alarms(answer, found, catalogue, alarms, seed or 0)
     if folder is not None:
         from analysis.report.story_page import diagnosis_page
 
-        page = diagnosis_page(found, as_json(found, model), model, catalogue, channel_units(read),
+        page = diagnosis_page(found, said, model, catalogue, channel_units(read),
                               notes=[f"{campaign} against {model_file}", *uncalibrated(read)],
                               next_step=_next_step(found, campaign, model_file))
         answer.say(f"open {page.write(folder / 'report.html')}")
-    answer.finish(as_json(found, model))
+    answer.finish(said)
+
+
+def _propose(answer: Answer, found: Any, records: Any, catalogue: Any, folder: str, campaign: str, model_file: str) -> Any:
+    """Estimate what force is missing, say what it depends on, and write it as an effect; None where nothing is left."""
+    from analysis.diagnosis import ADEQUATE
+    from analysis.explain_force import as_json, explain, write_effect
+    from analysis.latent_force import missing_force
+    from testbed.cli._fitting import plant_of, sign_of_life
+    from testbed.proposal import free_name
+
+    chosen = found.best if found.verdict == "missing_effect" else found.base
+    if chosen.fit is None or chosen.error_held_out <= ADEQUATE * found.noise_floor:
+        answer.say("nothing beyond the noise is left to propose an effect for")
+        return None
+    try:
+        with sign_of_life("estimating the missing force", answer.quiet) as say:
+            missing = missing_force(plant_of(catalogue), records, chosen.fit.state, catalogue, say)
+            explanation = explain(missing, say)
+    except ValueError as problem:
+        raise InputProblem(campaign, f"the missing force cannot be estimated: {problem}", "record more cuts") from None
+    answer.say()
+    answer.say(explanation.sentence)
+    result = as_json(explanation)
+    if explanation.formula:
+        path = write_effect(explanation, folder, free_name(folder, "proposal"))
+        result["file"] = str(path)
+        answer.say(f"next: testbed add {path.stem} -m {model_file} -c {campaign} --effects {folder} -o NEW.yaml")
+    return result
+
+
+def _false_alarms(answer: Answer, found: Any, catalogue: Any, count: int, seed: int) -> dict[str, Any]:
+    from analysis.false_alarms import false_alarms
+    from testbed.cli._fitting import plant_of, sign_of_life
+
+    with sign_of_life("diagnosing campaigns without a hidden effect", answer.quiet) as say:
+        told = false_alarms(plant_of(catalogue), found.base, catalogue, count, seed, say)
+    low, high = told.interval
+    answer.say(f"of {count} campaigns simulated without a hidden effect at these conditions and noise, {told.alarms} had one "
+               f"named: a false-alarm rate between {low:.1%} and {high:.1%} (95 %)")
+    return {"campaigns": count, "alarms": told.alarms, "rate_low": low, "rate_high": high,
+            "named": [list(names) for names in told.named]}
 
 
 def _next_step(found: Any, campaign: str, model_file: str) -> str:
