@@ -69,7 +69,7 @@ def _round(
             found.append(Candidate((*current.effects, name), {}, current.error_fit, current.error_held_out, 0.0, False))
             continue
         say(f"refitting with {name}")
-        fit = polish(fitter, state, rounds=3, iterations=60 if not complete else 10)
+        fit = polish(fitter, state, rounds=3, iterations=40 if not complete else 10)
         found.append(
             _candidate(
                 fitter,

@@ -127,7 +127,8 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
 
     The slopes by the base's own unknowns are those of the origin; only the effect's are computed.
     """
-    effect = fitting_example(fitter, effect, fit)
+    gradual = "engagement" in effect.hooks  # it changes which pass seems to be the first: the entry is looked for anew
+    effect = effect if gradual else fitting_example(fitter, effect, fit)
     wider = _extended(fitter, effect)
     best: tuple[float, State] = (math.inf, fit.state)
     places = [place for place, one in enumerate(wider.free) if one.path.startswith(f"{effect.name}.")]
@@ -137,6 +138,8 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
         tried = []
         for values in points:
             state = replace(origin.state, model=origin.state.model.with_effect(effect.name, **values))
+            if gradual:
+                state = wider.place_entries(state)
             tried.append((wider.cost(state, worst), state))
         tried.sort(key=lambda pair: pair[0])
         tried = [(wider.cost(state), state) for _, state in tried[:2]]

@@ -207,8 +207,8 @@ def clock_error(marks: np.ndarray, period: float, anchor: float, rate: float) ->
     rest = (marks - anchor) / period
     rest = rest - np.round(rest)
     scatter = max(1.4826 * float(np.median(np.abs(rest))), 1e-7)
-    common = MARK_SHARE / (rate * period)
-    return 2 * math.pi * math.hypot(2.0 * scatter / math.sqrt(len(marks)), common), math.sqrt(12.0) * scatter / len(marks) ** 1.5
+    share = math.hypot(2.0 * scatter / math.sqrt(len(marks)), MARK_SHARE / (rate * period))
+    return 2 * math.pi * share, math.sqrt(12.0) * scatter / len(marks) ** 1.5
 
 
 _ORDER = ("displacement", "velocity", "acceleration", "force_x", "force_y")
@@ -278,6 +278,7 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
     if len(marks) >= 3:
         period, anchor, steady = clock_of(marks)
         kept = None if steady else marks
+        anchor = anchor if steady else float(marks[0])  # passes are then laid between the marks themselves
         error = clock_error(marks, period, anchor, base.rate) if steady else None
     kinds = {segment.kind for segment in base.segments}
     return replace(

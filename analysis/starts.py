@@ -218,6 +218,7 @@ def base_fit(
     opening = Fitter(plant, short, free)
     tries = [polish(opening, state, rounds=3, iterations=12) for state in scan_starts(plant, short, started)]
     best = min(tries, key=lambda fit: fit.cost)
+    best = polish(opening, opening.place_entries(best.state), rounds=2, iterations=12)
     soft = Fitter(plant, [softened(record) for record in records], free)
     best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
     fitter = Fitter(plant, records, free)

@@ -19,7 +19,6 @@ from testbed.machine import Model
 WORKERS = 2
 COARSE = 24  # places over a record at which an exit is looked for first
 EARLIER = 5  # passes by which a gentle entry may precede what is seen of it
-KEPT = 0.6  # share of the promised gain that a step must bring for its slopes to be used again
 TURNS = (0.0, -0.4, -0.25, -0.15, -0.07, 0.07, 0.15, 0.25, 0.4)  # rad: where the angle of a record without marks is tried
 BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
 
@@ -191,24 +190,34 @@ class Fitter:
             best = tuple(pool.map(one, range(len(self.records))))
         return replace(state, nuisances=best), best != state.nuisances
 
+    def place_entries(self, state: State) -> State:
+        """The state with every cut's entry looked for from the record's start to the exit, coarse first."""
+        return self._placed(state, "entry")
+
     def place_exits(self, state: State) -> State:
-        """The state with every cut's exit looked for over the whole record, coarse first: no segment is believed.
+        """The state with every cut's exit looked for from the entry to the record's end, coarse first.
 
-        The cost falls towards the true exit from both sides: too early, the model rings down while the teeth still cut;
-        too late, it cuts where the structure rings down.
+        No segment is believed. The cost falls towards the true exit from both sides: too early, the model rings down while
+        the teeth still cut; too late, it cuts where the structure rings down.
         """
+        return self._placed(state, "exit")
 
+    def _placed(self, state: State, field: str) -> State:
         def one(index: int) -> Nuisances:
             record, nuisances = self.records[index], state.nuisances[index]
-            if record.cut is None:
+            if record.cut is None or (field == "entry" and record.starts_in_cut):
                 return nuisances
-            first, last = nuisances.entry + 1, record.last_pass(state.angle, nuisances)
+            last = record.last_pass(state.angle, nuisances) + 1
+            first = record.first_pass if field == "entry" else nuisances.entry + 1
+            last = min(last, nuisances.exit - 1) if field == "entry" else last
+            if last <= first:
+                return nuisances
+            now = getattr(nuisances, field)
             step = max(1, (last - first) // COARSE)
-            places = {*range(first, last + 2, step), nuisances.exit, last + 1}
-            nuisances = self._best_place(index, state, nuisances, "exit", sorted(places))
-            reach = max(step, 2 * EARLIER)  # close to the exit a few kicks may cancel: no descent, every pass is tried
-            near = range(max(first, nuisances.exit - reach), min(last + 1, nuisances.exit + reach) + 1)
-            return self._best_place(index, state, nuisances, "exit", near)
+            nuisances = self._best_place(index, state, nuisances, field, sorted({*range(first, last + 1, step), now, last}))
+            reach = max(step, 2 * EARLIER)  # close to it a few kicks may cancel: no descent, every pass is tried
+            now = getattr(nuisances, field)
+            return self._best_place(index, state, nuisances, field, range(max(first, now - reach), min(last, now + reach) + 1))
 
         with ThreadPoolExecutor(WORKERS) as pool:
             return replace(state, nuisances=tuple(pool.map(one, range(len(self.records)))))
@@ -304,52 +313,31 @@ class Fitter:
             changed.append(nuisances)
         return replace(state, nuisances=tuple(changed))
 
-    def _at(self, parts: Sequence[Linearised], state: State) -> tuple[Linearised, ...]:
-        """Residuals at a state with the slopes of `parts`, taken elsewhere."""
-        rest = self.residuals(state)
-        held = [self._held(record, own) for record, own in zip(self.records, state.nuisances, strict=True)]
-        return tuple(
-            replace(part, residual=np.append(own, more)) for part, own, more in zip(parts, rest, held, strict=True)
-        )
-
     def fit(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5) -> WaveformFit:
         """Levenberg-Marquardt from a state. Converged: a step changed the cost by less than `tolerance` of itself.
 
-        Slopes cost many times what a residual does, so they are kept while the steps they give do what they promise; a fit
-        ends on fresh ones.
+        Slopes are computed anew after every step: steps with kept slopes cost a tenth, but creep along the valley between
+        the cutting coefficients, and need tens of times as many.
         """
         parts = self.linearise_all(state)
-        cost = _cost_of(parts)
-        damping, converged, count, fresh = 1e-3, False, 0, True
+        cost = 0.5 * sum(float(part.residual @ part.residual) for part in parts)
+        damping, converged, count = 1e-3, False, 0
         while count < iterations and not converged:
             count += 1
             move, own = self.step(parts, damping)
             trial = self.with_own(self.moved(state, move), own)
-            there = self._at(parts, trial)
-            new = _cost_of(there)
+            new = self.cost(trial)
             if np.isfinite(new) and new < cost:
-                small = cost - new < tolerance * cost
-                kept = cost - new > KEPT * (cost - self._promised(parts, move, own)) and not small
-                converged = small and fresh
+                converged = cost - new < tolerance * cost
                 state, cost, damping = trial, new, max(damping / 8.0, 1e-9)
-                parts, fresh = (there, False) if kept else (self.linearise_all(state), True)
-            elif not fresh:
-                parts, fresh = self.linearise_all(state), True
+                parts = self.linearise_all(state)
             else:
                 converged = damping > 1e4 or (np.isfinite(new) and abs(new - cost) < 1e-9 * cost)
                 damping *= 6.0
-        if not fresh:
-            parts = self.linearise_all(state)
         size = sum(part.residual.size for part in parts)
         covariance = self.covariance(parts, max(1.0, 2.0 * cost / size))
         residuals = tuple(part.residual[: record.data.size] for part, record in zip(parts, self.records, strict=True))
         return WaveformFit(state, cost, residuals, self.names, covariance, converged, count, parts)
-
-    @staticmethod
-    def _promised(parts: Sequence[Linearised], move: np.ndarray, own: Sequence[np.ndarray]) -> float:
-        """The cost after a step, if the residuals were linear."""
-        rest = [part.residual + part.shared @ move + part.own @ one for part, one in zip(parts, own, strict=True)]
-        return 0.5 * sum(float(one @ one) for one in rest)
 
 
 def _other_teeth(nuisances: Nuisances, flutes: int) -> list[Nuisances]:
@@ -364,6 +352,3 @@ def _other_teeth(nuisances: Nuisances, flutes: int) -> list[Nuisances]:
         for tooth in range(1, flutes)
     ]
 
-
-def _cost_of(parts: Sequence[Linearised]) -> float:
-    return 0.5 * sum(float(part.residual @ part.residual) for part in parts)

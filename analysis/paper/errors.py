@@ -134,10 +134,12 @@ def make(bench: Bench) -> Part:
     both += [(f"0.5 µm, {count} test{'s' if count > 1 else ''}", one) for count, one in zip(counts, tests, strict=True)]
     rows = [(name, *("-" if math.isnan(one[parameter]) else f"{one[parameter]:.3%}" for parameter in PARAMETERS),
              f"{bad} of {seeds}") for name, (one, bad) in both]
-    text = (f"{seeds} seeds each. An rms over so few is itself known to a quarter. One test gives no answer: where it holds one pair "
-            "of multipliers that is believed, these are two numbers for three parameters. Beyond two or three tests little is "
-            "gained here. A multiplier needs the ten or so periods in which its transient stands above the noise; a rank below "
-            "the modes alive biases it, and one above them lets a spurious multiplier be the largest.",)
+    text = (
+        f"{seeds} seeds each. An rms over so few is itself known to a quarter. One test gives no answer: where it holds one "
+        "pair of multipliers that is believed, these are two numbers for three parameters. Beyond two or three tests little is "
+        "gained here. A multiplier needs the ten or so periods in which its transient stands above the noise; a rank below the "
+        "modes alive biases it, and one above them lets a spurious multiplier be the largest.",
+    )
     caption = ("Error of the identification: rms of each parameter (a) over the noise and (b) over the number of tests; rms "
                "error of the largest multiplier at 3810 rpm, 2.9 mm (c) over the periods used and (d) over a forced rank.")
     return Part("errors", "Extension: error against noise, tests, window and rank", text,

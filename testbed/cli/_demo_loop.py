@@ -19,10 +19,10 @@ from testbed.problem import InputProblem
 KIND = "sealed truth of a testbed demo"
 COURSE = (12, 50, 22)  # revolutions of idling, cutting, ringing down: 1.2 to 1.9 s
 CUTS = ((3810, 2.9, 0.1016), (2850, 2.9, 0.08), (4200, 1.5, 0.13), (2600, 1.5, 0.13), (3900, 2.2, 0.08))  # rpm, mm, mm/tooth
-NOISE, COUNT = 1e-6, 1e-3 / 2**15  # m; 16 bits over +-1 mm
+RATE, NOISE, COUNT = 6400.0, 1e-6, 1e-3 / 2**15  # Hz; m; m: 16 bits over +-1 mm
 # strengths drawn: all clearly beyond the noise in these cuts, which stay stable
 HIDDEN: dict[str, dict[str, tuple[float, float]]] = {
-    "process_damping": {"coefficient": (1.5e5, 3.0e5)},
+    "process_damping": {"coefficient": (4.0e5, 8.0e5)},
     "cubic_stiffness": {"coefficient": (1.0e13, 4.0e13)},
     "edge_force": {"tangential": (1.2e4, 2.5e4), "normal": (1.5e4, 3.0e4)},
     "sensor_lag": {"time_constant": (2.0e-4, 5.0e-4)},
@@ -48,11 +48,10 @@ class Sealed:
 
 
 def workshop_folder(folder: Path) -> Path:
-    """The folder of the demo's campaign, made if need be. InputProblem where somebody else's files stand in it."""
+    """Where the demo's campaign goes, not made yet. InputProblem where somebody else's files stand there."""
     place = folder / "workshop"
     if place.exists() and (not place.is_dir() or (any(place.iterdir()) and not _is_ours(place / "truth.json"))):
         raise InputProblem(place, "exists and is no earlier demo's", "choose another folder with -o")
-    place.mkdir(exist_ok=True)
     return place
 
 
@@ -87,12 +86,13 @@ def make(folder: Path, seed: int, show: Callable[[int, int], None] = lambda done
     from testbed.workshop import RPM, Measurement, measured_cut, write_campaign
 
     place = workshop_folder(folder)
+    place.mkdir(exist_ok=True)
     truth = draw(seed)
     text = json.dumps(truth, indent=2) + "\n"
     write_text(place / "truth.json", text)
     bare = Model(Structure(2.573, 146.4, 0.0034), Cutter(), Cutting("up-milling", 0.162, 5.5e8, 2.0e8))
     model = bare.with_values(truth["machine"]).with_effect(truth["effect"], **truth["parameters"])
-    how = Measurement(noise=NOISE, count=COUNT, mark_angle=truth["mark_angle"])
+    how = Measurement(rate=RATE, noise=NOISE, count=COUNT, mark_angle=truth["mark_angle"])
     records, cut_so_far = [], 0.0
     for number, (rpm, depth, feed) in enumerate(CUTS):
         cut = Cut(rpm * RPM, depth * 1e-3, feed * 1e-3, *COURSE, length_cut_before=cut_so_far)

@@ -13,7 +13,7 @@ import click
 from testbed.cli._answer import Answer, output_folder, progress, shown
 from testbed.cli._options import shared
 
-STEPS = 6
+STEPS = 7
 NAMES = {"neimark_sacker": "Neimark-Sacker"}
 SPAN, DEEPEST = (2500.0, 4500.0), 4.0  # of the chart: rpm, mm
 
@@ -24,12 +24,14 @@ SPAN, DEEPEST = (2500.0, 4500.0), 4.0  # of the chart: rpm, mm
               help="Folder for the data, the pictures and the page; an earlier demo's are replaced.")
 @shared
 def command(output: str, json_file: str | None, seed: int | None, quiet: bool) -> None:
-    """Cut on the MuJoCo rig over speed and depth, store, identify, score against the known truth; then the five
-    published experiments and a measured hammer test.
+    """The five published experiments, a sweep over speed and depth, identification scored against the known truth, and a
+    measured hammer test; then a workshop's campaign with a hidden effect, drawn by --seed: diagnosed, added, revealed.
     """
+    from testbed.cli._demo_loop import workshop_folder
     from testbed.cli._demo_page import Page
 
     demo = _Demo(Answer(json_file, quiet), output_folder(output), seed, quiet, Page("Virtual machining testbed: demo"))
+    workshop_folder(demo.folder)  # somebody else's files are found before the work
     began = time.perf_counter()
     demo.published()
     demo.sweep()
@@ -37,6 +39,7 @@ def command(output: str, json_file: str | None, seed: int | None, quiet: bool) -
     demo.identification()
     demo.hammer()
     demo.rig()
+    demo.missing_effect()
     page = demo.page.write(demo.folder / "report.html")
     demo.answer.say()
     demo.answer.say(f"done in {time.perf_counter() - began:.0f} s")
@@ -67,6 +70,10 @@ class _Demo:
     def _say(self, text: str) -> None:
         self.answer.say(f"  {text}")
         self.page.text(text)
+
+    def _code(self, text: str) -> None:
+        self.answer.say(f"  {text}")
+        self.page.code(text)
 
     def _table(self, titles: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
         self.answer.table(("  " + titles[0], *titles[1:]), [("  " + str(row[0]), *row[1:]) for row in rows])
@@ -201,6 +208,57 @@ class _Demo:
         self.pictures.append(path)
         self.page.picture(path, "the flexure under the cutter")
         self._say("flexure, specimen and cutter as compiled by MuJoCo")
+
+    def missing_effect(self) -> None:
+        """A hidden effect diagnosed from a workshop's files, added, and revealed; the truth is opened last."""
+        from testbed.cli._demo_loop import add_story, make, open_truth, run_loop
+        from testbed.cli._fitting import sign_of_life
+
+        self._begin("Which effect is missing? A workshop's campaign, one effect hidden")
+        began = time.perf_counter()
+        with progress("cutting the workshop's campaign", self.quiet) as show:
+            sealed = make(self.folder, self.seed or 0, show)
+        self.data += [sealed.campaign, sealed.model]
+        self._say(f"five cuts of {sealed.shortest:.1f} to {sealed.longest:.1f} s by MuJoCo in "
+                  f"{time.perf_counter() - began:.0f} s, written as a workshop would: CSV with a tachometer, "
+                  "campaign.yaml, and model.yaml as believed")
+        self._say(f"the truth is sealed in {sealed.truth}, SHA-256 {sealed.digest}")
+        self._code(f"testbed diagnose {sealed.campaign} -m {sealed.model}")
+        began = time.perf_counter()
+        with sign_of_life("fitting the believed model to all records", self.quiet) as say:
+            loop = run_loop(sealed, say)
+        self._say(loop.diagnosis.sentence)
+        for number, added in enumerate(loop.additions):
+            before = loop.written if number else sealed.model
+            self._code(f"testbed add {added.effect} -m {before} -c {sealed.campaign} -o {loop.written}")
+            self._table(("record, held out", "error before", "after", "noise floor"),
+                        [(one.name, f"{one.error:.4f}", f"{two.error:.4f}", f"{two.noise_floor:.4f}")
+                         for one, two in zip(added.records_before, added.records_after, strict=True)])
+        error = loop.error
+        self._say(f"error on cuts left out of the fit: {error['before']:.4f} before, {error['after']:.4f} after, noise floor "
+                  f"{error['noise_floor']:.4f}; diagnosed and added in {time.perf_counter() - began:.0f} s")
+        add_story(self.page, loop)
+        self.result["workshop"] = self._reveal(open_truth(sealed, loop), sealed, loop, error)
+
+    def _reveal(self, revealed: Any, sealed: Any, loop: Any, error: dict[str, float]) -> dict[str, Any]:
+        """Say what the sealed file holds; returns the step's part of the JSON."""
+        from analysis.add_effect import as_json
+
+        self.page.heading("What was hidden?")
+        self._say(f"the seal of {sealed.truth} is whole; hidden was {revealed.truth['effect']}: "
+                  + ("named right" if revealed.named_right else f"the verdict was {loop.diagnosis.verdict}"))
+        self._table(("parameter", "believed", "found", "95 % interval", "truth"), [_truth_row(row) for row in revealed.rows])
+        return {"campaign": sealed.campaign, "model": sealed.model, "written": loop.written, "truth_file": sealed.truth,
+                "sha256": sealed.digest, "diagnosis": loop.said, "additions": [as_json(one) for one in loop.additions],
+                "error": error, "truth": revealed.truth, "named_right": revealed.named_right, "parameters": revealed.rows}
+
+
+def _truth_row(row: Any) -> tuple[str, ...]:
+    def of(key: str, digits: int = 5) -> str:
+        return "-" if row[key] is None else shown(row[key], row["unit"], digits)
+
+    interval = "-" if row["low"] is None else f"{of('low')} to {of('high')}"
+    return (row["parameter"], of("believed", 4), of("value"), interval, of("truth"))
 
 
 def _name(verdict: str) -> str:

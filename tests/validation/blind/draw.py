@@ -103,4 +103,5 @@ def draw(seed: int, catalogue: Mapping, laws: Mapping[str, str] | None = None, k
     true = model
     for name, values in effects.items():
         true = true.with_effect(name, **values)
-    return Truth(seed, kind, true, believed, tests, noise, bool(random.uniform() < 0.9), effects, law)
+    measured = any(name.startswith("speed_") for name in effects)  # a tachometer would show the speed, and hide nothing
+    return Truth(seed, kind, true, believed, tests, noise, bool(random.uniform() < 0.9) and not measured, effects, law)

@@ -1,0 +1,84 @@
+"""What the blind campaigns come to: named right, named wrong, false alarms, intervals."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from tests.validation.blind.judge import RESULTS
+from tests.validation.claims import Claim, Section
+
+WORTH = 0.03  # misfit, relative to the record, from which an effect must be named
+
+
+def misfit(one: dict[str, Any]) -> float:
+    """What the hidden effect leaves unexplained: the base model's error beyond the noise."""
+    return math.sqrt(max(one["baseline"] ** 2 - one["noise_floor"] ** 2, 0.0))
+
+
+def share(part: Sequence[Any], whole: Sequence[Any]) -> str:
+    """k of n, and the percentage."""
+    return f"{len(part)} of {len(whole)}" + (f" ({len(part) / len(whole):.0%})" if whole else "")
+
+
+def _claim(what: str, target: str, part: Sequence[Any], whole: Sequence[Any], good: bool) -> Claim:
+    return Claim(what, target, share(part, whole), good if whole else None)
+
+
+def check() -> Section:
+    """The committed results of `make blind`, counted."""
+    title = "Blind campaigns (results of `make blind`, counted)"
+    if not RESULTS.exists():
+        return Section(title, (Claim("blind campaigns", "at least 200", "0", None, "run `make blind`"),))
+    every = [one for one in map(json.loads, RESULTS.read_text().splitlines()) if one["made"]]
+    kinds = {kind: [one for one in every if one["kind"] == kind] for kind in ("one", "pair", "none", "unknown")}
+    worth = [one for one in kinds["one"] if misfit(one) > WORTH]
+    right = [one for one in worth if set(one["effects"]) == set(one["hidden"])]
+    named = [one for one in every if one["verdict"] == "missing_effect"]
+    wrong = [one for one in worth if one["verdict"] == "missing_effect" and not set(one["effects"]) <= set(one["hidden"])]
+    alarms = [one for one in kinds["none"] if one["verdict"] in ("missing_effect", "undecided")]
+    pairs = [one for one in kinds["pair"] if misfit(one) > WORTH]
+    both = [one for one in pairs if set(one["effects"]) == set(one["hidden"])]
+    unknown = [one for one in kinds["unknown"] if misfit(one) > WORTH]
+    said = [one for one in unknown if one["verdict"] == "unexplained"]
+    closed = [one for one in right if one["with_effects"] <= 1.05 * one["noise_floor"]]
+    values = [value for one in right for path, value in one.get("parameters", {}).items() if "." in path and value["true"]]
+    inside = [value for value in values if value["low"] <= value["true"] <= value["high"]]
+    claims = (
+        Claim("campaigns", "at least 200", str(len(every)), len(every) >= 200),
+        _claim("one hidden effect worth more than 3 %: named right", ">= 95 %", right, worth, len(right) >= 0.95 * len(worth)),
+        _claim("one hidden effect worth more than 3 %: named wrong", "<= 2 %", wrong, worth, len(wrong) <= 0.02 * len(worth)),
+        _claim("nothing hidden: false alarms", "<= 2 %", alarms, kinds["none"], len(alarms) <= 0.02 * len(kinds["none"])),
+        _claim("two hidden effects: both named", ">= 85 %", both, pairs, len(both) >= 0.85 * len(pairs)),
+        _claim("effect of no catalogue: said so", ">= 80 %", said, unknown, len(said) >= 0.8 * len(unknown)),
+        _claim("after a right naming: error within 1.05 noise floors", "all", closed, right, len(closed) == len(right)),
+        _claim("true parameters inside their 95 % interval", "90-99 %", inside, values,
+               0.90 <= len(inside) / max(1, len(values)) <= 0.99),
+    )
+    return Section(title, claims, (_by_effect(worth), _missed(worth + pairs + unknown + kinds["none"], named)))
+
+
+def _by_effect(worth: Sequence[dict[str, Any]]) -> tuple[str, tuple[str, ...], tuple[tuple[str, ...], ...]]:
+    names = sorted({name for one in worth for name in one["hidden"]})
+    rows = []
+    for name in names:
+        mine = [one for one in worth if name in one["hidden"]]
+        right = [one for one in mine if one["effects"] == [name]]
+        others = sorted({f"{one['verdict']}: {' + '.join(one['effects']) or 'none'}" for one in mine if one not in right})
+        seconds = sorted(one["seconds"] for one in mine)
+        rows.append((name, share(right, mine), f"{seconds[len(seconds) // 2]:.0f}", "; ".join(others)))
+    return "By effect (worth more than 3 %)", ("effect", "named right", "seconds, median", "otherwise"), tuple(rows)
+
+
+def _missed(of_note: Sequence[dict[str, Any]], named: Sequence[dict[str, Any]]) -> tuple[str, tuple[str, ...], tuple]:
+    rows = []
+    for one in of_note:
+        good = set(one["effects"]) == set(one["hidden"]) if one["kind"] != "unknown" else one["verdict"] == "unexplained"
+        if not good:
+            rows.append((str(one["seed"]), one["kind"], " + ".join(one["hidden"]) or "none", f"{misfit(one):.3f}",
+                         f"{one['noise'] * 1e6:.1f}", "yes" if one["tachometer"] else "no", one["verdict"],
+                         " + ".join(one["effects"]) or "none", f"{one['with_effects'] / one['noise_floor']:.2f}"))
+    head = ("seed", "kind", "hidden", "misfit", "noise, um", "tachometer", "verdict", "named", "error / noise")
+    return f"All that were not named right, of {len(named)} namings", head, tuple(rows)

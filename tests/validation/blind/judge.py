@@ -1,0 +1,88 @@
+"""Diagnose blind campaigns and count:  python -m tests.validation.blind.judge [--count N] [--first SEED] [--workers N]
+
+
+Every campaign's answer is one line of results.jsonl, written when it is known, so that a stopped run goes on where it was.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_threads, "1")
+
+import argparse
+import json
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from analysis.compare import estimates
+from analysis.diagnose import diagnose
+from analysis.observed import observe
+from testbed.effect import catalogue
+from testbed.engines import predict
+from tests.validation.blind.draw import draw
+from tests.validation.blind.make import records_of
+
+FOLDER = Path(__file__).resolve().parent
+RESULTS = FOLDER / "results.jsonl"
+PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+
+
+def judged(seed: int) -> dict[str, Any]:
+    """One campaign made, diagnosed and compared with its truth. Effects of the diagnosis come from the product's catalogue."""
+    known = catalogue()
+    makers = catalogue(str(FOLDER / "laws"))
+    truth = draw(seed, makers, {name: name for name in makers if name not in known})
+    told = {"seed": seed, "kind": truth.kind, "hidden": {name: dict(values) for name, values in truth.effects.items()},
+            "noise": truth.noise, "tachometer": truth.tachometer, "flutes": truth.model.cutter.flutes,
+            "records": len(truth.tests)}
+    try:
+        records = records_of(truth, makers)
+    except ValueError as problem:
+        return told | {"made": False, "reason": str(problem)}
+    begin = time.perf_counter()
+    observed = [observe(record, truth.believed) for record in records]
+    found = diagnose(PLANT, observed, truth.believed, known)
+    told |= {"made": True, "seconds": time.perf_counter() - begin, "verdict": found.verdict, "effects": list(found.effects),
+             "baseline": found.baseline, "with_effects": found.with_effects, "noise_floor": found.noise_floor}
+    if found.best.fit is not None and found.best.fitter is not None:
+        told["parameters"] = {
+            path: {"value": one.value, "low": one.low, "high": one.high, "true": _true(truth, path)}
+            for path, one in estimates(found.best.fitter, found.best.fit, known).items() if path != "mark_angle"
+        }
+    return told
+
+
+def _true(truth: Any, path: str) -> float | None:
+    try:
+        return float(truth.model.value(path))
+    except (KeyError, AttributeError, ValueError):
+        return None
+
+
+def main(arguments: list[str]) -> int:
+    """Judge the seeds that results.jsonl does not hold yet."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--first", type=int, default=1000)
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args(arguments)
+    lines = RESULTS.read_text().splitlines() if RESULTS.exists() else []
+    known = {json.loads(line)["seed"] for line in lines}
+    seeds = [seed for seed in range(options.first, options.first + options.count) if seed not in known]
+    with ProcessPoolExecutor(options.workers) as pool, RESULTS.open("a") as file:
+        for number, told in enumerate(pool.map(judged, seeds), 1):
+            file.write(json.dumps(told) + "\n")
+            file.flush()
+            print(f"{number}/{len(seeds)} seed {told['seed']} {told['kind']} {list(told['hidden'])} -> "
+                  f"{told.get('verdict', told.get('reason'))} {told.get('effects', '')}", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
