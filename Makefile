@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO ?= demo
 
-.PHONY: demo test lint validate bench lock clean
+.PHONY: demo test lint validate blind bench lock clean
 .DEFAULT_GOAL := demo
 
 $(VENV)/ready: requirements.lock pyproject.toml
@@ -27,6 +27,9 @@ lint: $(VENV)/ready
 
 validate: $(VENV)/ready
 	$(BIN)/python -m tests.validation.run
+
+blind: $(VENV)/ready
+	$(BIN)/python -m tests.validation.blind.judge --count 200
 
 bench: $(VENV)/ready
 	$(BIN)/python benchmarks/run.py

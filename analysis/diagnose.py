@@ -27,6 +27,8 @@ LEADERS = 4  # candidates refitted in full
 MOST_EFFECTS = 3
 DELTA_BIC = 10.0
 CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
+MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
+FINAL = 1.05  # error over noise floor up to which a model counts as complete
 HOPE = 0.2  # share of the gain the gate asks for that the first step of a candidate must bring to be refitted at all
 GAIN = 0.01  # share of the held-out excess over the noise that an effect must take away
 
@@ -121,9 +123,15 @@ def _against(one: Candidate, reference: Candidate) -> Candidate:
     return replace(one, delta_bic=bic(reference.fit, size) - bic(one.fit, size))
 
 
-def _passes(candidate: Candidate, current: Candidate, noise: float) -> bool:
+def _passes(candidate: Candidate, current: Candidate, base: Candidate, noise: float) -> bool:
+    """Whether an effect is worth naming: by BIC, by what it takes of the present excess, and by its share of the whole one.
+
+    The last, so that where something unknown remains, no effect is named for nibbling at it; what completes the model passes.
+    """
     before, after = excess(current.error_held_out, noise), excess(candidate.error_held_out, noise)
-    return candidate.delta_bic > DELTA_BIC and before - after > max(GAIN * before, 1e-3 * noise**2)
+    gained = before - after
+    material = gained > MATERIAL * excess(base.error_held_out, noise) or candidate.error_held_out <= FINAL * noise
+    return candidate.delta_bic > DELTA_BIC and gained > max(GAIN * before, 1e-3 * noise**2) and material
 
 
 def _tied(first: Candidate, other: Candidate, current: Candidate, noise: float) -> bool:
@@ -205,7 +213,7 @@ def _search(
             if current.error_held_out <= ADEQUATE * noise:
                 break
         seen += last
-        passing = [one for one in last if one.fit is not None and _passes(one, current, noise)]
+        passing = [one for one in last if one.fit is not None and _passes(one, current, base, noise)]
         if not passing:
             break
         first = passing[0]

@@ -84,15 +84,14 @@ def effect_parameters(effect: Effect) -> list[Free]:
     free = []
     for parameter in effect.parameters:
         size = abs(parameter.example - parameter.neutral) or abs(parameter.example) or 1.0
+        low, high = parameter.bounds
         if parameter.unit == "Hz":
             size = 0.02 * max(abs(parameter.example), 1.0)
         elif parameter.unit == "rad":
             size = 0.3
-        free.append(
-            Free(
-                f"{effect.name}.{parameter.name}", 0.3 * size if parameter.unit not in ("Hz", "rad") else size, parameter.bounds
-            )
-        )
+        round_about = parameter.unit == "rad" and not parameter.vanishes and high - low >= 2 * math.pi
+        step = size if parameter.unit in ("Hz", "rad") else 0.3 * size
+        free.append(Free(f"{effect.name}.{parameter.name}", step, parameter.bounds, round_about))
     return free
 
 
@@ -128,6 +127,8 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
     The slopes by the base's own unknowns are those of the origin; only the effect's are computed.
     """
     gradual = "engagement" in effect.hooks  # it changes which pass seems to be the first: the entry is looked for anew
+    blind = any(record.cut is not None and record.first_mark is None and record.flutes > 1 for record in fitter.records)
+    unequal = blind and "edge_position" in effect.hooks  # which of the teeth was the first is open without marks
     effect = effect if gradual else fitting_example(fitter, effect, fit)
     wider = _extended(fitter, effect)
     best: tuple[float, State] = (math.inf, fit.state)
@@ -140,6 +141,8 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
             state = replace(origin.state, model=origin.state.model.with_effect(effect.name, **values))
             if gradual:
                 state = wider.place_entries(state)
+            elif unequal:
+                state, _ = wider.settle_passes(state)
             tried.append((wider.cost(state, worst), state))
         tried.sort(key=lambda pair: pair[0])
         tried = [(wider.cost(state), state) for _, state in tried[:2]]

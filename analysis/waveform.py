@@ -25,11 +25,15 @@ BIG = 1e6  # residual, in units of the noise, that stands for a prediction that 
 
 @dataclass(frozen=True)
 class Free:
-    """A machine parameter that is fitted: its path, the size of a natural step, and its bounds."""
+    """A machine parameter that is fitted: its path, the size of a natural step, and its bounds.
+
+    periodic: an angle that goes round, kept between -pi and pi instead of at its bounds.
+    """
 
     path: str
     scale: float
     bounds: tuple[float, float]
+    periodic: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,7 +95,9 @@ class Fitter:
         """The state after a step of the shared unknowns, in natural units, held inside the bounds."""
         values = {}
         for one, amount in zip(self.free, step, strict=False):
-            values[one.path] = min(max(state.model.value(one.path) + amount * one.scale, one.bounds[0]), one.bounds[1])
+            value = state.model.value(one.path) + amount * one.scale
+            turned = math.remainder(value, 2 * math.pi) if one.periodic else min(max(value, one.bounds[0]), one.bounds[1])
+            values[one.path] = turned
         angle = state.angle + (step[-1] * 0.1 if self.fits_angle else 0.0)
         return replace(state, model=state.model.with_values(values), angle=angle)
 
@@ -122,8 +128,9 @@ class Fitter:
     # -- residuals and slopes ------------------------------------------------------------------------------------------
 
     def _residuals(self, record: Observed, variants: list[tuple[Model, float, Nuisances]]) -> np.ndarray:
-        predicted = predict(self.plant, record, variants)
-        rest = record.project(record.data - np.nan_to_num(predicted, nan=1e3 * float(np.ptp(record.data)) + 1e-12))
+        far = 1e3 * float(np.ptp(record.data)) + 1e-12  # what diverged is far off, but a number
+        predicted = np.clip(np.nan_to_num(predict(self.plant, record, variants), nan=far, posinf=far, neginf=-far), -far, far)
+        rest = record.project(record.data - predicted)
         return np.clip(rest, -BIG, BIG).reshape(len(variants), -1)
 
     def linearise(self, index: int, state: State, step: float = 1e-4) -> Linearised:
@@ -134,7 +141,7 @@ class Fitter:
         signs = []
         for place in range(len(self.names)):
             unit = np.zeros(len(self.names))
-            at_top = place < len(self.free) and (
+            at_top = place < len(self.free) and not self.free[place].periodic and (
                 state.model.value(self.free[place].path) + step * self.free[place].scale > self.free[place].bounds[1]
             )
             unit[place] = -step if at_top else step

@@ -6,13 +6,16 @@ import os
 import re
 import subprocess
 import sys
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from testbed.cli import _demo, main
+from testbed.campaign import load_campaign
+from testbed.cli import _demo, _demo_loop, main
 from testbed.data_set import read_data_set
+from testbed.model_file import read_model
 from tests.real_data import MEASUREMENTS, needs
 
 ROOT = Path(__file__).parents[1]
@@ -24,7 +27,7 @@ def demo(tmp_path_factory):
     folder = tmp_path_factory.mktemp("demo")
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "TESTBED_MEASUREMENTS": str(MEASUREMENTS)}
     done = subprocess.run([sys.executable, "-c", "from testbed.cli import main; main()", "demo", "-o", "out", "--json",
-                           "demo.json"], cwd=folder, env=environment, capture_output=True, text=True, timeout=180)
+                           "demo.json"], cwd=folder, env=environment, capture_output=True, text=True, timeout=400)
     assert done.returncode == 0, done.stderr
     return folder, done.stdout, json.loads((folder / "demo.json").read_text())
 
@@ -68,19 +71,74 @@ def test_the_hammer_test_is_identified(demo):
 def test_it_says_where_everything_is(demo):
     folder, said, found = demo
     for path in (*found["data"], *found["pictures"], found["report"]):
-        assert path in said and (folder / path).stat().st_size > 2000
+        assert path in said and (folder / path).stat().st_size > (200 if path.endswith(".yaml") else 2000)
     pictures = {Path(path).stem for path in found["pictures"]}
     assert {"published_tests", "stability_chart", "multipliers"} <= pictures
     for name in pictures - {"rig"}:
         assert (folder / "out" / f"{name}.svg").stat().st_size > 5000
     page = (folder / found["report"]).read_text()
-    for source in re.findall(r'src="([^"]+)"', page):
-        assert (folder / "out" / source).is_file()
+    sources = re.findall(r"<img[^>]* src=[\"']([^\"']+)", page)
+    assert len(sources) == len(pictures)
+    for source in sources:
+        assert source.startswith("data:")  # the page stands alone
     assert ("rig.png" in page) != ("no picture of the rig" in said)
 
 
+def test_the_hidden_effect_is_named_added_and_revealed_last(demo):
+    folder, said, found = demo
+    loop = found["workshop"]
+    assert loop["diagnosis"]["verdict"] == "missing_effect" and loop["named_right"] is True
+    assert loop["diagnosis"]["effects"] == [loop["truth"]["effect"]] == [one["effect"] for one in loop["additions"]]
+    error = loop["error"]
+    assert error["before"] > 1.3 * error["noise_floor"] and error["after"] < 1.05 * error["noise_floor"]
+    base = [one for one in loop["parameters"] if one["parameter"] in _demo_loop.MACHINE]
+    assert len(base) == 4 and len(loop["parameters"]) == 4 + len(loop["truth"]["parameters"])
+    for one in loop["parameters"]:
+        assert one["low"] < one["value"] < one["high"]
+        reach = 1.5 * (one["high"] - one["low"])  # three times the half width: a miss by chance is next to impossible
+        assert abs(one["value"] - one["truth"]) < reach, one["parameter"]
+    for one in base:
+        assert abs(one["value"] - one["truth"]) < 0.5 * abs(one["believed"] - one["truth"]), one["parameter"]
+    hidden = loop["truth"]["effect"]
+    assert said.index(loop["sha256"]) < said.index(hidden) < said.index("the seal")
+
+
+def test_the_workshop_s_files_hold_nothing_of_the_truth(demo):
+    folder, _, found = demo
+    loop = found["workshop"]
+    place = folder / "out" / "workshop"
+    assert sha256((place / "truth.json").read_bytes()).hexdigest() == loop["sha256"]
+    assert json.loads((place / "truth.json").read_text()) == loop["truth"]
+    for name in ("campaign.yaml", "model.yaml", "cut_0.csv"):
+        assert loop["truth"]["effect"] not in (place / name).read_text()
+    assert set(read_model(place / "better.yaml").effects) == {loop["truth"]["effect"]}
+    assert not read_model(place / "model.yaml").effects
+    records = load_campaign(place / "campaign.yaml").records
+    assert len(records) == len(_demo_loop.CUTS) and all(len(one.recording.marks) > 60 for one in records)
+
+
+def test_a_seed_hides_the_same_again_and_seeds_differ():
+    drawn = [_demo_loop.draw(seed) for seed in range(40)]
+    assert drawn[:3] == [_demo_loop.draw(seed) for seed in range(3)] and drawn[0] != drawn[1]
+    assert {one["effect"] for one in drawn} == set(_demo_loop.HIDDEN)
+    for one in drawn:
+        for name, value in one["parameters"].items():
+            low, high = _demo_loop.HIDDEN[one["effect"]][name]
+            assert low <= value <= high
+        for name, value in one["machine"].items():
+            assert 0.005 < abs(one["believed"][name] / value - 1) < 0.35
+
+
+def test_a_truth_that_was_changed_is_not_believed(tmp_path):
+    path = tmp_path / "truth.json"
+    path.write_text("{}")
+    sealed = _demo_loop.Sealed(tmp_path / "c", tmp_path / "m", path, sha256(b"{ }").hexdigest(), 1.0, 1.0)
+    with pytest.raises(RuntimeError, match="changed after it was sealed"):
+        _demo_loop.open_truth(sealed, None)
+
+
 def test_it_is_quick(demo):
-    assert 1 < demo[2]["seconds"] < 150
+    assert 1 < demo[2]["seconds"] < 300
 
 
 def test_an_absent_hammer_test_is_said(monkeypatch, tmp_path):
@@ -101,6 +159,15 @@ def test_a_place_that_cannot_be_used(monkeypatch, tmp_path, capsys, place):
     with pytest.raises(SystemExit) as stop:
         main(["demo", "-o", place])
     assert stop.value.code == 2 and capsys.readouterr().err.startswith("error: ") and Path("file").read_text() == "kept"
+
+
+def test_a_stranger_s_campaign_is_not_replaced(tmp_path, capsys):
+    (tmp_path / "workshop").mkdir()
+    (tmp_path / "workshop" / "campaign.yaml").write_text("mine")
+    with pytest.raises(SystemExit) as stop:
+        main(["demo", "-o", str(tmp_path), "--quiet"])
+    assert stop.value.code == 2 and "no earlier demo's" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.rglob("*")] == ["workshop", "campaign.yaml"]
 
 
 def test_a_stranger_s_data_are_not_replaced(tmp_path, capsys):

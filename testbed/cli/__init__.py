@@ -18,8 +18,8 @@ from testbed.problem import InputProblem
 
 FOLDER = Path(__file__).parent
 # The order of `testbed --help`, along a user's way; a command not named here comes after, by the alphabet.
-ORDER = ("demo", "run", "identify", "score", "chart", "multipliers", "inspect", "compare", "diagnose", "add", "effects",
-         "paper", "view", "doctor")
+ORDER = ("demo", "run", "identify", "score", "export", "chart", "multipliers", "inspect", "verify", "compare", "diagnose",
+         "add", "effects", "paper", "view", "doctor")
 
 
 class Commands(click.Group):

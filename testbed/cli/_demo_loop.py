@@ -25,7 +25,6 @@ HIDDEN: dict[str, dict[str, tuple[float, float]]] = {
     "process_damping": {"coefficient": (4.0e5, 8.0e5)},
     "cubic_stiffness": {"coefficient": (1.0e13, 4.0e13)},
     "edge_force": {"tangential": (1.2e4, 2.5e4), "normal": (1.5e4, 3.0e4)},
-    "sensor_lag": {"time_constant": (2.0e-4, 5.0e-4)},
     "tool_wear": {"rate": (3.0, 6.0)},
     "chip_force_exponent": {"exponent": (0.65, 0.8)},
     "immersion_error": {"error": (0.1, 0.25)},

@@ -24,8 +24,10 @@ from testbed.problem import InputProblem  # noqa: E402
 from testbed.readers import read_table  # noqa: E402
 from testbed.readers.assemble import assemble  # noqa: E402
 from testbed.recording import Recording  # noqa: E402
+from tests.validation.claims import Claim, Section  # noqa: E402
 
 TEXT = ("csv", "tsv", "dynoware", "labview", "uff")
+OUTCOMES = ("refused", "right", "short", "warned", "silent", "crashed", "hung")
 SLOW = 5.0  # s; a small file that takes longer counts as hung
 
 
@@ -122,16 +124,34 @@ def fuzz(kind: str, mutations: int, folder: Path, seed: int = 1) -> tuple[Counte
     return counted, faults
 
 
+def check(mutations: int = 300) -> Section:
+    """The table, and the two claims: nothing crashes, nothing hangs."""
+    rows, faults = [], []
+    for kind in FORMATS:
+        with tempfile.TemporaryDirectory() as folder:
+            counted, found = fuzz(kind, mutations, Path(folder))
+        faults += found
+        rows.append((kind, *(str(counted[name]) for name in OUTCOMES)))
+    silent = sum(int(row[1 + OUTCOMES.index("silent")]) for row in rows)
+    total = mutations * len(rows)
+    claims = (
+        Claim("damaged files that crash a reader or hang it", "0", str(len(faults)), not faults),
+        Claim("damaged files read as other numbers without a warning", "0", f"{silent} of {total}", silent == 0,
+              "formats without checksums: a flipped digit is a number"),
+    )
+    head = ("format", *OUTCOMES)
+    return Section(f"Damaged files ({mutations} mutations a format)", claims, (("Outcomes", head, tuple(rows)),))
+
+
 def main(mutations: int = 300) -> int:
     """Print the table; exit code 1 where anything crashed or hung."""
-    names = ("refused", "right", "short", "warned", "silent", "crashed", "hung")
-    print("format    " + "".join(f"{name:>9}" for name in names))
+    print("format    " + "".join(f"{name:>9}" for name in OUTCOMES))
     everything: list[str] = []
     for kind in FORMATS:
         with tempfile.TemporaryDirectory() as folder:
             counted, faults = fuzz(kind, mutations, Path(folder))
         everything += faults
-        print(f"{kind:10}" + "".join(f"{counted[name]:9d}" for name in names), flush=True)
+        print(f"{kind:10}" + "".join(f"{counted[name]:9d}" for name in OUTCOMES), flush=True)
     print("\n".join(everything))
     return 1 if everything else 0
 

@@ -17,7 +17,8 @@ from pathlib import Path
 
 from tests.validation.claims import Section
 
-CHECKS = ("published", "multipliers", "engines", "verdicts", "identification", "hammer", "effects", "absorption")
+CHECKS = ("published", "multipliers", "engines", "verdicts", "identification", "hammer", "effects", "absorption", "diagnosis",
+          "blind.count", "paper", "score", "bit_flips", "kills", "throughput", "fuzz_readers")
 TARGET = Path(__file__).resolve().parents[2] / "VALIDATION.md"
 HEAD = """# Validation
 
@@ -39,7 +40,7 @@ def as_text(name: str, section: Section, seconds: float) -> str:
     """A section as Markdown."""
     rows = [(claim.what, claim.target, claim.found, _WORDS[None if claim.passed is None else bool(claim.passed)],
              claim.note) for claim in section.claims]
-    parts = [f"## {section.title}", f"tests/validation/{name}.py, {seconds:.0f} s",
+    parts = [f"## {section.title}", f"tests/validation/{name.replace('.', '/')}.py, {seconds:.0f} s",
              _table(("claim", "target", "found", "", "remark"), rows)]
     for title, header, lines in section.tables:
         parts += [f"**{title}**", _table(header, list(lines))]
