@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.lines import find_peaks
-from analysis.observed import Observed
+from analysis.observed import Observed, drift_basis
 from analysis.starts import free_parameters
 from analysis.waveform import Fitter, Free, Linearised, State, WaveformFit
 from testbed.effect import Effect
 from testbed.machine import Model
 
 SHARES = (0.1, 0.4, 1.0)  # of an effect's example strength, tried as starts
+GROWTH = (0.03, 0.1, 0.3, 1.0)  # shares of free decays that are fitted one after the other
 SCREENED = 3  # records, the worst fitted, on which starting points are compared
 
 
@@ -121,6 +122,22 @@ class Origin:
     parts: tuple[Linearised, ...]
 
 
+def _grown(fitter: Fitter, state: State) -> WaveformFit:
+    """A fit of free decays on ever longer openings: over a whole decay, phases that run apart hide where the fit should go."""
+    fit = None
+    for share in GROWTH:
+        records = []
+        for record in fitter.records:
+            count = max(64, round(share * record.samples))
+            force = None if record.force is None else record.force[:count]
+            basis = drift_basis(min(count, record.samples), min(record.drift.shape[1], 1 if share < 0.5 else 99))
+            records.append(replace(record, data=record.data[:, :count], force=force, drift=basis))
+        part = Fitter(fitter.plant, records, fitter.free)
+        fit = part.fit(state if fit is None else fit.state, iterations=12)
+    assert fit is not None
+    return fit
+
+
 def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequence[Origin]) -> tuple[float, State, Fitter]:
     """(cost, state, fitter) after the best single Gauss-Newton step from any of the effect's starting points.
 
@@ -157,6 +174,9 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
                     break
             if cost < best[0]:
                 best = (cost, state)
+        if all(record.kind == "ring-down" for record in fitter.records):
+            grown = min((_grown(wider, state) for _, state in tried), key=lambda found: found.cost)
+            best = min(best, (grown.cost, grown.state), key=lambda found: found[0])
     if best[0] > fit.cost and all(record.cut is None for record in fitter.records):
         found = wider.fit(best[1], iterations=10)  # without a cut this is cheap, and one step may not turn the corner
         best = (found.cost, found.state)

@@ -129,6 +129,16 @@ def test_a_seed_hides_the_same_again_and_seeds_differ():
             assert 0.005 < abs(one["believed"][name] / value - 1) < 0.35
 
 
+def test_a_seed_writes_the_same_files_again(tmp_path):
+    sealed = []
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        sealed.append(_demo_loop.make(tmp_path / name, 5))
+    assert sealed[0].digest == sealed[1].digest
+    for path in sealed[0].campaign.parent.iterdir():
+        assert path.read_bytes() == (tmp_path / "other" / "workshop" / path.name).read_bytes(), path.name
+
+
 def test_a_truth_that_was_changed_is_not_believed(tmp_path):
     path = tmp_path / "truth.json"
     path.write_text("{}")

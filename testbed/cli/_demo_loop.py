@@ -189,7 +189,10 @@ def add_story(page: Any, loop: Loop) -> None:
     from analysis.report.ticked import add_before_after, add_ticks, leading, points_for
     from analysis.report.waveforms import looks, worst_first
 
-    found = loop.diagnosis
+    found, error = loop.diagnosis, loop.error
+    page.tiles((("error before", f"{error['before']:.4f}"), ("error after", f"{error['after']:.4f}"),
+                ("noise floor", f"{error['noise_floor']:.4f}"),
+                ("error / noise floor, now", f"{error['after'] / error['noise_floor']:.2f}")))
     steps = [("refitted" if not one.effects else f"+ {one.effects[-1]}", one.error_held_out, pooled(one.errors)[1])
              for one in found.steps]
     add_steps(page, steps)

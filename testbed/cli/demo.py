@@ -69,7 +69,7 @@ class _Demo:
 
     def _say(self, text: str) -> None:
         self.answer.say(f"  {text}")
-        self.page.text(text)
+        self.page.text(text[:1].upper() + text[1:])
 
     def _code(self, text: str) -> None:
         self.answer.say(f"  {text}")
@@ -254,11 +254,13 @@ class _Demo:
 
 
 def _truth_row(row: Any) -> tuple[str, ...]:
-    def of(key: str, digits: int = 5) -> str:
+    known = row["low"] is not None
+    digits = 7 if known and row["high"] - row["low"] < 1e-3 * abs(row["value"]) else 5  # so that the ends differ
+
+    def of(key: str) -> str:
         return "-" if row[key] is None else shown(row[key], row["unit"], digits)
 
-    interval = "-" if row["low"] is None else f"{of('low')} to {of('high')}"
-    return (row["parameter"], of("believed", 4), of("value"), interval, of("truth"))
+    return (row["parameter"], of("believed"), of("value"), f"{of('low')} to {of('high')}" if known else "-", of("truth"))
 
 
 def _name(verdict: str) -> str:

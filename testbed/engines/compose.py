@@ -18,6 +18,7 @@ from functools import lru_cache
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
+from threading import RLock
 from types import ModuleType
 
 from testbed.effect import HOOKS, Effect
@@ -154,6 +155,7 @@ def _compose(key: str, kernels: tuple[str, ...], text: str) -> ModuleType:
     return module
 
 
+_ONE_AT_A_TIME = RLock()  # ast.parse on several threads fails in Python 3.11, and numba compiles one module at a time
 _modules: dict[tuple[int, tuple[str, ...]], tuple[Mapping[str, Effect], ModuleType]] = {}
 
 
@@ -161,6 +163,14 @@ def compose(effects: Mapping[str, Effect], kernels: tuple[str, ...]) -> ModuleTy
     """The kernels (names of files in testbed/engines) over this catalogue's hooks."""
     known = _modules.get((id(effects), kernels))
     if known is not None and known[0] is effects:
+        return known[1]
+    with _ONE_AT_A_TIME:
+        return _composed(effects, kernels)
+
+
+def _composed(effects: Mapping[str, Effect], kernels: tuple[str, ...]) -> ModuleType:
+    known = _modules.get((id(effects), kernels))
+    if known is not None and known[0] is effects:  # by another thread, while this one waited
         return known[1]
     text = _module_text(effects, kernels)
     sources = "".join(effect.path.read_text() for effect in effects.values() if effect.path)

@@ -45,10 +45,17 @@ def judged(seed: int) -> dict[str, Any]:
         records = records_of(truth, makers)
     except ValueError as problem:
         return told | {"made": False, "reason": str(problem)}
+    try:
+        return told | _diagnosed(truth, records, known)
+    except Exception as problem:  # a fault is a result of this benchmark, and must not end it
+        return told | {"made": True, "fault": repr(problem)}
+
+
+def _diagnosed(truth: Any, records: Any, known: Any) -> dict[str, Any]:
     begin = time.perf_counter()
     observed = [observe(record, truth.believed) for record in records]
     found = diagnose(PLANT, observed, truth.believed, known)
-    told |= {"made": True, "seconds": time.perf_counter() - begin, "verdict": found.verdict, "effects": list(found.effects),
+    told = {"made": True, "seconds": time.perf_counter() - begin, "verdict": found.verdict, "effects": list(found.effects),
              "baseline": found.baseline, "with_effects": found.with_effects, "noise_floor": found.noise_floor}
     if found.best.fit is not None and found.best.fitter is not None:
         told["parameters"] = {
