@@ -13,7 +13,8 @@ from testbed.machine import BASE_UNITS, Model
 
 ADEQUATE = 1.02  # error over noise floor up to which nothing is looked for
 COMPLETE = 1.15  # error over noise floor above which something is still missing
-EXPLAINED = 0.75  # share of the excess that named effects must take away, else the cause is said to be unknown
+EXPLAINED = 0.95  # share of the excess that named effects must take away where something is left: else the law is unknown
+PARTIAL = 0.5  # share of the excess from which effects are told although something of another kind remains
 
 
 @dataclass(frozen=True)
@@ -111,6 +112,13 @@ def verdict_of(
             (),
             f"The error is {ratio:.3f} of the noise floor and no known effect lowers it: nothing "
             "is missing that these records could show.",
+        )
+    if best.effects and share >= PARTIAL:
+        return answer(
+            "unexplained",
+            best.effects,
+            f"{' and '.join(best.effects)} would take away {share:.0%} of what is unexplained, but the error is still "
+            f"{left:.2g} times the noise floor: something is missing that no effect of the catalogue explains.",
         )
     return answer(
         "unexplained",

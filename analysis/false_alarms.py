@@ -6,7 +6,7 @@ measured size is added, and the whole diagnosis is made again, many times.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,5 +62,4 @@ def _drawn(plant: Plant, record: Observed, variant: tuple, random: np.random.Gen
     """The record as the model would have given it, with new noise; offset and drift stay as they were."""
     clean = predict(plant, record, [variant])[0]
     slow = ((record.data - clean) @ record.drift) @ record.drift.T
-    noise: Sequence[float] = record.noise
-    return replace(record, data=clean + slow + np.asarray(noise)[:, None] * random.standard_normal(record.data.shape))
+    return replace(record, data=clean + slow + record.noise[:, None] * random.standard_normal(record.data.shape))

@@ -7,5 +7,5 @@ on division by zero (infinity and NaN instead, which end a run as diverged).
 
 from numba import njit
 
-inner = njit(_nrt=False, error_model="numpy")
-inlined = njit(inline="always", _nrt=False, error_model="numpy")
+inner = njit(_nrt=False, error_model="numpy")  # type: ignore[call-overload]
+inlined = njit(inline="always", _nrt=False, error_model="numpy")  # type: ignore[call-overload]
