@@ -1,0 +1,59 @@
+"""The believed model refitted to campaigns whose entries, exits, angles and speeds nobody tells."""
+
+import numpy as np
+import pytest
+
+from analysis.observed import observe
+from analysis.starts import base_fit
+from testbed.effect import catalogue
+from testbed.engines import fast, predict
+from tests.validation.blind.draw import draw
+from tests.validation.blind.make import records_of
+
+KNOWN = catalogue()
+
+
+def simulate(model, cut, sampling, catalogue):
+    """The fast engine at a step of its own."""
+    return fast.simulate(model, cut, sampling, steps=61, catalogue=catalogue)
+
+
+def fitted(truth, monkeypatch):
+    monkeypatch.setattr("tests.validation.blind.make.mujoco_engine.simulate", simulate)
+    records = records_of(truth, KNOWN)
+    observed = [observe(record, truth.believed) for record in records]
+    fitter, fit = base_fit(predict, observed, truth.believed)
+    rms = [float(np.sqrt(np.mean(rest**2))) for rest in fit.residuals]
+    return observed, fit, rms
+
+
+@pytest.mark.parametrize("seed", [2, 4, 35])
+def test_a_complete_model_leaves_the_noise_and_its_intervals_hold_the_truth(seed, monkeypatch):
+    truth = draw(seed, KNOWN, kind="none")
+    _, fit, rms = fitted(truth, monkeypatch)
+    assert max(rms) < 1.06, rms
+    assert len({own.exit - own.entry for own in fit.state.nuisances}) == 1  # every cut had as many passes
+    for place, name in enumerate(fit.names):
+        true = 1.1 if name == "mark_angle" else truth.model.value(name)
+        found = fit.state.angle if name == "mark_angle" else fit.state.model.value(name)
+        assert abs(found - true) < 4.0 * np.sqrt(fit.covariance[place, place]), name
+
+
+def test_without_marks_angle_and_speed_of_every_record_are_found(monkeypatch):
+    truth = draw(13, KNOWN, kind="none")
+    assert not truth.tachometer
+    observed, fit, rms = fitted(truth, monkeypatch)
+    assert max(rms) < 1.06, rms
+    for record, own in zip(observed, fit.state.nuisances, strict=True):
+        assert record.first_mark is None and abs(own.speed - 1.0) < 1e-3
+
+
+def test_marks_of_an_uneven_spindle_carry_the_prediction(monkeypatch):
+    """A spindle that slows under load, with a tachometer: its marks explain it, and no parameter bends."""
+    from dataclasses import replace
+
+    truth = replace(draw(111, KNOWN, names=("speed_droop",)), tachometer=True)
+    observed, fit, rms = fitted(truth, monkeypatch)
+    assert all(record.marks is not None for record in observed)
+    assert max(rms) < 1.04, rms
+    assert fit.state.model.cutting.tangential_coefficient == pytest.approx(truth.model.cutting.tangential_coefficient, rel=0.02)
