@@ -18,7 +18,7 @@ demo: $(VENV)/ready
 	$(BIN)/testbed demo -o $(DEMO)
 
 test: $(VENV)/ready
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2
 
 lint: $(VENV)/ready
 	$(BIN)/ruff check .

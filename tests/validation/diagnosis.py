@@ -80,8 +80,8 @@ def garbage() -> tuple[Claim, list[tuple[str, ...]]]:
     random = np.random.default_rng(5)
 
     def changed(change: Callable[[np.ndarray], np.ndarray]) -> list[Record]:
-        return [replace(one, recording=replace(one.recording, channels={"displacement": change(one.recording.channels["displacement"])}))
-                for one in sound]
+        return [replace(one, recording=replace(one.recording, channels={
+            "displacement": change(one.recording.channels["displacement"])})) for one in sound]
 
     def swapped() -> list[Record]:
         return [replace(one, conditions=other.conditions,
@@ -105,7 +105,8 @@ def garbage() -> tuple[Claim, list[tuple[str, ...]]]:
             found = f"refused: {problem}"
         rows.append((name, found))
     named = [row for row in rows if row[1].startswith(("missing_effect", "undecided"))]
-    return Claim("campaigns of garbage in which an effect is named missing", "0", f"{len(named)} of {len(rows)}", not named), rows
+    claim = Claim("campaigns of garbage in which an effect is named missing", "0", f"{len(named)} of {len(rows)}", not named)
+    return claim, rows
 
 
 def hardware() -> tuple[list[Claim], list[tuple[str, ...]]]:

@@ -1,4 +1,4 @@
-"""Run every check and write VALIDATION.md:  python -m tests.validation.run [name ...]"""
+"""Run every check, or those named, and write VALIDATION.md:  python -m tests.validation.run [name ...]"""
 
 # ruff: noqa: E402 - the number of threads is read when numpy is imported
 from __future__ import annotations
@@ -22,7 +22,8 @@ CHECKS = ("published", "multipliers", "engines", "verdicts", "identification", "
 TARGET = Path(__file__).resolve().parents[2] / "VALIDATION.md"
 HEAD = """# Validation
 
-Written by `make validate` (`python -m tests.validation.run`), which runs every check again. What is compared with what is in
+Written by `make validate` (`python -m tests.validation.run`), which runs every check again; with names behind it,
+`python -m tests.validation.run NAME ...`, those alone, so sections may be of different days. What is compared with what is in
 the head of each file of tests/validation.
 """
 _WORDS = {True: "passed", False: "MISSED", None: "not checked"}
@@ -47,21 +48,36 @@ def as_text(name: str, section: Section, seconds: float) -> str:
     return "\n\n".join(parts) + "\n"
 
 
+def _merged(old: str, texts: list[str]) -> list[str]:
+    """The file's sections with those that were run again in their place; new ones at the end."""
+    kept = {part.split("\n", 1)[0]: part for part in ("## " + part for part in old.split("\n## ")[1:])}
+    last = list(kept)[-1] if kept else None
+    if last is not None:
+        kept[last] = kept[last].split("\nClaims missed:")[0].split("\nPython ")[0].rstrip() + "\n"
+    for text in texts:
+        kept[text.split("\n", 1)[0]] = text
+    return [part.rstrip() + "\n" for part in kept.values()]
+
+
 def main(names: list[str]) -> int:
-    """Run the named checks (all when there is none, and only then is the file rewritten); 1 if a claim is missed."""
-    texts, missed = [], 0
+    """Run the named checks, or all, and put their sections into the file; 1 if a claim is missed."""
+    missed = 0
     for name in names or CHECKS:
         begin = time.perf_counter()
         section = importlib.import_module(f"tests.validation.{name}").check()
         missed += sum(claim.passed is not None and not claim.passed for claim in section.claims)
-        texts.append(as_text(name, section, time.perf_counter() - begin))
-        print(texts[-1], flush=True)
-    if not names:
-        packages = ", ".join(f"{package} {version(package)}" for package in ("mujoco", "numpy", "scipy", "numba"))
-        tail = f"Claims missed: {missed}. Python {platform.python_version()}, {packages}.\n"
-        TARGET.write_text("\n".join([HEAD, *texts, tail]))
-        print(f"written to {TARGET}")
+        text = as_text(name, section, time.perf_counter() - begin)
+        print(text, flush=True)
+        _write(text)  # at once: a long run that is stopped keeps what it found
+    print(f"written to {TARGET}")
     return 1 if missed else 0
+
+
+def _write(text: str) -> None:
+    sections = _merged(TARGET.read_text() if TARGET.exists() else "", [text])
+    lost = sum(section.count("| MISSED |") for section in sections)
+    packages = ", ".join(f"{package} {version(package)}" for package in ("mujoco", "numpy", "scipy", "numba"))
+    TARGET.write_text("\n".join([HEAD, *sections, f"Claims missed: {lost}. Python {platform.python_version()}, {packages}.\n"]))
 
 
 if __name__ == "__main__":
