@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import click
@@ -74,10 +75,17 @@ def _propose(answer: Answer, found: Any, records: Any, catalogue: Any, folder: s
     if chosen.fit is None or chosen.error_held_out <= ADEQUATE * found.noise_floor:
         answer.say("nothing beyond the noise is left to propose an effect for")
         return None
+    states = [chosen.fit.state]
+    if found.verdict != "missing_effect" and found.best.fit is not None and found.best.effects:
+        # what partly helps has led the base parameters nearer to the truth: the force is looked for from there, too
+        bare = found.best.fit.state.model
+        for name in found.best.effects:
+            bare = bare.without_effect(name)
+        states.append(replace(found.best.fit.state, model=bare))
     try:
         with sign_of_life("estimating the missing force", answer.quiet) as say:
-            missing = missing_force(plant_of(catalogue), records, chosen.fit.state, catalogue, say)
-            explanation = explain(missing, say)
+            told = [explain(missing_force(plant_of(catalogue), records, state, catalogue, say), say) for state in states]
+            explanation = max(told, key=lambda one: one.share)
     except ValueError as problem:
         raise InputProblem(campaign, f"the missing force cannot be estimated: {problem}", "record more cuts") from None
     answer.say()
