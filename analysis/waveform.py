@@ -20,6 +20,7 @@ WORKERS = 2
 COARSE = 24  # places over a record at which an exit is looked for first
 EARLIER = 5  # passes by which a gentle entry may precede what is seen of it
 TURNS = (0.0, -0.4, -0.25, -0.15, -0.07, 0.07, 0.15, 0.25, 0.4)  # rad: where the angle of a record without marks is tried
+SLOWEST = 0.8  # of the nominal speed, that a record without marks may turn out to have had
 BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
 
 
@@ -116,7 +117,10 @@ class Fitter:
 
     @staticmethod
     def _nudged(nuisances: Nuisances, change: Mapping[str, float], amount: float) -> Nuisances:
-        return replace(nuisances, **{key: getattr(nuisances, key) + amount * size for key, size in change.items()})
+        values = {key: getattr(nuisances, key) + amount * size for key, size in change.items()}
+        if "speed" in values:  # records that fit no cut at all must not turn the spindle back
+            values["speed"] = min(max(values["speed"], SLOWEST), 1.0 / SLOWEST)
+        return replace(nuisances, **values)
 
     @staticmethod
     def _held(record: Observed, nuisances: Nuisances) -> np.ndarray:

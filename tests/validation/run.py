@@ -26,7 +26,7 @@ Written by `make validate` (`python -m tests.validation.run`), which runs every 
 `python -m tests.validation.run NAME ...`, those alone, so sections may be of different days. What is compared with what is in
 the head of each file of tests/validation.
 """
-_WORDS = {True: "passed", False: "MISSED", None: "not checked"}
+_WORDS = {True: "passed", False: "MISSED", None: "-"}
 
 
 def _row(cells: tuple[str, ...]) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 from tests.validation.blind.judge import RESULTS
 from tests.validation.claims import Claim, Section
 
+VISIBLE = 1.02  # error over noise floor above which something is visible
 WORTH = 0.03  # misfit, relative to the record, from which an effect must be named
 
 
@@ -40,8 +41,12 @@ def check() -> Section:
     named = [one for one in every if one["verdict"] == "missing_effect"]
     wrong = [one for one in worth if one["verdict"] == "missing_effect" and not set(one["effects"]) <= set(one["hidden"])]
     alarms = [one for one in kinds["none"] if one["verdict"] in ("missing_effect", "undecided")]
+    seen = [one for one in kinds["one"] if one["baseline"] > VISIBLE * one["noise_floor"]]
+    seen_right = [one for one in seen if set(one["effects"]) == set(one["hidden"])]
     pairs = [one for one in kinds["pair"] if misfit(one) > WORTH]
     both = [one for one in pairs if set(one["effects"]) == set(one["hidden"])]
+    complete = [one for one in pairs if one["effects"] and set(one["effects"]) <= set(one["hidden"])
+                and one["with_effects"] <= VISIBLE * one["noise_floor"]]
     unknown = [one for one in kinds["unknown"] if misfit(one) > WORTH]
     said = [one for one in unknown if one["verdict"] == "unexplained"]
     closed = [one for one in right if one["with_effects"] <= 1.05 * one["noise_floor"]]
@@ -52,8 +57,12 @@ def check() -> Section:
         Claim("faults of the program", "0", str(len(made) - len(every)), len(made) == len(every)),
         _claim("one hidden effect worth more than 3 %: named right", ">= 95 %", right, worth, len(right) >= 0.95 * len(worth)),
         _claim("one hidden effect worth more than 3 %: named wrong", "<= 2 %", wrong, worth, len(wrong) <= 0.02 * len(worth)),
+        Claim(f"one hidden effect, however small, that lifts the error above {VISIBLE} noise floors: named right", "told",
+              share(seen_right, seen), None),
         _claim("nothing hidden: false alarms", "<= 2 %", alarms, kinds["none"], len(alarms) <= 0.02 * len(kinds["none"])),
         _claim("two hidden effects: both named", ">= 85 %", both, pairs, len(both) >= 0.85 * len(pairs)),
+        Claim("two hidden effects: both, or one that leaves nothing visible of the other", "told",
+              share(complete, pairs), None),
         _claim("effect of no catalogue: said so", ">= 80 %", said, unknown, len(said) >= 0.8 * len(unknown)),
         _claim("after a right naming: error within 1.05 noise floors", "all", closed, right, len(closed) == len(right)),
         _claim("true parameters inside their 95 % interval", "90-99 %", inside, values,
