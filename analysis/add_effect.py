@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from analysis.compare import estimates
-from analysis.diagnose import ANCHOR
-from analysis.effect_start import Origin, all_free, applicable, first_step
+from analysis.effect_start import ANCHOR, all_free, applicable, first_step, origins_of
 from analysis.held_out import RecordError, conditions_of, held_out_errors, pooled
 from analysis.identify import Estimate
 from analysis.observed import Observed, Plant
-from analysis.starts import anchored_state, base_fit, polish
+from analysis.starts import base_fit, polish
 from analysis.waveform import Fitter, State, WaveformFit
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -51,7 +50,7 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     fitter, fit = base_fit(plant, records, model, free=all_free(records, model, catalogue))
     before = held_out_errors(fitter, fit)
     say(f"fitting with {effect.name}")
-    wider, with_it = _fit_with(plant, records, model, effect, fitter, fit, before)
+    wider, with_it = _fit_with(plant, model, effect, fitter, fit, before)
     say("looking again for a fit without it")
     again = polish(fitter, _without(with_it.state, effect.name), rounds=1, iterations=8)
     if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
@@ -63,14 +62,11 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     return replace(result, warnings=tuple(_warnings(result, wider, catalogue)))
 
 
-def _fit_with(plant: Plant, records: Sequence[Observed], model: Model, effect: Effect, fitter: Fitter, fit: WaveformFit,
+def _fit_with(plant: Plant, model: Model, effect: Effect, fitter: Fitter, fit: WaveformFit,
               before: Sequence[RecordError]) -> tuple[Fitter, WaveformFit]:
     """The fit with the effect; never worse than without, since at its neutral values it contains that."""
-    origins = [Origin(fit.state, fit.parts)]
     error, noise = pooled(before)
-    if error > ANCHOR * noise:
-        state = anchored_state(plant, records, model)
-        origins.append(Origin(state, fitter.linearise_all(state)))
+    origins = origins_of(plant, model, fitter, fit, anchored=error > ANCHOR * noise)
     _, state, wider = first_step(fitter, effect, fit, origins)
     if effect.name not in state.model.effects:
         state = _with_neutral(fit.state, effect)

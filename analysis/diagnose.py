@@ -11,17 +11,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from analysis.diagnosis import ADEQUATE, Candidate, Diagnosis, excess, verdict_of
-from analysis.effect_start import Origin, all_free, applicable, first_step
+from analysis.effect_start import ANCHOR, Origin, all_free, applicable, first_step, origins_of
 from analysis.held_out import held_out_errors, pooled, record_error
 from analysis.information import bic, effective_size
 from analysis.next_test import next_test
 from analysis.observed import Nuisances, Observed, Plant
-from analysis.starts import anchored_state, base_fit, polish
+from analysis.starts import base_fit, polish
 from analysis.waveform import Fitter, WaveformFit
 from testbed.effect import Effect
 from testbed.machine import Model
 
-ANCHOR = 1.5  # error over noise floor above which candidates also start from the small-amplitude structure
 LONG = 16384  # samples of an excited record that are searched
 LEADERS = 4  # candidates refitted in full
 MOST_EFFECTS = 3
@@ -199,10 +198,8 @@ def _search(
     tied: tuple[str, ...] = ()
     while len(current.effects) < most and current.error_held_out > ADEQUATE * noise:
         assert current.fit is not None and current.fitter is not None
-        origins = [Origin(current.fit.state, current.fit.parts)]
-        if not current.effects and current.error_held_out > ANCHOR * noise:
-            state = anchored_state(plant, records, model)
-            origins.append(Origin(state, current.fitter.linearise_all(state)))
+        anchored = not current.effects and current.error_held_out > ANCHOR * noise
+        origins = origins_of(plant, model, current.fitter, current.fit, anchored)
         last = _round(current, catalogue, origins, say)
         refitted = _nesting_guard(current, last)
         if refitted is not current:

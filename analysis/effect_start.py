@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.lines import find_peaks
-from analysis.observed import Observed, drift_basis
-from analysis.starts import free_parameters
+from analysis.observed import Observed, Plant
+from analysis.starts import anchored_state, free_parameters
 from analysis.waveform import Fitter, Free, Linearised, State, WaveformFit
 from testbed.effect import Effect
 from testbed.machine import Model
 
+ANCHOR = 1.5  # error over noise floor above which candidates also start from the small-amplitude structure
 SHARES = (0.1, 0.4, 1.0)  # of an effect's example strength, tried as starts
 SMALL = 1e-3  # relative gain of a first step below which a sensor effect is fitted a little further
 GROWTH = (0.006, 0.02, 0.06, 0.2, 0.6, 1.0)  # shares of free decays that are fitted one after the other
@@ -123,6 +124,15 @@ class Origin:
     parts: tuple[Linearised, ...]
 
 
+def origins_of(plant: Plant, model: Model, fitter: Fitter, fit: WaveformFit, anchored: bool) -> list[Origin]:
+    """Where candidates start: the fit, and, where it is bad, the small-amplitude structure of the model as believed."""
+    origins = [Origin(fit.state, fit.parts)]
+    if anchored:
+        state = anchored_state(plant, fitter.records, model)
+        origins.append(Origin(state, fitter.linearise_all(state)))
+    return origins
+
+
 def grown(fitter: Fitter, states: Sequence[State]) -> WaveformFit:
     """A fit of free decays on ever longer openings, from the state that explains the second of them best.
 
@@ -142,9 +152,7 @@ def _opened(fitter: Fitter, share: float) -> Fitter:
     records = []
     for record in fitter.records:
         count = min(record.samples, max(64, round(share * record.samples)))
-        force = None if record.force is None else record.force[:count]
-        basis = drift_basis(count, record.drift.shape[1] if share > 0.5 else 1)
-        records.append(replace(record, data=record.data[:, :count], force=force, drift=basis))
+        records.append(record.part(0, count, None if share > 0.5 else 1))
     return Fitter(fitter.plant, records, fitter.free)
 
 

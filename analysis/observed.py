@@ -118,12 +118,16 @@ class Observed:
             return self
         places = np.arange(0, self.samples - count + 1, max(1, count // 4))
         first = int(places[int(np.argmax([self.data[0, place : place + count].std() for place in places]))])
+        return self.part(first, count)
+
+    def part(self, first: int, count: int, drift_terms: int | None = None) -> Observed:
+        """`count` samples from `first` on as a record; its drift has as many terms as before where none are named."""
         return replace(
             self,
             data=self.data[:, first : first + count],
-            force=self.force[first : first + count],
+            force=None if self.force is None else self.force[first : first + count],
             start=self.start + first / self.rate,
-            drift=drift_basis(count, self.drift.shape[1]),
+            drift=drift_basis(count, self.drift.shape[1] if drift_terms is None else drift_terms),
         )
 
     def opening(self) -> Observed:
@@ -137,7 +141,7 @@ class Observed:
         if count >= self.samples:
             return self
         kept = tuple(s for s in self.segments if s.start < stop and s.kind in ("idle", "entry", "steady"))
-        return replace(self, data=self.data[:, :count], drift=drift_basis(count, self.drift.shape[1]), segments=kept)
+        return replace(self.part(0, count), segments=kept)
 
     def timeline(self, angle: float, nuisances: Nuisances) -> tuple[Cut, Sampling]:
         """The cut and the sampling that simulate this record."""

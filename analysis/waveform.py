@@ -137,21 +137,22 @@ class Fitter:
         rest = record.project(record.data - predicted)
         return np.clip(rest, -BIG, BIG).reshape(len(variants), -1)
 
+    def _shared_nudge(self, state: State, place: int, step: float) -> tuple[State, float]:
+        """The state with one shared unknown moved by a small step, and the step's sign: down at an upper bound."""
+        unit, sign = np.zeros(len(self.names)), 1.0
+        if place < len(self.free) and not self.free[place].periodic:
+            free = self.free[place]
+            sign = -1.0 if state.model.value(free.path) + step * free.scale > free.bounds[1] else 1.0
+        unit[place] = sign * step
+        return self.moved(state, unit), sign
+
     def linearise(self, index: int, state: State, step: float = 1e-4) -> Linearised:
         """Residual and slopes of one record by forward differences."""
         record, own = self.records[index], self._own_steps(self.records[index])
         nuisances = state.nuisances[index]
-        variants = [(state.model, state.angle, nuisances)]
-        signs = []
-        for place in range(len(self.names)):
-            unit = np.zeros(len(self.names))
-            at_top = place < len(self.free) and not self.free[place].periodic and (
-                state.model.value(self.free[place].path) + step * self.free[place].scale > self.free[place].bounds[1]
-            )
-            unit[place] = -step if at_top else step
-            signs.append(-1.0 if at_top else 1.0)
-            other = self.moved(state, unit)
-            variants.append((other.model, other.angle, nuisances))
+        nudges = [self._shared_nudge(state, place, step) for place in range(len(self.names))]
+        signs = [sign for _, sign in nudges]
+        variants = [(one.model, one.angle, nuisances) for one in (state, *(other for other, _ in nudges))]
         variants += [(state.model, state.angle, self._nudged(nuisances, change, step)) for change in own]
         rest = self._residuals(record, variants)
         slopes = (rest[1:] - rest[0]) / step
@@ -171,12 +172,9 @@ class Fitter:
 
     def residuals(self, state: State, indices: Sequence[int] | None = None) -> tuple[np.ndarray, ...]:
         """Every record's residual, or some records', in units of the noise."""
-
-        def one(index: int) -> np.ndarray:
-            return self._residuals(self.records[index], [(state.model, state.angle, state.nuisances[index])])[0]
-
+        places = range(len(self.records)) if indices is None else indices
         with ThreadPoolExecutor(WORKERS) as pool:
-            return tuple(pool.map(one, range(len(self.records)) if indices is None else indices))
+            return tuple(pool.map(lambda index: self.residual_of(index, state), places))
 
     def settle_passes(self, state: State, reach: int = 1) -> tuple[State, bool]:
         """The state with every cut's entry and exit pass at the best of their neighbours; and whether any moved.
@@ -259,15 +257,11 @@ class Fitter:
     ) -> tuple[Linearised, ...]:
         """Residuals at a state, with slopes by the free parameters at `places` computed and all others taken from `parts`."""
 
+        nudges = [self._shared_nudge(state, place, step) for place in places]
+        signs = [sign for _, sign in nudges]
+
         def one(index: int) -> Linearised:
-            variants = [(state.model, state.angle, state.nuisances[index])]
-            signs = []
-            for place in places:
-                free, unit = self.free[place], np.zeros(len(self.names))
-                sign = -1.0 if state.model.value(free.path) + step * free.scale > free.bounds[1] else 1.0
-                unit[place] = sign * step
-                signs.append(sign)
-                variants.append((self.moved(state, unit).model, state.angle, state.nuisances[index]))
+            variants = [(other.model, state.angle, state.nuisances[index]) for other in (state, *(one for one, _ in nudges))]
             rest = self._residuals(self.records[index], variants)
             shared = np.empty((rest.shape[1], len(self.names)))
             known = [place for place in range(len(self.names)) if place not in places]

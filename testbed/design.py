@@ -6,6 +6,7 @@ travel to a worker as a few numbers.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -37,9 +38,9 @@ def point(given: Mapping[str, float]) -> OperatingPoint:
 class Design(Sequence[OperatingPoint]):
     """Operating points in order, worked out one at a time."""
 
+    @abstractmethod
     def at(self, index: int) -> OperatingPoint:
         """The point of that number, from 0."""
-        raise NotImplementedError
 
     def slowest(self) -> float:
         """The lowest spindle speed of all points, rad/s."""

@@ -15,6 +15,7 @@ from testbed.cli import ORDER, main
 from testbed.data_set import read_data_set
 from testbed.effect import catalogue
 from testbed.model_file import read_model
+from tests.shell import Shell
 
 ROOT = Path(__file__).parents[1]
 MODEL = """structure: {mass: 2.573 kg, natural_frequency: 147.5 Hz, damping_ratio: 0.005}
@@ -34,24 +35,6 @@ sensors:
   mark_angle: 40 deg
   displacement: {noise: 0.2 um, bits: 16, range: 1 mm}
 """
-
-
-class Shell:
-    """Runs command lines in a folder; keeps what they print."""
-
-    def __init__(self, capsys):
-        self.capsys = capsys
-
-    def __call__(self, *arguments):
-        self.capsys.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            main([str(argument) for argument in arguments])
-        self.out, self.err = self.capsys.readouterr()
-        return stop.value.code
-
-    def json(self, *arguments):
-        assert self(*arguments, "--json", "-") == 0, self.err
-        return json.loads(self.out, parse_constant=lambda word: pytest.fail(f"{word} is no JSON"))
 
 
 @pytest.fixture

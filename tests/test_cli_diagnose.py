@@ -16,33 +16,12 @@ from testbed.engines import fast
 from testbed.model_file import read_model
 from testbed.workshop import write_campaign
 from tests.campaign_files import BELIEVED, TRUE
+from tests.shell import Shell
 from tests.synthetic_campaign import synthetic_campaign
 
 EFFECT, PATH, STRENGTH = "process_damping", "process_damping.coefficient", 6.0e5
 CUTS = ((3810, 2.9), (2850, 2.9), (4200, 1.5), (2600, 1.5))
 VERDICTS = {"missing_effect", "adequate", "unexplained", "undecided", "not_converged"}
-
-
-class Shell:
-    """Runs command lines in the folder it stands in; keeps what they print."""
-
-    def __init__(self, capsys):
-        self.capsys = capsys
-
-    def __call__(self, *arguments):
-        self.capsys.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            main([str(argument) for argument in arguments])
-        self.out, self.err = self.capsys.readouterr()
-        return stop.value.code
-
-    def refused(self, *arguments):
-        """The one line that a bad call is answered with; nothing may be written."""
-        before = sorted(Path().rglob("*"))
-        assert self(*arguments) == 2, self.out
-        assert self.err.startswith("error: ") and self.err.count("\n") == 1 and self.out == ""
-        assert sorted(Path().rglob("*")) == before
-        return self.err
 
 
 @pytest.fixture

@@ -10,7 +10,8 @@ import pytest
 from analysis.compare import Adequacy, controlled
 from testbed.cli import main
 from testbed.engines import fast
-from tests.campaign_files import TRUE, write_files
+from testbed.workshop import write_campaign
+from tests.campaign_files import BELIEVED, TRUE
 from tests.synthetic_campaign import MARK_ANGLE, TESTS, synthetic_campaign
 
 SIMULATE = partial(fast.simulate, steps=37)  # another step size than the fit's
@@ -20,7 +21,7 @@ FEW = TESTS[:3]
 @pytest.fixture(scope="module")
 def answer(tmp_path_factory):
     folder = tmp_path_factory.mktemp("complete")
-    write_files(folder, synthetic_campaign(SIMULATE, TRUE, tests=FEW))
+    write_campaign(folder, synthetic_campaign(SIMULATE, TRUE, tests=FEW), BELIEVED)
     with pytest.raises(SystemExit) as stop:
         main(["compare", str(folder / "campaign.yaml"), "-m", str(folder / "model.yaml"), "--quiet",
               "--json", str(folder / "c.json"), "-o", str(folder / "pictures")])

@@ -46,6 +46,14 @@ def error(signal: np.ndarray, reference: np.ndarray) -> float:
 
 def test_offsets_agree_with_the_live_structures():
     mujoco_abi.check()
+    assert mujoco_abi.check.cache_info().currsize == 1  # it came to its end, and was no empty call
+
+
+@pytest.mark.parametrize("name", ["QPOS", "TIME", "NUMERIC_DATA"])
+def test_an_offset_that_is_wrong_is_noticed(name, monkeypatch):
+    monkeypatch.setattr(mujoco_abi, name, getattr(mujoco_abi, name) + 8)
+    with pytest.raises(RuntimeError, match="lays out its structures"):
+        mujoco_abi.check.__wrapped__()
 
 
 @pytest.mark.parametrize("course", [STABLE, GROWING], ids=["stable", "growing"])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from analysis.report.waveforms import LEFT, Look
 from analysis.residual_views import AngleView, SpectrumView, by_angle, by_frequency
 from analysis.waveform import State
 
+View = TypeVar("View", AngleView, SpectrumView)
 KINDS = ("idle", "entry", "steady", "exit", "ring-down")
 SPECTRUM_BUDGET = 40_000  # points of all spectra of one page
 CALM, HOT = 1.1, 10.0  # residual over noise at which a cell is palest and reddest
@@ -70,16 +71,23 @@ def add_records(page: Page, records: Sequence[RecordComparison], tests: Sequence
     )
 
 
+def _views(
+    view_of: Callable[..., Sequence[View]], found: Sequence[Look], errors: Sequence[RecordError], state: State
+) -> dict[tuple[int, int], View]:
+    """One kind of view of every channel looked at, by (record, channel)."""
+    return {
+        (look.index, look.row): view
+        for look in found
+        for view in view_of(look.record, errors[look.index], state, look.index)
+        if view.channel == look.record.channels[look.row]
+    }
+
+
 def add_angle(
     page: Page, found: Sequence[Look], errors: Sequence[RecordError], state: State, tests: Sequence[Adequacy] = ()
 ) -> None:
     """Residual unrolled over one turn of the spindle."""
-    views = {
-        (look.index, look.row): view
-        for look in found
-        for view in by_angle(look.record, errors[look.index], state, look.index)
-        if view.channel == look.record.channels[look.row]
-    }
+    views = _views(by_angle, found, errors, state)
     if not views:
         return
     page.heading("Does what is left depend on the angle of the tooth?")
@@ -168,12 +176,7 @@ def _angle_panel(view: AngleView) -> Panel:
 
 def add_spectrum(page: Page, found: Sequence[Look], errors: Sequence[RecordError], state: State) -> None:
     """Residual spectrum with the lines it could have."""
-    views = {
-        (look.index, look.row): view
-        for look in found
-        for view in by_frequency(look.record, errors[look.index], state, look.index)
-        if view.channel == look.record.channels[look.row]
-    }
+    views = _views(by_frequency, found, errors, state)
     if not views:
         return
     page.heading("At which frequencies does the model miss?")

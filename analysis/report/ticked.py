@@ -12,7 +12,7 @@ import numpy as np
 from analysis.held_out import RecordError, pooled
 from analysis.report.packed import even, packed, thinned
 from analysis.report.page import Page, Panel
-from analysis.report.waveforms import BEFORE, LEFT, MEASURED, PREDICTED, Look, shading, without_drift
+from analysis.report.waveforms import BEFORE, LEFT, MEASURED, PREDICTED, Look, line_trace, shading, without_drift
 from analysis.residual_views import by_angle, by_frequency
 from analysis.waveform import State
 
@@ -80,18 +80,7 @@ def _ticked_panel(
     traces = []
     for name, values, colour, axis in rows:
         time, row = thinned(values, look.record.start, look.record.rate, points)
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "name": name,
-                "x": time,
-                "y": row,
-                "yaxis": axis,
-                "line": {"color": colour, "width": 1},
-                "opacity": 0.55 if name.endswith("effects") else 0.9,
-            }
-        )
+        traces.append(line_trace(name, time, row, axis, colour, 1, 0.55 if name.endswith("effects") else 0.9))
     end = look.record.start + look.record.samples / look.record.rate
     reach = 1.05 * float(np.abs(bare.residual[look.row]).max()) * look.factor
     layout = {

@@ -100,19 +100,22 @@ def _lines(look: Look, rest: np.ndarray, part: tuple[int, int] | None, points: i
     ):
         time, row = thinned(values[first:last], start, look.record.rate, points if part is None else last - first)
         width = 2.2 if part and name == "measured" else 1.2
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "name": name,
-                "x": time,
-                "y": row,
-                "yaxis": f"y{below}",
-                "line": {"color": colour, "width": width},
-                "opacity": 0.85 if name == "predicted" else 1.0,
-            }
-        )
+        traces.append(line_trace(name, time, row, f"y{below}", colour, width, 0.85 if name == "predicted" else 1.0))
     return traces
+
+
+def line_trace(name: str, x: Any, y: Any, axis: str, colour: str, width: float, opacity: float) -> dict[str, Any]:
+    """A line of a picture, against the vertical axis of that name."""
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": name,
+        "x": x,
+        "y": y,
+        "yaxis": axis,
+        "line": {"color": colour, "width": width},
+        "opacity": opacity,
+    }
 
 
 def shading(look: Look, first: float, last: float) -> list[dict[str, Any]]:

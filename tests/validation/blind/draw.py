@@ -69,10 +69,8 @@ def _tests(random: np.random.Generator, model: Model, count: int) -> tuple[tuple
     return tuple(found)
 
 
-def _strength(random: np.random.Generator, name: str, effect, flutes: int) -> dict[str, float]:
+def _strength(random: np.random.Generator, name: str, effect) -> dict[str, float]:
     share = math.exp(random.uniform(math.log(WEAKEST), math.log(STRONGEST)))
-    if name in ("contact_loss",):
-        share = 1.0
     values = {}
     for parameter in effect.parameters:
         if parameter.vanishes:
@@ -98,7 +96,7 @@ def draw(seed: int, catalogue: Mapping, laws: Mapping[str, str] | None = None, k
     model = _machine(random, flutes)
     believed = _belief(random, model)
     tests = _tests(random, model, int(random.integers(6, 9)))
-    effects = {name: _strength(random, name, catalogue[name], flutes) for name in chosen}
+    effects = {name: _strength(random, name, catalogue[name]) for name in chosen}
     noise = math.exp(random.uniform(math.log(0.3e-6), math.log(5e-6)))
     true = model
     for name, values in effects.items():
