@@ -38,6 +38,9 @@ def _candidate(
     errors = held_out_errors(fitter, fit)
     in_sample = [record_error(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
     parameters = {path: fit.state.model.value(path) for path in fit.names if "." in path}
+    if fitter.shifting:  # every record has its own: the first one's is told
+        first = fit.state.nuisances[0].shifted(fit.state.model)
+        parameters |= {one.path: first.value(one.path) for one in fitter.shifting}
     gain = 0.0 if reference is None else bic(reference, size) - bic(fit, size)
     return Candidate(
         effects, parameters, pooled(in_sample)[0], pooled(errors)[0], gain, fit.converged, fit, fitter, tuple(errors)
@@ -54,7 +57,8 @@ def _round(
     assert current.fit is not None and current.fitter is not None
     ranked = []
     for name, effect in catalogue.items():
-        if name in current.effects or name in current.fit.state.model.effects or not applicable(effect, current.fitter.records):
+        present = {*current.effects, *current.fit.state.model.effects}
+        if name in present or not applicable(effect, current.fitter.records, present):
             continue
         say(f"trying {name}")
         cost, state, fitter = first_step(current.fitter, effect, current.fit, origins)
@@ -98,12 +102,14 @@ def _nesting_guard(current: Candidate, tried: Sequence[Candidate]) -> Candidate:
     return best
 
 
-def _backward(current: Candidate, say: Callable[[str], None]) -> Candidate:
+def _backward(current: Candidate, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> Candidate:
     """The set without every effect that the later ones made needless: refitted without it, the BIC is no worse."""
     for name in current.effects[:-1]:
+        if any(name in catalogue[other].requires for other in current.effects):
+            continue
         assert current.fit is not None and current.fitter is not None
         say(f"is {name} still needed?")
-        free = [one for one in current.fitter.free if not one.path.startswith(f"{name}.")]
+        free = [one for one in current.fitter.unknowns if not one.path.startswith(f"{name}.")]
         fitter = Fitter(current.fitter.plant, current.fitter.records, free)
         state = replace(current.fit.state, model=current.fit.state.model.without_effect(name))
         fit = polish(fitter, state, rounds=2, iterations=15)
@@ -171,7 +177,7 @@ def diagnose(
 def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:
     """A step of the search on parts of the records, fitted to the whole ones."""
     assert step.fitter is not None and step.fit is not None
-    fitter = Fitter(step.fitter.plant, records, step.fitter.free)
+    fitter = Fitter(step.fitter.plant, records, step.fitter.unknowns)
     own = tuple(
         Nuisances() if whole is not part else seen
         for whole, part, seen in zip(records, step.fitter.records, step.fit.state.nuisances, strict=True)
@@ -221,7 +227,7 @@ def _search(
                 current = first
                 steps.append(first)
             break
-        current = _backward(first, say)
+        current = _backward(first, catalogue, say)
         steps.append(current)
         if current is not first:
             seen.append(current)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.lines import find_peaks
 from analysis.observed import Observed, Plant
+from analysis.recurring_start import recurring_starts, residual_peaks
 from analysis.starts import anchored_state, free_parameters
 from analysis.waveform import Fitter, Free, Linearised, State, WaveformFit
 from testbed.effect import Effect
@@ -19,21 +19,9 @@ from testbed.machine import Model
 ANCHOR = 1.5  # error over noise floor above which candidates also start from the small-amplitude structure
 SHARES = (0.1, 0.4, 1.0)  # of an effect's example strength, tried as starts
 SMALL = 1e-3  # relative gain of a first step below which a sensor effect is fitted a little further
+CORNER = 8  # iterations of such a fit
 GROWTH = (0.006, 0.02, 0.06, 0.2, 0.6, 1.0)  # shares of free decays that are fitted one after the other
 SCREENED = 3  # records, the worst fitted, on which starting points are compared
-
-
-def _residual_peaks(records: Sequence[Observed], fit: WaveformFit, count: int = 6) -> list[float]:
-    """Frequencies (Hz) of the strongest lines in the residuals."""
-    found: list[tuple[float, float]] = []
-    for record, rest in zip(records, fit.residuals, strict=True):
-        values = rest.reshape(record.data.shape)[0]
-        found += [(height, frequency) for frequency, height in find_peaks(values, record.rate, count=count)]
-    kept: list[float] = []
-    for _, frequency in sorted(found, reverse=True):
-        if frequency > 5.0 and all(abs(frequency / other - 1) > 0.02 for other in kept):
-            kept.append(frequency)
-    return kept[:count]
 
 
 def fitting_example(fitter: Fitter, effect: Effect, fit: WaveformFit) -> Effect:
@@ -68,8 +56,10 @@ def starting_points(effect: Effect, records: Sequence[Observed], fit: WaveformFi
     for parameter in effect.parameters:
         low, high = parameter.bounds
         if not parameter.vanishes and parameter.unit == "Hz":
-            peaks = [peak for peak in _residual_peaks(records, fit) if low <= peak <= high]
+            peaks = [peak for peak in residual_peaks(records, fit) if low <= peak <= high]
             choices.append(peaks or [parameter.start or parameter.example])
+        elif parameter.each_record:
+            choices.append([parameter.start or 0.0])  # every record is turned to where it fits
         elif not parameter.vanishes and parameter.unit == "rad":
             choices.append([low + (high - low) * (k + 0.5) / 4 for k in range(4)])
         elif parameter.vanishes:
@@ -94,7 +84,7 @@ def effect_parameters(effect: Effect) -> list[Free]:
             size = 0.3
         round_about = parameter.unit == "rad" and not parameter.vanishes and high - low >= 2 * math.pi
         step = size if parameter.unit in ("Hz", "rad") else 0.3 * size
-        free.append(Free(f"{effect.name}.{parameter.name}", step, parameter.bounds, round_about))
+        free.append(Free(f"{effect.name}.{parameter.name}", step, parameter.bounds, round_about, parameter.each_record))
     return free
 
 
@@ -104,8 +94,13 @@ def all_free(records: Sequence[Observed], model: Model, catalogue: Mapping[str, 
     return [*free_parameters(records, model), *own]
 
 
-def applicable(effect: Effect, records: Sequence[Observed]) -> bool:
-    """Whether these records could show the effect at all: without a cut, only the structure's and the sensor's effects can."""
+def applicable(effect: Effect, records: Sequence[Observed], present: Container[str] | None = None) -> bool:
+    """Whether these records could show the effect at all: without a cut, only the structure's and the sensor's effects can.
+
+    present: the effects the model has already; an effect that requires one it lacks is not asked about yet. None: all are.
+    """
+    if present is not None and any(name not in present for name in effect.requires):
+        return False
     if any(record.cut is not None for record in records):
         return True
     places = set(effect.hooks)
@@ -113,7 +108,7 @@ def applicable(effect: Effect, records: Sequence[Observed]) -> bool:
 
 
 def _extended(fitter: Fitter, effect: Effect) -> Fitter:
-    return Fitter(fitter.plant, fitter.records, [*fitter.free, *effect_parameters(effect)])
+    return Fitter(fitter.plant, fitter.records, [*fitter.unknowns, *effect_parameters(effect)])
 
 
 @dataclass(frozen=True)
@@ -153,7 +148,7 @@ def _opened(fitter: Fitter, share: float) -> Fitter:
     for record in fitter.records:
         count = min(record.samples, max(64, round(share * record.samples)))
         records.append(record.part(0, count, None if share > 0.5 else 1))
-    return Fitter(fitter.plant, records, fitter.free)
+    return Fitter(fitter.plant, records, fitter.unknowns)
 
 
 def _released(fitter: Fitter, state: State) -> State:
@@ -180,7 +175,8 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
     wider = _extended(fitter, effect)
     best: tuple[float, State] = (math.inf, fit.state)
     places = [place for place, one in enumerate(wider.free) if one.path.startswith(f"{effect.name}.")]
-    points = starting_points(effect, fitter.records, fit)
+    recurring = any(one.each_record for one in effect.parameters)
+    points = recurring_starts(wider, effect, fit) if recurring else starting_points(effect, fitter.records, fit)
     worst = [int(place) for place in np.argsort([-float(np.mean(rest**2)) for rest in fit.residuals])[:SCREENED]]
     for origin in origins:
         tried = []
@@ -188,6 +184,8 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
             state = replace(origin.state, model=origin.state.model.with_effect(effect.name, **values))
             if gradual:
                 state = wider.place_entries(state)
+            elif recurring:
+                state = wider.turn_phases(state)
             elif unequal:
                 state, _ = wider.settle_passes(state)
             tried.append((wider.cost(state, worst), state))
@@ -209,8 +207,16 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
         starts = [replace(base, model=base.model.with_effect(effect.name, **values)) for values in points]
         found = grown(wider, starts)
         best = min(best, (found.cost, found.state), key=lambda one: one[0])
-    elif best[0] > fit.cost * (1.0 - SMALL) and ("measure" in effect.hooks or all(one.cut is None for one in fitter.records)):
-        # what the sensor does, mark angle and coefficients have made up for: one step does not turn that corner
-        found = wider.fit(best[1] if effect.name in best[1].model.effects else tried[0][1], iterations=8)
+    elif "measure" in effect.hooks and not recurring:
+        # what the sensor does, mark angle and coefficients have made up for: one step does not turn that corner, and the
+        # way round it is shortest from far outside
+        for values in reversed(points):
+            state = replace(fit.state, model=fit.state.model.with_effect(effect.name, **values))
+            found = wider.fit(state, iterations=CORNER)
+            best = min(best, (found.cost, found.state), key=lambda one: one[0])
+            if best[0] < 0.9 * fit.cost:
+                break
+    elif best[0] > fit.cost * (1.0 - SMALL) and all(one.cut is None for one in fitter.records):
+        found = wider.fit(best[1] if effect.name in best[1].model.effects else tried[0][1], iterations=CORNER)
         best = min(best, (found.cost, found.state), key=lambda one: one[0])
     return best[0], best[1], wider

@@ -69,7 +69,7 @@ def own_refit(fitter: Fitter, state: State, indices: Sequence[int], rounds: int 
             if part.own.shape[1] == 0:
                 continue
             move = -np.linalg.lstsq(part.own, part.residual, rcond=1e-12)[0]
-            single = Fitter(fitter.plant, [fitter.records[index]], fitter.free)
+            single = Fitter(fitter.plant, [fitter.records[index]], fitter.unknowns)
             changed[index] = single.with_own(replace(state, nuisances=(changed[index],)), [move]).nuisances[0]
         state = replace(state, nuisances=tuple(changed))
     return state

@@ -24,6 +24,10 @@ def effective_size(fit: WaveformFit) -> float:
 
 
 def bic(fit: WaveformFit, size: float) -> float:
-    """Bayesian information criterion with the noise's variance unknown, on `size` independent values."""
+    """Bayesian information criterion with the noise's variance unknown, on `size` independent values.
+
+    Counted are the shared unknowns and what every record has for itself, an effect's phase for instance.
+    """
     count = sum(rest.size for rest in fit.residuals)
-    return size * math.log(max(fit.squares, 1e-300) / count) + len(fit.names) * math.log(size)
+    unknowns = len(fit.names) + sum(part.own.shape[1] for part in fit.parts)
+    return size * math.log(max(fit.squares, 1e-300) / count) + unknowns * math.log(size)

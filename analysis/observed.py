@@ -43,6 +43,7 @@ class Nuisances:
 
     entry: index of the pass that cuts first, counted from the anchor (see Observed.pass_start).
     exit: index of the first pass that cuts no more. angle (rad): a record's own share of the tooth angle.
+    shifts: (path, shift) of the effects' parameters that every record has for itself, added to the model's value.
     """
 
     displacement: float = 0.0
@@ -51,6 +52,12 @@ class Nuisances:
     exit: int = 0
     speed: float = 1.0
     angle: float = 0.0
+    shifts: tuple[tuple[str, float], ...] = ()
+
+    def shifted(self, model: Model) -> Model:
+        """The model with this record's own values of its effects' parameters."""
+        values = {path: model.value(path) + by for path, by in self.shifts if path.partition(".")[0] in model.effects}
+        return model.with_values(values) if values else model
 
 
 @dataclass(frozen=True)
@@ -372,6 +379,7 @@ def immovable(model: Model, observed: Observed) -> Model:
 
 def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, float, Nuisances]]) -> np.ndarray:
     """Predicted channels, shape (variants, channels, samples), for (model, mark angle, nuisances) variants of one record."""
+    variants = [(own.shifted(model), angle, own) for model, angle, own in variants]
     if observed.cut is None:
         states = [(n.displacement, n.velocity) for _, _, n in variants]
         return plant.predict_driven([m for m, _, _ in variants], states, observed.force, observed.rate, observed.channels)

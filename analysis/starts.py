@@ -245,7 +245,7 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2) -> Wave
         if len(ratio) < 4 or ratio.max() < UNEVEN * float(np.median(ratio)):
             return fit
         kept = sorted(int(place) for place in np.argsort(ratio)[: (len(ratio) + 1) // 2])
-        half = Fitter(fitter.plant, [fitter.records[place] for place in kept], fitter.free)
+        half = Fitter(fitter.plant, [fitter.records[place] for place in kept], fitter.unknowns)
         own = tuple(fit.state.nuisances[place] for place in kept)
         found = polish(half, replace(fit.state, nuisances=own), rounds=2, iterations=12).state
         nuisances = []

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ WORKERS = 2
 COARSE = 24  # places over a record at which an exit is looked for first
 EARLIER = 5  # passes by which a gentle entry may precede what is seen of it
 TURNS = (0.0, -0.4, -0.25, -0.15, -0.07, 0.07, 0.15, 0.25, 0.4)  # rad: where the angle of a record without marks is tried
+ROUND = 8  # places round the circle at which a record's own phase is looked for
 SLOWEST = 0.8  # of the nominal speed, that a record without marks may turn out to have had
 BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
 
@@ -28,13 +30,15 @@ BIG = 1e6  # residual, in units of the noise, that stands for a prediction that 
 class Free:
     """A machine parameter that is fitted: its path, the size of a natural step, and its bounds.
 
-    periodic: an angle that goes round, kept between -pi and pi instead of at its bounds.
+    periodic: an angle that goes round, kept between -pi and pi instead of at its bounds. each_record: no parameter of the
+    machine, but an angle that every record has for itself, as a shift from the model's value.
     """
 
     path: str
     scale: float
     bounds: tuple[float, float]
     periodic: bool = False
+    each_record: bool = False
 
 
 @dataclass(frozen=True)
@@ -86,9 +90,12 @@ class Fitter:
     """Records, an engine, and the parameters that are free."""
 
     def __init__(self, plant: Plant, records: Sequence[Observed], free: Sequence[Free], *, stride: int = 1) -> None:
-        self.plant, self.records, self.free, self.stride = plant, tuple(records), tuple(free), stride
+        self.plant, self.records, self.stride = plant, tuple(records), stride
+        self.unknowns = tuple(free)
+        self.free = tuple(one for one in free if not one.each_record)
+        self.shifting = tuple(one for one in free if one.each_record)
         self.fits_angle = any(record.cut is not None and record.first_mark is not None for record in records)
-        self.names = (*(one.path for one in free), *(("mark_angle",) if self.fits_angle else ()))
+        self.names = (*(one.path for one in self.free), *(("mark_angle",) if self.fits_angle else ()))
 
     # -- variants of a state -------------------------------------------------------------------------------------------
 
@@ -103,12 +110,11 @@ class Fitter:
         return replace(state, model=state.model.with_values(values), angle=angle)
 
     def _own_steps(self, record: Observed) -> list[dict[str, float]]:
-        if record.starts_in_cut:
-            own: list[dict[str, float]] = []
-        else:
+        own = [{one.path: one.scale} for one in reversed(self.shifting)]  # the newest first, see with_slopes
+        if not record.starts_in_cut:
             size = float(np.std(record.data[0])) or 1.0
             omega = 2 * math.pi * 100.0
-            own = [{"displacement": size}, {"velocity": size * omega}]
+            own += [{"displacement": size}, {"velocity": size * omega}]
         if record.cut is not None and record.first_mark is None:
             own += [{"angle": 0.1}, {"speed": 1e-3}]
         elif record.clock_error is not None:  # held by what the marks know of them, see _held
@@ -117,7 +123,12 @@ class Fitter:
 
     @staticmethod
     def _nudged(nuisances: Nuisances, change: Mapping[str, float], amount: float) -> Nuisances:
-        values = {key: getattr(nuisances, key) + amount * size for key, size in change.items()}
+        values: dict[str, Any] = {}
+        for key, size in change.items():
+            if "." in key:
+                nuisances = turned_by(nuisances, key, amount * size)
+            else:
+                values[key] = getattr(nuisances, key) + amount * size
         if "speed" in values:  # records that fit no cut at all must not turn the spindle back
             values["speed"] = min(max(values["speed"], SLOWEST), 1.0 / SLOWEST)
         return replace(nuisances, **values)
@@ -184,6 +195,7 @@ class Fitter:
 
         def one(index: int) -> Nuisances:
             record, nuisances = self.records[index], state.nuisances[index]
+            nuisances = self._turned(index, state)
             if record.cut is None:
                 return nuisances
             if record.first_mark is None:
@@ -198,6 +210,19 @@ class Fitter:
         with ThreadPoolExecutor(WORKERS) as pool:
             best = tuple(pool.map(one, range(len(self.records))))
         return replace(state, nuisances=best), best != state.nuisances
+
+    def turn_phases(self, state: State) -> State:
+        """The state with the phases that every record has for itself at the best of places all round."""
+        with ThreadPoolExecutor(WORKERS) as pool:
+            found = pool.map(lambda index: self._turned(index, state), range(len(self.records)))
+            return replace(state, nuisances=tuple(found))
+
+    def _turned(self, index: int, state: State) -> Nuisances:
+        nuisances = state.nuisances[index]
+        for free in self.shifting:
+            turns = [turned_by(nuisances, free.path, 2 * math.pi * part / ROUND) for part in range(ROUND)]
+            nuisances = self._best(index, state, turns)
+        return nuisances
 
     def place_entries(self, state: State) -> State:
         """The state with every cut's entry looked for from the record's start to the exit, coarse first."""
@@ -233,7 +258,7 @@ class Fitter:
 
     def _best_place(self, index: int, state: State, nuisances: Nuisances, field: str, places: Sequence[int]) -> Nuisances:
         """The nuisances of one record with `field` (entry or exit) at the place of the smallest residual."""
-        tried = [replace(nuisances, **{field: place}) for place in places]
+        tried = [Nuisances(**{**vars(nuisances), field: place}) for place in places]
         tried = [other for other in tried if other.entry < other.exit]
         return self._best(index, state, tried) if tried else nuisances
 
@@ -255,20 +280,28 @@ class Fitter:
         places: Sequence[int],
         step: float = 1e-3,
     ) -> tuple[Linearised, ...]:
-        """Residuals at a state, with slopes by the free parameters at `places` computed and all others taken from `parts`."""
+        """Residuals at a state, with slopes by the free parameters at `places` computed and all others taken from `parts`.
+
+        Own unknowns that `parts` do not know yet, an effect's shifts, are the first and are computed, too.
+        """
 
         nudges = [self._shared_nudge(state, place, step) for place in places]
         signs = [sign for _, sign in nudges]
 
         def one(index: int) -> Linearised:
-            variants = [(other.model, state.angle, state.nuisances[index]) for other in (state, *(one for one, _ in nudges))]
+            nuisances, own = state.nuisances[index], self._own_steps(self.records[index])
+            new = own[: len(own) - parts[index].own.shape[1]]
+            variants = [(other.model, state.angle, nuisances) for other in (state, *(one for one, _ in nudges))]
+            variants += [(state.model, state.angle, self._nudged(nuisances, change, step)) for change in new]
             rest = self._residuals(self.records[index], variants)
             shared = np.empty((rest.shape[1], len(self.names)))
             known = [place for place in range(len(self.names)) if place not in places]
             shared[:, known] = parts[index].shared[: rest.shape[1]]
-            shared[:, list(places)] = ((rest[1:] - rest[0]) / step * np.array(signs)[:, None]).T
-            held = self._held(self.records[index], state.nuisances[index])
-            return Linearised(np.append(rest[0], held), _padded(shared, len(held)), parts[index].own)
+            slopes = (rest[1:] - rest[0]) / step
+            shared[:, list(places)] = (slopes[: len(signs)] * np.array(signs)[:, None]).T
+            held = self._held(self.records[index], nuisances)
+            by_own = np.hstack([_padded(slopes[len(signs) :].T, len(held)), parts[index].own])
+            return Linearised(np.append(rest[0], held), _padded(shared, len(held)), by_own)
 
         with ThreadPoolExecutor(WORKERS) as pool:
             return tuple(pool.map(one, range(len(self.records))))
@@ -343,6 +376,13 @@ class Fitter:
         covariance = self.covariance(parts, max(1.0, 2.0 * cost / size))
         residuals = tuple(part.residual[: record.data.size] for part, record in zip(parts, self.records, strict=True))
         return WaveformFit(state, cost, residuals, self.names, covariance, converged, count, parts)
+
+
+def turned_by(nuisances: Nuisances, path: str, angle: float) -> Nuisances:
+    """The nuisances of a record with its own shift of an effect's parameter changed by an angle (rad)."""
+    shifts = dict(nuisances.shifts)
+    shifts[path] = math.remainder(shifts.get(path, 0.0) + angle, 2 * math.pi)
+    return replace(nuisances, shifts=tuple(sorted(shifts.items())))
 
 
 def _other_teeth(nuisances: Nuisances, flutes: int) -> list[Nuisances]:

@@ -93,10 +93,10 @@ HOOKS: Mapping[str, Hook] = MappingProxyType(
         "immersion": Hook(("immersion",), "python", "1", "the true immersion, from the believed one"),
         "helix_angle": Hook(("helix_angle",), "python", "rad", "the true helix angle, from the believed one"),
         "measure": Hook(
-            ("signal", "rate", "sampling_rate", "quantity", "time"),
+            ("signal", "true_signal", "rate", "sampling_rate", "quantity", "time"),
             "python",
             "channel's",
-            "the sampled channel as the sensor gives it (numpy)",
+            "the sampled channel as the sensor gives it (numpy); true_signal: as it was before any effect",
         ),
         "highest_frequency": Hook(("mass", "stiffness"), "python", "rad/s", "fastest motion the effect brings in"),
     }
@@ -116,6 +116,7 @@ class Parameter:
     example: float
     start: float | None = None
     vanishes: bool = True  # False: the value alone does not switch the effect off (a frequency, an angle)
+    each_record: bool = False  # True: every record has a value of its own (a phase at the record's start)
 
     def __post_init__(self) -> None:
         low, high = self.bounds
@@ -136,6 +137,7 @@ class Effect:
     oscillators: pairs of states, neighbours in `states`, that left to themselves are a linear damped oscillator (position,
     its rate): the engines may carry them by their exact map. A promise, which the contract test checks.
     smooth: False where its law has kinks, so that integration keeps less than fourth order.
+    requires: effects that a search adds first, because alone this one says nothing that they do not say.
     no_linear_answer: why the loop with this effect has no linear delay equation; empty where it has one.
     """
 
@@ -149,6 +151,7 @@ class Effect:
     states: tuple[str, ...] = ()
     oscillators: tuple[tuple[str, str], ...] = ()
     smooth: bool = True
+    requires: tuple[str, ...] = ()
     no_linear_answer: str = ""
     name: str = ""
     manual: str = ""
@@ -197,6 +200,12 @@ def _load_module(path: Path) -> ModuleType:
     return module
 
 
+def _is_own_hook(module: ModuleType, function: object) -> bool:
+    """Whether the file defines this function, or takes it over from a built-in effect whose law is the same."""
+    places = (module.__name__, "testbed.effects.", "testbed.sensors.")
+    return inspect.isfunction(function) and function.__module__.startswith(places)
+
+
 def _check_hook(path: Path, effect: Effect, name: str, function: Callable) -> None:
     place = "derivative" if name.startswith("derivative_") else name
     known = {*HOOKS[place].offers, *effect.states, *(parameter.name for parameter in effect.parameters)}
@@ -219,7 +228,7 @@ def read_effect(path: Path) -> Effect:
     hooks = {}
     for name, function in vars(module).items():
         place = "derivative" if name.startswith("derivative_") else name
-        if place in HOOKS and inspect.isfunction(function) and function.__module__ == module.__name__:
+        if place in HOOKS and _is_own_hook(module, function):
             _check_hook(path, effect, name, function)
             hooks[name] = function
     if not hooks:
@@ -257,6 +266,10 @@ def catalogue(*folders: str | Path) -> Mapping[str, Effect]:
                 from testbed.compilable import check_compilable  # it needs this module, and numba is slow to import
 
                 check_compilable(found[path.stem])
+    for effect in found.values():
+        unknown = [name for name in effect.requires if name not in found]
+        if unknown:
+            raise InputProblem(effect.path, f"requires the unknown effect '{unknown[0]}'", f"known: {', '.join(sorted(found))}")
     return MappingProxyType(dict(sorted(found.items())))
 
 

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from analysis.delay_equation import milling_equation
 from analysis.temporal_elements import characteristic_multipliers
-from testbed.cut import Cut
+from testbed.cut import Cut, Sampling
+from testbed.effect import Effect
+from testbed.engines.predict import predict_cuts
 from testbed.machine import Cutter, Cutting, Model, Structure
 
 RPM = 2 * math.pi / 60
+RATE = 6400.0  # Hz, of the records by which a strength is weighed
 KINDS = {"one": 0.55, "pair": 0.15, "none": 0.15, "unknown": 0.15}
 STABLE = 0.93  # largest multiplier of a drawn test: transients die away within the record
-# what an effect's strength is multiplied by: from barely visible to large, log-uniform over these shares of its example
-WEAKEST, STRONGEST = 0.05, 1.0
+# what an effect leaves unexplained, as a share of the records' rms: from barely visible to large, log-uniform
+WEAKEST, STRONGEST = 0.008, 0.5
+LIMIT = 3.0  # times the effect's example: no drawn strength is larger
+SEEN = 3  # tests by which a strength is weighed
 SINGLES = ("process_damping", "cubic_stiffness", "dry_friction", "quadratic_damping", "second_mode", "chip_force_exponent",
            "edge_force", "helix", "runout", "tool_wear", "speed_droop", "speed_variation", "entry_ramp", "immersion_error",
            "sensor_lag", "ambient_vibration")
@@ -69,16 +74,56 @@ def _tests(random: np.random.Generator, model: Model, count: int) -> tuple[tuple
     return tuple(found)
 
 
-def _strength(random: np.random.Generator, name: str, effect) -> dict[str, float]:
-    share = math.exp(random.uniform(math.log(WEAKEST), math.log(STRONGEST)))
-    values = {}
+def _left_unexplained(model: Model, effect: Effect, makers: Mapping[str, Effect], tests: Sequence[tuple]) -> Callable:
+    """The share of the records' rms that the effect at given values leaves when the base parameters have made up for it."""
+    cuts = [Cut(rpm * RPM, depth * 1e-3, feed, 3 * model.cutter.flutes, 60 * model.cutter.flutes, 25 * model.cutter.flutes)
+            for rpm, depth, feed in tests[:SEEN]]
+    flutes = model.cutter.flutes
+
+    def records(one: Model, late: float = 0.0) -> np.ndarray:
+        found = []
+        for cut in cuts:
+            count = round(80 * 2 * math.pi / cut.spindle_speed * RATE)
+            sampling = Sampling(RATE, count, 0.01 + late * 2 * math.pi / cut.spindle_speed / flutes)
+            values = predict_cuts([one], [cut], [sampling], ("displacement",), catalogue=makers)[0, 0]
+            found.append(values - values.mean())
+        return np.concatenate(found)
+
+    plain = records(model)
+    freed = ("natural_frequency", "damping_ratio", "tangential_coefficient", "normal_coefficient")
+    slopes = [records(model.with_values({name: model.value(name) * (1 + 1e-4)})) - plain for name in freed]
+    basis = np.linalg.qr(np.stack([*slopes, records(model, 1e-4) - plain], axis=1))[0]
+
+    def left(values: Mapping[str, float]) -> float:
+        moved = records(model.with_effect(effect.name, **values)) - plain
+        rest = moved - basis @ (basis.T @ moved)
+        share = float(np.linalg.norm(rest) / np.linalg.norm(plain))
+        return share if math.isfinite(share) else math.inf
+
+    return left
+
+
+def _strength(random: np.random.Generator, model: Model, effect: Effect, makers: Mapping[str, Effect],
+              tests: Sequence[tuple]) -> dict[str, float]:
+    """The effect's parameters; its strength such that it leaves a drawn share of the records unexplained."""
+    wanted = math.exp(random.uniform(math.log(WEAKEST), math.log(STRONGEST)))
+    held = {}
     for parameter in effect.parameters:
-        if parameter.vanishes:
-            values[parameter.name] = parameter.neutral + share * (parameter.example - parameter.neutral)
-        else:
-            low, high = HELD.get(name, {}).get(parameter.name, (parameter.example, parameter.example))
-            values[parameter.name] = float(random.uniform(low, high))
-    return values
+        if not parameter.vanishes:
+            low, high = HELD.get(effect.name, {}).get(parameter.name, (parameter.example, parameter.example))
+            held[parameter.name] = float(random.uniform(low, high))
+    left = _left_unexplained(model, effect, makers, tests)
+
+    def values(share: float) -> dict[str, float]:
+        strengths = {one.name: min(max(one.neutral + share * (one.example - one.neutral), one.bounds[0]), one.bounds[1])
+                     for one in effect.parameters if one.vanishes}
+        return held | strengths
+
+    low, high = math.log(1e-4), math.log(LIMIT)
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if left(values(math.exp(middle))) < wanted else (low, middle)
+    return values(math.exp(low))
 
 
 def draw(seed: int, catalogue: Mapping, laws: Mapping[str, str] | None = None, kind: str | None = None,
@@ -96,7 +141,7 @@ def draw(seed: int, catalogue: Mapping, laws: Mapping[str, str] | None = None, k
     model = _machine(random, flutes)
     believed = _belief(random, model)
     tests = _tests(random, model, int(random.integers(6, 9)))
-    effects = {name: _strength(random, name, catalogue[name]) for name in chosen}
+    effects = {name: _strength(random, model, catalogue[name], catalogue, tests) for name in chosen}
     noise = math.exp(random.uniform(math.log(0.3e-6), math.log(5e-6)))
     true = model
     for name, values in effects.items():
