@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from analysis.diagnosis import ADEQUATE, Candidate, Diagnosis, excess, verdict_of
-from analysis.effect_start import ANCHOR, Origin, all_free, applicable, first_step, origins_of
+from analysis.effect_start import ANCHOR, Origin, all_free, applicable, far_step, first_step, origins_of
 from analysis.held_out import held_out_errors, pooled, record_error
 from analysis.information import bic, effective_size
 from analysis.next_test import next_test
@@ -29,6 +29,7 @@ CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
 HOPE = 0.2  # share of the gain the gate asks for that the first step of a candidate must bring to be refitted at all
+MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far
 GAIN = 0.01  # share of the held-out excess over the noise that an effect must take away
 
 
@@ -63,9 +64,19 @@ def _round(
         say(f"trying {name}")
         cost, state, fitter = first_step(current.fitter, effect, current.fit, origins)
         ranked.append((cost, name, state, fitter))
+    floor = 0.5 * sum(rest.size for rest in current.fit.residuals)
+    found_much = min(entry[0] for entry in ranked) - floor < MUCH * (current.fit.cost - floor) if ranked else True
+    for place, (cost, name, _, _) in enumerate(ranked):
+        effect = catalogue[name]
+        if any(one.each_record for one in effect.parameters) or not effect.parameters:
+            continue
+        if not found_much or {"measure", "speed"} & set(effect.hooks):
+            say(f"trying {name} from far")
+            far, state, fitter = far_step(current.fitter, effect, current.fit)
+            if far < cost:
+                ranked[place] = (far, name, state, fitter)
     ranked.sort(key=lambda entry: entry[0])
     size = effective_size(current.fit)
-    floor = 0.5 * sum(rest.size for rest in current.fit.residuals)
     hopeful = current.fit.cost - HOPE * GAIN * max(current.fit.cost - floor, 0.0)
     found = []
     complete = 0  # once a candidate explains everything, only a rival close to it can still matter

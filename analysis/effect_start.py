@@ -18,8 +18,9 @@ from testbed.machine import Model
 
 ANCHOR = 1.5  # error over noise floor above which candidates also start from the small-amplitude structure
 SHARES = (0.1, 0.4, 1.0)  # of an effect's example strength, tried as starts
+SLIGHT = (0.01,)  # of it: from so close to nothing one step leads to the best strength, as far as the effect is linear
 SMALL = 1e-3  # relative gain of a first step below which a sensor effect is fitted a little further
-CORNER = 8  # iterations of such a fit
+CORNER = 8  # iterations of a fit that only has to find its valley
 GROWTH = (0.006, 0.02, 0.06, 0.2, 0.6, 1.0)  # shares of free decays that are fitted one after the other
 SCREENED = 3  # records, the worst fitted, on which starting points are compared
 
@@ -50,7 +51,9 @@ def fitting_example(fitter: Fitter, effect: Effect, fit: WaveformFit) -> Effect:
     return replace(effect, parameters=tuple(fitted))
 
 
-def starting_points(effect: Effect, records: Sequence[Observed], fit: WaveformFit) -> list[dict[str, float]]:
+def starting_points(
+    effect: Effect, records: Sequence[Observed], fit: WaveformFit, shares: Sequence[float] = SHARES
+) -> list[dict[str, float]]:
     """Parameter values a fit of the effect starts from: frequencies at the residual's lines, angles all round, signs both."""
     choices: list[list[float]] = []
     for parameter in effect.parameters:
@@ -63,7 +66,7 @@ def starting_points(effect: Effect, records: Sequence[Observed], fit: WaveformFi
         elif not parameter.vanishes and parameter.unit == "rad":
             choices.append([low + (high - low) * (k + 0.5) / 4 for k in range(4)])
         elif parameter.vanishes:
-            away = [share * (parameter.example - parameter.neutral) for share in SHARES]
+            away = [share * (parameter.example - parameter.neutral) for share in shares]
             signed = [parameter.neutral + sign * size for size in away for sign in (1.0, -1.0)]
             choices.append([value for value in signed if low <= value <= high])
         else:
@@ -163,6 +166,10 @@ def _released(fitter: Fitter, state: State) -> State:
     return replace(state, nuisances=tuple(own))
 
 
+def _cost(pair: tuple[float, State]) -> float:
+    return pair[0]
+
+
 def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequence[Origin]) -> tuple[float, State, Fitter]:
     """(cost, state, fitter) after the best single Gauss-Newton step from any of the effect's starting points.
 
@@ -177,10 +184,11 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
     places = [place for place, one in enumerate(wider.free) if one.path.startswith(f"{effect.name}.")]
     recurring = any(one.each_record for one in effect.parameters)
     points = recurring_starts(wider, effect, fit) if recurring else starting_points(effect, fitter.records, fit)
+    slight = [] if recurring else starting_points(effect, fitter.records, fit, SLIGHT)
     worst = [int(place) for place in np.argsort([-float(np.mean(rest**2)) for rest in fit.residuals])[:SCREENED]]
     for origin in origins:
         tried = []
-        for values in points:
+        for values in (*points, *slight):
             state = replace(origin.state, model=origin.state.model.with_effect(effect.name, **values))
             if gradual:
                 state = wider.place_entries(state)
@@ -189,8 +197,8 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
             elif unequal:
                 state, _ = wider.settle_passes(state)
             tried.append((wider.cost(state, worst), state))
-        tried.sort(key=lambda pair: pair[0])
-        tried = [(wider.cost(state), state) for _, state in tried[:2]]
+        plain, faint = sorted(tried[: len(points)], key=_cost), sorted(tried[len(points) :], key=_cost)
+        tried = [(wider.cost(state), state) for _, state in (*plain[:2], *faint[:1])]
         for cost, state in tried:
             parts = wider.with_slopes(origin.parts, state, places)
             for damping in (1e-3, 1.0):
@@ -207,16 +215,23 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
         starts = [replace(base, model=base.model.with_effect(effect.name, **values)) for values in points]
         found = grown(wider, starts)
         best = min(best, (found.cost, found.state), key=lambda one: one[0])
-    elif "measure" in effect.hooks and not recurring:
-        # what the sensor does, mark angle and coefficients have made up for: one step does not turn that corner, and the
-        # way round it is shortest from far outside
-        for values in reversed(points):
-            state = replace(fit.state, model=fit.state.model.with_effect(effect.name, **values))
-            found = wider.fit(state, iterations=CORNER)
-            best = min(best, (found.cost, found.state), key=lambda one: one[0])
-            if best[0] < 0.9 * fit.cost:
-                break
     elif best[0] > fit.cost * (1.0 - SMALL) and all(one.cut is None for one in fitter.records):
         found = wider.fit(best[1] if effect.name in best[1].model.effects else tried[0][1], iterations=CORNER)
         best = min(best, (found.cost, found.state), key=lambda one: one[0])
     return best[0], best[1], wider
+
+
+def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit) -> tuple[float, State, Fitter]:
+    """(cost, state, fitter) after a short fit that begins with the effect at its largest start.
+
+    What shifts the record in time (a sensor's lag, a speed that falls), mark angle, speed and coefficients have made up
+    for: near nothing the valley is flat and bent, and no single step leads along it. From far outside it is short.
+    """
+    effect = fitting_example(fitter, effect, fit)
+    wider = _extended(fitter, effect)
+    worst = [int(place) for place in np.argsort([-float(np.mean(rest**2)) for rest in fit.residuals])[:SCREENED]]
+    points = starting_points(effect, fitter.records, fit, SHARES[-1:])
+    states = [replace(fit.state, model=fit.state.model.with_effect(effect.name, **values)) for values in points]
+    tried = sorted(((wider.cost(state, worst), state) for state in states), key=_cost)
+    found = wider.fit(tried[0][1], iterations=CORNER)
+    return found.cost, found.state, wider
