@@ -14,6 +14,10 @@ import numpy as np
 from analysis.observed import Observed
 from analysis.waveform import Fitter, State, WaveformFit
 
+SUSPECT = 2.0  # squared error over that in sample, from which a record left out is looked at with a fit of its own
+SHORTER = (1.0, 0.3, 0.1)  # shares of a step that are tried until one helps
+REFIT = 4  # iterations of that fit
+
 
 @dataclass(frozen=True)
 class RecordError:
@@ -61,35 +65,61 @@ def pooled(errors: Sequence[RecordError]) -> tuple[float, float]:
 
 
 def own_refit(fitter: Fitter, state: State, indices: Sequence[int], rounds: int = 2) -> State:
-    """The state with the own unknowns of some records refitted at fixed machine parameters."""
-    for _ in range(rounds):
-        changed = list(state.nuisances)
-        for index in indices:
-            part = fitter.linearise(index, state)
+    """The state with the own unknowns of some records refitted at fixed machine parameters; no record gets worse."""
+    changed = list(state.nuisances)
+    for index in indices:
+        single = Fitter(fitter.plant, [fitter.records[index]], fitter.unknowns)
+        own = replace(state, nuisances=(changed[index],))
+        for _ in range(rounds):
+            part = single.linearise(0, own)
             if part.own.shape[1] == 0:
-                continue
+                break
             move = -np.linalg.lstsq(part.own, part.residual, rcond=1e-12)[0]
-            single = Fitter(fitter.plant, [fitter.records[index]], fitter.unknowns)
-            changed[index] = single.with_own(replace(state, nuisances=(changed[index],)), [move]).nuisances[0]
-        state = replace(state, nuisances=tuple(changed))
-    return state
+            tried = (single.with_own(own, [share * move]) for share in SHORTER)
+            better = next((one for one in tried if single.cost(one) < 0.5 * float(part.residual @ part.residual)), None)
+            if better is None:
+                break
+            own = better
+        changed[index] = own.nuisances[0]
+    return replace(state, nuisances=tuple(changed))
 
 
 def held_out_errors(fitter: Fitter, fit: WaveformFit) -> list[RecordError]:
     """Every record's error with its operating condition left out of the fit; in sample where there is one condition."""
     groups = conditions_of(fitter.records)
+    if len(groups) < 2:
+        return [record_error(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
     errors: dict[int, RecordError] = {}
     for group in groups:
-        state = fit.state
-        if len(groups) > 1:
-            others = [index for index in range(len(fitter.records)) if index not in group]
-            move, _ = fitter.step(fit.parts, 1e-9, used=others)
-            known = fitter.cost(fit.state, others)
-            share = 1.0
-            while share > 0.1 and not fitter.cost(fitter.moved(fit.state, share * move), others) <= 1.05 * known:
-                share *= 0.5  # where the records left are not linear over so long a step
-            state = fitter.moved(fit.state, share * move) if share > 0.1 else fit.state
-            state = own_refit(fitter, state, group)
-        for index in group:
-            errors[index] = record_error(fitter.records[index], fitter.residual_of(index, state))
+        others = [index for index in range(len(fitter.records)) if index not in group]
+        rests = _predicted(fitter, _stepped(fitter, fit, others), group)
+        inside = sum(float(fit.residuals[index] @ fit.residuals[index]) for index in group)
+        if not sum(float(rest @ rest) for rest in rests) < SUSPECT * inside:
+            rests = _predicted(fitter, _refitted(fitter, fit, others), group)
+        for index, rest in zip(group, rests, strict=True):
+            errors[index] = record_error(fitter.records[index], rest)
     return [errors[index] for index in range(len(fitter.records))]
+
+
+def _predicted(fitter: Fitter, state: State, group: Sequence[int]) -> list[np.ndarray]:
+    """Residuals of the records left out, their own unknowns alone refitted."""
+    state = own_refit(fitter, state, group)
+    return [fitter.residual_of(index, state) for index in group]
+
+
+def _stepped(fitter: Fitter, fit: WaveformFit, others: Sequence[int]) -> State:
+    """The state without the group by one Gauss-Newton step from the joint optimum, with the slopes at hand."""
+    move, _ = fitter.step(fit.parts, 1e-9, used=others)
+    known = fitter.cost(fit.state, others)
+    share = 1.0
+    while share > 0.1 and not fitter.cost(fitter.moved(fit.state, share * move), others) <= 1.05 * known:
+        share *= 0.5  # where the records left are not linear over so long a step
+    return fitter.moved(fit.state, share * move) if share > 0.1 else fit.state
+
+
+def _refitted(fitter: Fitter, fit: WaveformFit, others: Sequence[int]) -> State:
+    """The state without the group by a fit of the records left: where one step led astray."""
+    left = Fitter(fitter.plant, [fitter.records[index] for index in others], fitter.unknowns)
+    own = tuple(fit.state.nuisances[index] for index in others)
+    found = left.fit(replace(fit.state, nuisances=own), iterations=REFIT).state
+    return replace(found, nuisances=fit.state.nuisances)
