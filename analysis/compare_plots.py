@@ -13,15 +13,18 @@ import numpy as np
 from analysis.amplitude import AmplitudeDependence, free_decays
 from analysis.compare import Comparison
 from analysis.constancy import COVARIATES, Constancy
+from analysis.force_state import ForceState
 from analysis.inspection_plot import SEGMENT_COLOURS, envelope
 from analysis.lines import amplitude_spectrum
-from analysis.residual_views import by_angle, on_chart
+from analysis.residual_views import CALIBRATED, MapUnits, by_angle, on_chart
 
 KINDS = tuple(SEGMENT_COLOURS)
 
 
-def save(found: Comparison, folder: Path, tested: Constancy | None = None) -> list[Path]:
-    """Every picture as PNG and SVG in an existing folder. tested: the base parameters test by test, where known."""
+def save(found: Comparison, folder: Path, tested: Constancy | None = None, states: Sequence[ForceState] = (),
+         shown: MapUnits = CALIBRATED) -> list[Path]:
+    """Every picture as PNG and SVG in an existing folder. tested: the base parameters test by test, where known; states:
+    force-state maps, drawn in the units `shown`."""
     from matplotlib.figure import Figure
 
     pictures: dict[str, Callable[[Any], None]] = {
@@ -35,6 +38,8 @@ def save(found: Comparison, folder: Path, tested: Constancy | None = None) -> li
             pictures["misfit_on_chart"] = lambda figure: misfit_on_chart(figure, found)
     if tested is not None and len(tested.tests) > 1 and tested.parameters:
         pictures["constancy"] = lambda figure: by_test(figure, tested)
+    if states:
+        pictures["force_state_map"] = lambda figure: force_state_map(figure, states, shown)
     decays = free_decays(records)
     if decays:
         pictures["amplitude_dependence"] = lambda figure: by_amplitude(figure, decays)
@@ -178,15 +183,19 @@ def by_amplitude(figure: Any, decays: Sequence[AmplitudeDependence]) -> None:
     figure.suptitle("Do frequency and damping depend on the amplitude of free vibration?")
 
 
-def force_state_map(figure: Any, x: np.ndarray, v: np.ndarray, force: np.ndarray) -> None:
-    """A force nobody modelled (N) over displacement x (m) and velocity v (m/s), all (samples,)."""
-    axis = figure.subplots()
-    reach = float(np.percentile(np.abs(force), 99)) or 1.0
-    points = axis.scatter(x * 1e6, v * 1e3, c=force, s=6, cmap="coolwarm", vmin=-reach, vmax=reach, linewidths=0)
-    figure.colorbar(points, label="missing force [N]")
-    axis.set_xlabel("displacement [um]")
-    axis.set_ylabel("velocity [mm/s]")
-    axis.set_title("What does the missing force depend on: displacement or velocity?")
+def force_state_map(figure: Any, states: Sequence[ForceState], shown: MapUnits = CALIBRATED) -> None:
+    """The missing force over displacement and velocity, a map beside another, on one scale of colour."""
+    reach = float(np.percentile(np.abs(np.concatenate([one.force for one in states])), 99)) or 1.0
+    axes = figure.subplots(1, len(states), squeeze=False)[0]
+    across, up, colour = shown
+    for axis, one in zip(axes, states, strict=True):
+        points = axis.scatter(one.x * across[0], one.v * up[0], c=one.force * colour[0], s=6, cmap="coolwarm", vmin=-reach,
+                              vmax=reach, linewidths=0)
+        axis.set_xlabel(f"displacement [{across[1]}]")
+        axis.set_ylabel(f"velocity [{up[1]}]")
+        axis.set_title(one.name, fontsize=10)
+    figure.colorbar(points, ax=axes, label=f"missing force [{colour[1]}]")
+    figure.suptitle("What does the missing force depend on: displacement or velocity?")
 
 
 def spectrum(figure: Any, found: Comparison) -> None:

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from analysis.diagnosis import ADEQUATE, Candidate, Diagnosis, excess, verdict_of
 from analysis.effect_start import ANCHOR, Origin, all_free, applicable, far_step, first_step, origins_of
 from analysis.held_out import held_out_errors, pooled, record_error
@@ -29,6 +31,7 @@ CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
 HOPE = 0.2  # share of the gain the gate asks for that the first step of a candidate must bring to be refitted at all
+ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them
 MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far
 GAIN = 0.01  # share of the held-out excess over the noise that an effect must take away
 
@@ -64,7 +67,7 @@ def _round(
         say(f"trying {name}")
         cost, state, fitter = first_step(current.fitter, effect, current.fit, origins)
         ranked.append((cost, name, state, fitter))
-    floor = 0.5 * sum(rest.size for rest in current.fit.residuals)
+    floor = 0.5 * sum(one.samples * float(np.sum((one.noise / one.scale) ** 2)) for one in current.fitter.records)
     found_much = min(entry[0] for entry in ranked) - floor < MUCH * (current.fit.cost - floor) if ranked else True
     for place, (cost, name, _, _) in enumerate(ranked):
         effect = catalogue[name]
@@ -97,6 +100,35 @@ def _round(
         )
         complete += int(complete > 0 or found[-1].error_held_out <= ADEQUATE * pooled(found[-1].errors)[1])
     return sorted(found, key=lambda candidate: candidate.error_held_out)
+
+
+def _weighed(current: Candidate) -> Candidate:
+    """The current set with records weighed by what it leaves of them, where that is far more than noise; else by the noise.
+
+    A model that is rough everywhere would otherwise be fitted to the quietest record alone, and candidates with it.
+    """
+    assert current.fit is not None and current.fitter is not None
+    rough = current.error_held_out > ROUGH * pooled(current.errors)[1]
+    records = current.fitter.records
+    if not rough and all(record.weight is None for record in records):
+        return current
+    weighed = []
+    for record, rest in zip(records, current.fit.residuals, strict=True):
+        left = np.sqrt(np.mean((rest.reshape(record.data.shape) * record.scale[:, None]) ** 2, axis=1))
+        weighed.append(replace(record, weight=np.hypot(record.noise, left) if rough else None))
+    fitter = Fitter(current.fitter.plant, weighed, current.fitter.unknowns)
+    fit = polish(fitter, current.fit.state, rounds=2, iterations=20)
+    return replace(_candidate(fitter, fit, current.effects, None, 1.0), delta_bic=current.delta_bic)
+
+
+def _by_noise(one: Candidate) -> Candidate:
+    """A set of effects as it was fitted, with residuals and covariance in units of the noise again."""
+    assert one.fit is not None and one.fitter is not None
+    if all(record.weight is None for record in one.fitter.records):
+        return one
+    records = [replace(record, weight=None) for record in one.fitter.records]
+    fitter = Fitter(one.fitter.plant, records, one.fitter.unknowns)
+    return replace(one, fitter=fitter, fit=replace(fitter.fit(one.fit.state, iterations=0), converged=one.fit.converged))
 
 
 def _nesting_guard(current: Candidate, tried: Sequence[Candidate]) -> Candidate:
@@ -214,6 +246,9 @@ def _search(
     seen: list[Candidate] = []
     tied: tuple[str, ...] = ()
     while len(current.effects) < most and current.error_held_out > ADEQUATE * noise:
+        current = _weighed(current)
+        steps[-1] = current
+        base = current if not current.effects else base
         assert current.fit is not None and current.fitter is not None
         anchored = not current.effects and current.error_held_out > ANCHOR * noise
         origins = origins_of(plant, model, current.fitter, current.fit, anchored)
@@ -242,8 +277,10 @@ def _search(
         steps.append(current)
         if current is not first:
             seen.append(current)
+    current = _weighed(current)
+    steps = [*map(_by_noise, steps[:-1]), _by_noise(current)]
     seen.sort(key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))
-    return verdict_of(base, current, steps, tuple(seen), noise, tied)
+    return verdict_of(steps[0], steps[-1], steps, tuple(seen), noise, tied)
 
 
 def _with_next_test(

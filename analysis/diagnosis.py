@@ -13,7 +13,7 @@ from testbed.machine import BASE_UNITS, Model
 
 ADEQUATE = 1.02  # error over noise floor up to which nothing is looked for
 COMPLETE = 1.15  # error over noise floor above which something is still missing
-EXPLAINED = 0.95  # share of the excess that named effects must take away where something is left: else the law is unknown
+EXPLAINED = 0.99  # share of the excess that named effects must take away where something is left: else the law is unknown
 PARTIAL = 0.5  # share of the excess from which effects are told although something of another kind remains
 
 

@@ -41,11 +41,11 @@ def conditions_of(records: Sequence[Observed]) -> list[list[int]]:
 
 
 def record_error(record: Observed, residual: np.ndarray) -> RecordError:
-    """The error of one record from its residual (channels * samples,) in units of the noise.
+    """The error of one record from its residual (channels * samples,) in units of its scale.
 
     Several channels are weighed by their own size, so that the error is the rms of the channels' relative errors.
     """
-    rest = residual.reshape(record.data.shape) * record.noise[:, None]
+    rest = residual.reshape(record.data.shape) * record.scale[:, None]
     size = record.data - record.data.mean(axis=1, keepdims=True)
     scale = np.ones(len(record.channels)) if len(set(_units(record))) == 1 else 1.0 / np.maximum(size.std(axis=1), 1e-300)
     squares = float(np.sum((rest * scale[:, None]) ** 2))

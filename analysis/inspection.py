@@ -17,6 +17,7 @@ from testbed.readers import checks, read_table
 from testbed.readers.table import Table
 from testbed.readers.timebase import TimeBase, from_column, looks_like_time
 from testbed.recording import Recording
+from testbed.shards import NOTE
 
 _MANIFESTS = (".yaml", ".yml")
 
@@ -47,7 +48,7 @@ class Inspection:
 def inspect(
     path: str | Path, *, folder: str | Path | None = None, sampling_rate: float | None = None, most: int = 12
 ) -> Inspection:
-    """Look over a campaign.yaml, a data set of `testbed run`, or a bare file of any known format.
+    """Look over a campaign.yaml, a data set of `testbed run` (a file or a folder of shards), or a bare file of any format.
 
     folder: where a campaign's files are. sampling_rate (Hz): of a bare file that states none. most: records of a data
     set to look at. Raises InputProblem.
@@ -59,7 +60,7 @@ def inspect(
         return Inspection(campaign.name, path, reports, len(reports))
     from testbed.data_set import is_data_set, read_data_set
 
-    if path.is_file() and is_data_set(path):
+    if is_data_set(path) or (path / NOTE).is_file():  # a file, or a folder of shards, also an unfinished one, which says so
         data = read_data_set(path)
         some = itertools.islice(data.recordings(0, most), most)
         reports = tuple(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.chatter import LineTrack
 from analysis.lines import amplitude_spectrum
 from analysis.noise import samples_of
 from analysis.record_report import RecordReport
@@ -48,8 +49,9 @@ def draw(report: RecordReport) -> Any:
 
     recording = report.recording
     names = list(recording.channels)
-    figure = Figure(figsize=(10, 2.0 * len(names) + 3.2), layout="constrained")
-    axes = figure.subplots(len(names) + 1, 1, squeeze=False)[:, 0]
+    panels = len(names) + 1 + (report.chatter is not None)
+    figure = Figure(figsize=(10, 2.0 * (panels - 1) + 3.2), layout="constrained")
+    axes = figure.subplots(panels, 1, squeeze=False)[:, 0]
     for axis, name in zip(axes, names, strict=False):
         factor, unit = _SHOWN.get(recording.units[name], (1.0, recording.units[name] or "?"))
         axis.plot(
@@ -67,7 +69,9 @@ def draw(report: RecordReport) -> Any:
         axes[0].legend(unique.values(), unique.keys(), loc="upper right", ncols=len(unique), fontsize=8)
     axes[0].set_title(_title(report))
     axes[len(names) - 1].set_xlabel("time [s]")
-    _draw_spectrum(axes[-1], report)
+    _draw_spectrum(axes[len(names)], report)
+    if report.chatter is not None:
+        _draw_chatter(axes[-1], report.chatter)
     return figure
 
 
@@ -112,6 +116,15 @@ def _draw_spectrum(axis: Any, report: RecordReport) -> None:
     axis.set_xlabel(f"frequency [Hz] ({chosen[0].kind if chosen else 'whole record'})")
     axis.set_ylabel(f"{name} [{unit}]")
     axis.margins(x=0)
+
+
+def _draw_chatter(axis: Any, track: LineTrack) -> None:
+    size = 4 + 40 * track.amplitude / track.amplitude.max()
+    axis.plot(track.time, track.frequency, linewidth=0.8, color=_LINE_COLOURS["other"])
+    axis.scatter(track.time, track.frequency, size, color=_LINE_COLOURS["other"], label="chatter line, larger where louder")
+    axis.set_xlabel("time [s]")
+    axis.set_ylabel("frequency [Hz]")
+    axis.legend(loc="upper right", fontsize=8)
 
 
 def save(report: RecordReport, folder: Path) -> list[Path]:

@@ -88,6 +88,12 @@ class Observed:
     force: np.ndarray | None = None
     starts_in_cut: bool = False
     clock_error: tuple[float, float] | None = None
+    weight: np.ndarray | None = None
+
+    @property
+    def scale(self) -> np.ndarray:
+        """What a residual of 1 stands for, per channel: the noise, or the `weight` that a rough model's misfit asks for."""
+        return self.noise if self.weight is None else self.weight
 
     @property
     def samples(self) -> int:
@@ -95,8 +101,8 @@ class Observed:
         return self.data.shape[1]
 
     def project(self, values: np.ndarray) -> np.ndarray:
-        """Values (..., channels, samples) in units of the noise, without what offset and drift could explain."""
-        scaled = values / self.noise[:, None]
+        """Values (..., channels, samples) in units of the scale, without what offset and drift could explain."""
+        scaled = values / self.scale[:, None]
         return scaled - (scaled @ self.drift) @ self.drift.T
 
     @property

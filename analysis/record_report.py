@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.chatter import LineTrack, chatter_track
 from analysis.lines import SpectralLine, comb_speed, spectral_lines
 from analysis.noise import Noise, noise_floor, samples_of
 from analysis.segments import Segment, find_segments, main_channel
@@ -45,6 +46,7 @@ class RecordReport:
     dropped: int
     repeated: int
     notes: tuple[str, ...]
+    chatter: LineTrack | None = None
 
     def as_json(self) -> dict[str, Any]:
         """SI values, for `--json`."""
@@ -85,6 +87,7 @@ class RecordReport:
                 {"frequency": line.frequency, "amplitude": line.amplitude, "kind": line.kind, "order": line.order}
                 for line in self.lines
             ],
+            "chatter_line": None if self.chatter is None else self.chatter.as_json(),
             "dropped_samples": self.dropped,
             "repeated_samples": self.repeated,
             "notes": list(self.notes),
@@ -130,7 +133,20 @@ def report(recording: Recording, name: str, kind: str, notes: tuple[str, ...]) -
         int(conditions.get("dropped_samples", 0)),
         int(conditions.get("repeated_samples", 0)),
         (*notes, *more),
+        _chatter(recording, segments, channel, lines) if kind == "cut" and found is not None else None,
     )
+
+
+def _chatter(
+    recording: Recording, segments: tuple[Segment, ...], channel: str, lines: tuple[SpectralLine, ...]
+) -> LineTrack | None:
+    """The chatter line of a cut whose speed is known: without it no line can be told from the tooth's passing."""
+    steady = [part for part in segments if part.kind == "steady"]
+    if not steady:
+        return None
+    longest = max(steady, key=lambda part: part.duration)
+    values, middle = np.asarray(recording.channels[channel]), 0.5 * (longest.start + longest.stop)
+    return chatter_track(values, recording.sampling_rate, lines, middle, recording.start)
 
 
 def _finite(recording: Recording) -> tuple[Recording, list[str]]:

@@ -15,17 +15,32 @@ from analysis.observed import Observed
 from analysis.stability import StabilityChart, stability_chart
 from analysis.waveform import State
 from testbed.machine import Model
+from testbed.recording import CHANNEL_UNITS
 
 SPEED_CELLS, DEPTH_CELLS = 401, 121  # of the chart; the lobes of period doubling are narrow in speed
 SECTORS = 72  # of a tooth's turn
 NEAR = 1.5  # lines of the spectrum's resolution that still belong to a line
 NATURAL_BAND = 0.03  # of the natural frequency, to either side
+MapUnits = tuple[tuple[float, str], tuple[float, str], tuple[float, str]]  # (factor, unit) of displacement, velocity, force
+CALIBRATED: MapUnits = ((1e6, "µm"), (1e3, "mm/s"), (1.0, "N"))
 _SHOWN = {"m": (1e6, "µm"), "m/s": (1e3, "mm/s"), "m/s^2": (1.0, "m/s²")}
 
 
 def shown_unit(unit: str) -> tuple[float, str]:
     """(factor, name) of the unit in which a channel of an SI unit is drawn."""
     return _SHOWN.get(unit, (1.0, unit))
+
+
+def map_units(units: Mapping[str, str]) -> MapUnits:
+    """In what to draw a force-state map of channels in `units`: where one is uncalibrated, so is the force."""
+    usual = {name: CHANNEL_UNITS.get(name.split("_")[0]) for name in units if not name.startswith("tachometer")}
+    if all(unit in (None, units[name]) for name, unit in usual.items()):
+        return CALIBRATED
+    own = units.get("displacement", "")
+    if own == CHANNEL_UNITS["displacement"]:
+        return *CALIBRATED[:2], (1.0, "uncalibrated")
+    unknown = (1.0, "uncalibrated")
+    return ((1.0, own), (1.0, f"{own}/s"), unknown) if own else (unknown, unknown, unknown)
 
 
 @dataclass(frozen=True)

@@ -126,7 +126,7 @@ def excited_start(records: Sequence[Observed], model: Model) -> Model:
 def softened(record: Observed) -> Observed:
     """The record with a share of its own size added to its noise."""
     size = record.data.std(axis=1)
-    return replace(record, noise=np.hypot(record.noise, SOFT * size))
+    return replace(record, noise=np.hypot(record.noise, SOFT * size), weight=None)
 
 
 def _scan(plant: Plant, records: Sequence[Observed], model: Model) -> tuple[float, float, tuple[Nuisances, ...]]:

@@ -387,13 +387,16 @@ def turned_by(nuisances: Nuisances, path: str, angle: float) -> Nuisances:
 
 def _other_teeth(nuisances: Nuisances, flutes: int) -> list[Nuisances]:
     """The same course with another tooth the first to cut: unequal teeth tell which it was."""
-    return [
-        replace(
-            nuisances,
-            angle=nuisances.angle - 2 * math.pi * tooth / flutes,
-            entry=nuisances.entry + tooth,
-            exit=nuisances.exit + tooth,
+    found = []
+    for tooth in range(1, flutes):
+        angle = nuisances.angle - 2 * math.pi * tooth / flutes
+        back = flutes if angle < -math.pi else 0  # a whole turn on, so that angles do not wander off
+        found.append(
+            replace(
+                nuisances,
+                angle=angle + 2 * math.pi * back / flutes,
+                entry=nuisances.entry + tooth - back,
+                exit=nuisances.exit + tooth - back,
+            )
         )
-        for tooth in range(1, flutes)
-    ]
-
+    return found

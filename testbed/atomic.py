@@ -54,6 +54,9 @@ def _synchronise(path: Path) -> None:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a UTF-8 text file, whole or not at all."""
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    """Write a UTF-8 text file, whole or not at all. InputProblem where it cannot be written."""
+    try:
+        with replacing(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    except OSError as problem:
+        raise InputProblem(path, f"cannot be written ({problem.strerror})", "make room, or choose another place") from None

@@ -15,6 +15,7 @@ from testbed.scenario import Run, Scenario
 from testbed.shards import shard_path
 from testbed.store import Header, write_data_set
 
+_PLANNED = 64  # runs worked out from the scenario in a row: cheaper than one at a time between simulations
 Simulate = Callable[..., Recording]
 Tell = Callable[[int], None]
 
@@ -61,11 +62,11 @@ def _rows(job: Job, first: int, last: int, tell: Tell | None) -> Iterator[tuple[
     from testbed.effect import catalogue
 
     effects = catalogue(*job.folders) if job.folders else None
-    for index in range(first, last):
-        if tell is not None:
-            tell(index)
-        run = job.scenario.run(index)
-        yield run, simulate_run(run, job.simulate, effects)
+    for begin in range(first, last, _PLANNED):
+        for run in [job.scenario.run(index) for index in range(begin, min(begin + _PLANNED, last))]:
+            if tell is not None:
+                tell(run.index)
+            yield run, simulate_run(run, job.simulate, effects)
     if tell is not None:
         tell(last)
 
@@ -77,7 +78,7 @@ def simulate_run(run: Run, simulate: Simulate, effects: Any = None) -> Recording
                              catalogue=effects)
     except (FloatingPointError, OverflowError, ZeroDivisionError):
         return nothing(run, "diverged")
-    return run.sensors.apply(predicted, run.sensed())
+    return run.sensors.apply(predicted, run.sensed() if run.sensors.chance else None)
 
 
 def nothing(run: Run, outcome: Outcome) -> Recording:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+
+import numpy as np
 
 from testbed.cut import Cut
 from testbed.manifest import Feed, Kind, ManifestEntry, RecordEntry, check_channels, sources
@@ -131,7 +133,24 @@ def load_campaign(
     for index, entry in enumerate(manifest.records):
         name = _name(document, index, entry, records)
         records.append(_record(document, manifest, index, entry, name, base, highest_frequency))
-    return Campaign(manifest.name, tuple(records), path)
+    return Campaign(manifest.name, tuple(_doubles_noted(records)), path)
+
+
+def _doubles_noted(records: list[Record]) -> list[Record]:
+    """The records, with a note at each that holds the samples of one before it: by a file named twice, or by a copy."""
+    noted: list[Record] = []
+    for record in records:
+        first = next((other for other in noted if _same_samples(record.recording, other.recording)), None)
+        if first is not None:
+            said = f"holds the same samples as record '{first.name}': counted twice, neither is held out of its own fit"
+            record = replace(record, notes=(*record.notes, said))
+        noted.append(record)
+    return noted
+
+
+def _same_samples(one: Recording, other: Recording) -> bool:
+    shared = [name for name in one.channels if name in other.channels and not name.startswith("tachometer")]
+    return bool(shared) and all(np.array_equal(one.channels[name], other.channels[name]) for name in shared)
 
 
 def _name(document: Document, index: int, entry: RecordEntry, others: list[Record]) -> str:
@@ -196,7 +215,9 @@ def _record(
         optional=optional,
         conditions=conditions,
     )
+    checks.long_enough(file, name, recording, conditions["spindle_speed"] if entry.kind == "cut" else None)
     extra = checks.rate_notes(recording.sampling_rate, highest_frequency)
+    extra += checks.plausible_notes(recording, conditions, entry.kind)
     return Record(name, entry.kind, recording, MappingProxyType(conditions), (*notes, *extra), file, shared["feed"])
 
 

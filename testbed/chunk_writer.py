@@ -7,12 +7,15 @@ file is the same as HDF5's own filters would make: shuffle, deflate (gzip) and F
 from __future__ import annotations
 
 import zlib
+from collections.abc import Iterator
+from importlib.util import find_spec
 from typing import Any, Literal, get_args
 
 import h5py
 import numpy as np
 
 from testbed.content_hash import row_digest
+from testbed.problem import InputProblem
 from testbed.sensors.chain import ChannelSensor
 
 CHUNK_BYTES = 1_000_000
@@ -20,6 +23,7 @@ Compression = Literal["gzip", "none", "zstd"]
 COMPRESSIONS: tuple[Compression, ...] = get_args(Compression)
 _SAMPLE = 4096  # bytes of a plane that tell whether it can be packed
 _WORTH = 0.9    # packed to less than this
+_MOST_STORED = 65_535  # bytes in a stored block
 
 
 def chunk_rows(samples: int, itemsize: int, most: int) -> int:
@@ -31,6 +35,13 @@ def chunk_rows(samples: int, itemsize: int, most: int) -> int:
 def kind_of(sensor: ChannelSensor) -> np.dtype:
     """How a sensor's samples are held: the counts of its converter, or float32 where there is none."""
     return np.dtype(np.float32 if sensor.step is None else np.int16 if sensor.bits <= 16 else np.int32)
+
+
+def check_packing(compression: Compression) -> None:
+    """InputProblem where the package that packs is not installed."""
+    if compression == "zstd" and find_spec("hdf5plugin") is None:
+        raise InputProblem("--compression zstd", "needs hdf5plugin, which is not installed",
+                           'pip install "machining-testbed[fast]", or take gzip or none')
 
 
 class ChannelWriter:
@@ -47,7 +58,11 @@ class ChannelWriter:
         self.data.attrs["_FillValue"] = np.array(self.fill, kind)
         if self.step is not None:
             self.data.attrs["scale_factor"], self.data.attrs["add_offset"] = float(self.step), 0.0
-        self.block = np.full((self.data.chunks[0], samples), self.fill, kind)
+        # One buffer for all chunks, with room for the checksum behind the rows: new memory a chunk costs more than packing it.
+        size = self.data.chunks[0] * samples * kind.itemsize
+        self.buffer = np.empty(size + 4, np.uint8)
+        self.block = self.buffer[:size].view(kind).reshape(self.data.chunks[0], samples)
+        self.planes = np.empty((kind.itemsize, self.block.size if compression == "gzip" else 0), np.uint8)
         self.held = self.done = 0
         self.digests: list[bytes] = []
 
@@ -72,14 +87,31 @@ class ChannelWriter:
         self.block[self.held:] = self.fill
         if self.compression == "zstd":
             self.data[self.done:self.done + self.held] = self.block[: self.held]
+        elif self.data.chunks[1] < self.block.shape[1]:
+            self._write_pieces(self.data.chunks[1])
         else:
-            wide = self.data.chunks[1]
-            for first in range(0, self.block.shape[1], wide):
-                chunk = np.full(self.data.chunks, self.fill, self.block.dtype)
-                part = self.block[:, first:first + wide]
-                chunk[:, : part.shape[1]] = part
-                self.data.id.write_direct_chunk((self.done, first), packed(chunk, self.compression))
+            self._hand_over(0, self._packed_block())
         self.done, self.held = self.done + self.held, 0
+
+    def _hand_over(self, column: int, content: Any) -> None:
+        self.data.id.write_direct_chunk((self.done, column), content)
+
+    def _packed_block(self) -> Any:
+        """The held rows as one chunk, in the writer's own memory where it can be."""
+        content = self.buffer[:-4]
+        if self.compression == "gzip":
+            self.planes[...] = content.reshape(-1, self.block.itemsize).T
+            return summed(deflated(self.planes))
+        self.buffer[-4:] = np.frombuffer(fletcher32(content).to_bytes(4, "little"), np.uint8)
+        return self.buffer
+
+    def _write_pieces(self, wide: int) -> None:
+        """Write rows too long for a chunk."""
+        for first in range(0, self.block.shape[1], wide):
+            chunk = np.full(self.data.chunks, self.fill, self.block.dtype)
+            part = self.block[:, first:first + wide]
+            chunk[:, : part.shape[1]] = part
+            self._hand_over(first, packed(chunk, self.compression))
 
 
 def channel_data(file: h5py.File, name: str, count: int, samples: int, kind: np.dtype, compression: Compression,
@@ -108,7 +140,11 @@ def packed(chunk: np.ndarray, compression: Compression) -> bytes:
     """A chunk as HDF5's filters would leave it (`none`: the checksum alone)."""
     raw = np.ascontiguousarray(chunk).view(np.uint8).reshape(-1)
     planes = raw.reshape(-1, chunk.dtype.itemsize).T
-    data = deflated(np.ascontiguousarray(planes)) if compression == "gzip" else raw.tobytes()
+    return summed(deflated(np.ascontiguousarray(planes)) if compression == "gzip" else raw.tobytes())
+
+
+def summed(data: bytes) -> bytes:
+    """A chunk's bytes with Fletcher's checksum behind them."""
     return data + fletcher32(data).to_bytes(4, "little")
 
 
@@ -117,38 +153,64 @@ def deflated(planes: np.ndarray) -> bytes:
 
     The low bytes of a sample's mantissa do not pack, and trying takes most of the time.
     """
-    parts = [b"\x78\x01"]
-    for place, plane in enumerate(planes):
-        middle = max(0, plane.size // 2 - _SAMPLE // 2)
-        sample = plane[middle:middle + _SAMPLE].tobytes()
-        level = 1 if len(zlib.compress(sample, 1)) < _WORTH * len(sample) else 0
-        stream = zlib.compressobj(level, zlib.DEFLATED, -15, 9)
-        parts.append(stream.compress(plane))
-        parts.append(stream.flush(zlib.Z_FINISH if place == len(planes) - 1 else zlib.Z_FULL_FLUSH))
-    return b"".join(parts) + zlib.adler32(planes.data).to_bytes(4, "big")
+    parts: list[bytes | memoryview] = [b"\x78\x01"]
+    worth = [_packs(plane) for plane in planes]
+    place = 0
+    while place < len(planes):
+        end = place + 1
+        while worth[place] and end < len(planes) and worth[end]:  # neighbours in one stream
+            end += 1
+        together, last = planes[place:end].reshape(-1), end == len(planes)
+        if worth[place]:
+            stream = zlib.compressobj(1, zlib.DEFLATED, -15, 9)
+            parts.append(stream.compress(together.data))
+            parts.append(stream.flush(zlib.Z_FINISH if last else zlib.Z_FULL_FLUSH))
+        else:
+            parts += _stored(together, last)
+        place = end
+    return b"".join([*parts, zlib.adler32(planes.data).to_bytes(4, "big")])
+
+
+def _packs(plane: np.ndarray) -> bool:
+    """Whether deflating makes a plane of bytes notably smaller, by a piece from its middle."""
+    middle = max(0, plane.size // 2 - _SAMPLE // 2)
+    sample = plane[middle:middle + _SAMPLE]
+    stream = zlib.compressobj(1, zlib.DEFLATED, -12, 6)  # a small one: its tables are cleared each time
+    return len(stream.compress(sample.data)) + len(stream.flush()) < _WORTH * sample.size
+
+
+def _stored(plane: np.ndarray, last: bool) -> Iterator[bytes | memoryview]:
+    """Bytes as deflate's stored blocks (RFC 1951, 3.2.4), which begin and end at whole bytes."""
+    for first in range(0, plane.size, _MOST_STORED):
+        size = min(_MOST_STORED, plane.size - first)
+        final = last and first + size == plane.size
+        yield bytes([final]) + size.to_bytes(2, "little") + (size ^ 0xFFFF).to_bytes(2, "little")
+        yield plane[first:first + size].data
 
 
 _WORDS = 8192  # in a block of the checksum: all its sums are whole numbers below 2^53, so that a float holds them
 _WEIGHTS = np.arange(_WORDS, 0, -1, dtype=float)
 
 
-def fletcher32(data: bytes) -> int:
-    """HDF5's Fletcher checksum: sums of the big-endian 16-bit words, and of those sums, modulo 65535."""
-    even = len(data) // 2 * 2
-    words = np.frombuffer(data, ">u2", even // 2).astype(float)
-    if len(data) % 2:
-        words = np.append(words, float(data[-1] << 8))
-    whole = words.size // _WORDS * _WORDS
-    blocks = words[:whole].reshape(-1, _WORDS)
-    plain, weighted = blocks.sum(axis=1), blocks @ _WEIGHTS
-    rest = words[whole:]
+def fletcher32(data: bytes | np.ndarray) -> int:
+    """HDF5's Fletcher checksum: sums of the big-endian 16-bit words, and of those sums, modulo 65535.
+
+    Words are taken as this machine's kind holds them, low byte first: exchanged bytes are a factor of 256 modulo 65535.
+    """
+    size = len(data)
+    words = np.frombuffer(data, "<u2", size // 2)
     first = second = 0
-    pieces = [*zip(plain.tolist(), weighted.tolist(), [_WORDS] * len(blocks), strict=True),
-              (float(rest.sum()), float(rest @ _WEIGHTS[_WORDS - rest.size:]), rest.size)]
-    for total, sums, count in pieces:
-        second += count * first + int(sums)
-        first += int(total)
-    return (_folded(second) << 16) | _folded(first)
+    block = np.empty(_WORDS)
+    for begin in range(0, len(words), _WORDS):
+        part = words[begin:begin + _WORDS]
+        numbers = block[: len(part)]
+        numbers[...] = part
+        second += len(part) * first + int(numbers @ _WEIGHTS[_WORDS - len(part):])
+        first += int(numbers.sum())
+    if size % 2:
+        first += int(data[size - 1])
+        second += first
+    return (_folded(256 * second) << 16) | _folded(256 * first)
 
 
 def _folded(total: int) -> int:

@@ -19,16 +19,19 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
-import math
+import re
 import sys
+import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from hashlib import sha256
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import MappingProxyType, ModuleType
+from types import CodeType, MappingProxyType, ModuleType
 
 from testbed.problem import InputProblem
+from testbed.units import is_si_unit, nearest
 
 BUILT_IN = Path(__file__).parent / "effects"
 SENSOR_EFFECTS = Path(__file__).parent / "sensors"
@@ -122,6 +125,10 @@ class Parameter:
         low, high = self.bounds
         if not self.unit:
             raise ValueError(f"parameter {self.name}: no unit (dimensionless is '1')")
+        if not is_si_unit(self.unit):
+            raise ValueError(f"parameter {self.name}: '{self.unit}' is no SI unit (write N s/m, 1/(N m), rad, 1)")
+        if not low < high:
+            raise ValueError(f"parameter {self.name}: the bounds {low:g} and {high:g} are not in rising order")
         if not (low <= self.neutral <= high):
             raise ValueError(f"parameter {self.name}: the neutral value lies outside the bounds")
         if not (low <= self.example <= high):
@@ -179,13 +186,20 @@ class Effect:
         return bool(deciding) and all(values[parameter.name] == parameter.neutral for parameter in deciding)
 
 
+class _FromSource(SourceFileLoader):
+    """Reads a file as it stands. Python's own cache of compiled files overlooks a change of the same size within a second."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+
 def _load_module(path: Path) -> ModuleType:
     # named by content, as the cache of compiled kernels is: what it holds refers to the module by this name
     try:
         name = f"testbed_effect_{path.stem}_{sha256(path.read_bytes()).hexdigest()[:8]}"
     except OSError as fault:
         raise InputProblem(path, f"cannot be read ({fault.strerror})", "check the file and its permissions") from None
-    spec = importlib.util.spec_from_file_location(name, path)
+    spec = importlib.util.spec_from_file_location(name, path, loader=_FromSource(name, str(path)))
     if spec is None or spec.loader is None:
         raise InputProblem(path, "cannot be read as Python", "give a .py file")
     module = importlib.util.module_from_spec(spec)
@@ -194,10 +208,20 @@ def _load_module(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except Exception as fault:  # a user's file may fail in any way; it becomes one clear line
         del sys.modules[name]
-        raise InputProblem(
-            path, f"{type(fault).__name__}: {fault}", "mend the effect's file", getattr(fault, "lineno", None)
-        ) from fault
+        raise _problem_of(path, fault) from fault
     return module
+
+
+def _problem_of(path: Path, fault: Exception) -> InputProblem:
+    """What went wrong while the file was read, at the last of its lines that had a part in it."""
+    line = getattr(fault, "lineno", None)
+    for frame in traceback.extract_tb(fault.__traceback__):
+        line = frame.lineno if Path(frame.filename).resolve() == path.resolve() else line
+    lacking = re.search(r"(\w+)\.__init__\(\) missing .* arguments?: (.*)", str(fault))
+    ours = type(fault) is ValueError and str(fault).startswith("parameter ")
+    text = fault.msg if isinstance(fault, SyntaxError) else str(fault)
+    what = f"{lacking[1]} lacks {lacking[2]}" if lacking else text if ours else f"{type(fault).__name__}: {text}"
+    return InputProblem(path, what, "mend the effect's file", line)
 
 
 def _is_own_hook(module: ModuleType, function: object) -> bool:
@@ -206,17 +230,24 @@ def _is_own_hook(module: ModuleType, function: object) -> bool:
     return inspect.isfunction(function) and function.__module__.startswith(places)
 
 
+def _check_helper(path: Path, name: str, function: Callable) -> None:
+    """Refuse a function that no engine would call: a hook's name misspelt, or a helper that looks like a hook."""
+    if not name.startswith("_"):
+        close = nearest(name, [*HOOKS, "derivative_STATE"])
+        hint = f"did you mean {close}? " if close else ""
+        do = f"{hint}the hooks are {', '.join(HOOKS)}; a helper's name begins with _"
+        raise InputProblem(path, f"{name}() is no hook", do, function.__code__.co_firstlineno)
+
+
 def _check_hook(path: Path, effect: Effect, name: str, function: Callable) -> None:
     place = "derivative" if name.startswith("derivative_") else name
+    line = function.__code__.co_firstlineno
+    if place != name and name.removeprefix("derivative_") not in effect.states:
+        raise InputProblem(path, f"{name}() belongs to no state", "name the state in `states`", line)
     known = {*HOOKS[place].offers, *effect.states, *(parameter.name for parameter in effect.parameters)}
     for argument in inspect.signature(function).parameters:
         if argument not in known:
-            raise InputProblem(
-                path,
-                f"{name}() asks for '{argument}'",
-                f"it may ask for {', '.join(sorted(known))}",
-                function.__code__.co_firstlineno,
-            )
+            raise InputProblem(path, f"{name}() asks for '{argument}'", f"it may ask for {', '.join(sorted(known))}", line)
 
 
 def read_effect(path: Path) -> Effect:
@@ -231,19 +262,22 @@ def read_effect(path: Path) -> Effect:
         if place in HOOKS and _is_own_hook(module, function):
             _check_hook(path, effect, name, function)
             hooks[name] = function
+        elif inspect.isfunction(function) and function.__module__ == module.__name__:
+            _check_helper(path, name, function)
+    line = next((number for number, text in enumerate(path.read_text().splitlines(), 1) if text.startswith("EFFECT")), None)
     if not hooks:
-        raise InputProblem(path, "no hook function in it", f"define one of {', '.join(HOOKS)}")
+        raise InputProblem(path, "no hook function in it", f"define one of {', '.join(HOOKS)}", line)
     for state in effect.states:
         if f"derivative_{state}" not in hooks:
-            raise InputProblem(path, f"state '{state}' has no derivative", f"define derivative_{state}(...)")
+            raise InputProblem(path, f"state '{state}' has no derivative", f"define derivative_{state}(...)", line)
     for position, rate in effect.oscillators:
         if (position, rate) not in zip(effect.states, effect.states[1:], strict=False):
-            raise InputProblem(path, f"oscillator ({position}, {rate}) is no pair of neighbouring states", "see `states`")
+            raise InputProblem(path, f"oscillator ({position}, {rate}) is no pair of neighbouring states", "see `states`", line)
     if effect.parameters and not any(parameter.vanishes for parameter in effect.parameters):
-        raise InputProblem(path, "no parameter switches the effect off", "give one a neutral value with vanishes=True")
+        raise InputProblem(path, "no parameter switches the effect off", "give one a neutral value with vanishes=True", line)
     names = [parameter.name for parameter in effect.parameters]
     if len(set(names)) != len(names):
-        raise InputProblem(path, "two parameters of one name", "rename one")
+        raise InputProblem(path, "two parameters of one name", "rename one", line)
     return replace(effect, name=path.stem, manual=(module.__doc__ or "").strip(), path=path, hooks=MappingProxyType(hooks))
 
 
@@ -271,8 +305,3 @@ def catalogue(*folders: str | Path) -> Mapping[str, Effect]:
         if unknown:
             raise InputProblem(effect.path, f"requires the unknown effect '{unknown[0]}'", f"known: {', '.join(sorted(found))}")
     return MappingProxyType(dict(sorted(found.items())))
-
-
-def finite_or(value: float | None, fallback: float) -> float:
-    """`value`, or `fallback` where it is None or not finite."""
-    return fallback if value is None or not math.isfinite(value) else value

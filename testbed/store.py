@@ -85,11 +85,16 @@ def write_data_set(path: str | Path, header: Header, rows: Iterable[tuple[Run, R
             digest = _write(file, header, iter(rows), count, samples, compression, chunk_rows)
             file.attrs[ATTRIBUTE] = digest
             if memory:
-                file.flush()
-                write_sealed(temporary, file.id.get_file_image())
+                write_sealed(temporary, _image(file))
         if not memory:
             seal(temporary)
         return digest
+
+
+def _image(file: h5py.File) -> bytes:
+    """The bytes of a file in memory."""
+    file.flush()
+    return file.id.get_file_image()
 
 
 def _write(file: h5py.File, header: Header, rows: Iterator[tuple[Run, Recording]], count: int, samples: int,

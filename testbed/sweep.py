@@ -17,7 +17,7 @@ from typing import Any
 
 from testbed.atomic import write_text
 from testbed.batch import Job, Simulate
-from testbed.chunk_writer import Compression, chunk_rows, kind_of
+from testbed.chunk_writer import Compression, check_packing, chunk_rows, kind_of
 from testbed.consolidate import consolidate
 from testbed.data_set import is_data_set, read_data_set
 from testbed.effect import Effect
@@ -26,11 +26,12 @@ from testbed.model_file import model_text
 from testbed.pool import STALL, work
 from testbed.problem import InputProblem
 from testbed.scenario import Scenario
-from testbed.shards import INDEX, NOTE, Span, find, gaps, kept, overlaps, parts_folder
+from testbed.seal import state
+from testbed.shards import INDEX, NOTE, Span, fault, find, gaps, kept, overlaps, parts_folder
 from testbed.store import Header, truth_units
 from testbed.verification import note_text
 
-LARGEST_BATCH = {"fast": 512, "mujoco": 64}
+LARGEST_BATCH = {"fast": 1024, "mujoco": 64}
 BATCH_BYTES = 64_000_000
 Progress = Callable[[int, int], None]
 Work = Callable[[Job, list[Span]], Iterator[Span]]
@@ -68,9 +69,10 @@ def run(scenario: Scenario, simulate: Simulate, output: str | Path, *, workers: 
     belongs to another scenario or cannot be written, and Interrupted on Ctrl-C, with what is finished kept.
     """
     target = Path(output)
+    check_packing(compression)
     catalogue = known_effects(*folders)
     header = _header(scenario, model_xml, catalogue)
-    if target.exists():
+    if target.exists() and not (resume and _reopened(target, header, len(scenario))):
         return _already_there(target, header, len(scenario), resume)
     parts = parts_folder(target)
     try:
@@ -137,6 +139,25 @@ def _already_there(target: Path, header: Header, runs: int, resume: bool) -> Rep
         raise InputProblem(target, "belongs to another scenario", "choose another name with -o")
     shutil.rmtree(parts_folder(target), ignore_errors=True)  # of a sweep that ended between its last two steps
     return _report(target, 0, data.content_hash)
+
+
+def _reopened(folder: Path, header: Header, runs: int) -> bool:
+    """Make a finished folder of shards that lacks something, or is damaged, an unfinished sweep again; whether it is one."""
+    parts = parts_folder(folder)
+    if not (folder / NOTE).is_file() or parts.exists():
+        return False
+    try:
+        if json.loads((folder / NOTE).read_text(encoding="utf-8"))["fingerprint"] != header.fingerprint:
+            return False
+    except (ValueError, KeyError, TypeError):
+        return False
+    shards, index = find(folder), folder / INDEX
+    if index.is_file() and state(index) == "whole" and not gaps(shards, runs) and not overlaps(shards) \
+            and all(fault(path, header.fingerprint) is None for _, _, path in shards):
+        return False
+    os.replace(folder, parts)
+    (parts / INDEX).unlink(missing_ok=True)
+    return True
 
 
 def _header(scenario: Scenario, model_xml: str, catalogue: Mapping[str, Effect]) -> Header:

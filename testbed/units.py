@@ -44,6 +44,9 @@ _SI_OF = {unit: (si, factor) for si, units in TABLE.items() for unit, factor in 
 _SPELLINGS = str.maketrans({"µ": "u", "μ": "u", "²": "^2", "³": "^3", "·": " ", "*": " ", "°": "deg"})
 _WORDS = {"inch": "in", "RPM": "rpm", "r/min": "rpm", "degree": "deg", "degrees": "deg", "sec": "s", "volt": "V",
           "micron": "um", "percent": "%", "": "1", "-": "1"}
+# an SI unit of an effect's parameter: products, one quotient, powers
+_SI_FACTOR = r"(?:1|m|kg|s|N|rad|Hz|Pa|J|W|V|A|K)(?:\^-?\d+(?:\.\d+)?)?"
+_SI_UNIT = re.compile(rf"{_SI_FACTOR}(?: {_SI_FACTOR})*(?:/(?:{_SI_FACTOR}|\({_SI_FACTOR}(?: {_SI_FACTOR})*\)))?")
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 
 
@@ -92,6 +95,11 @@ def unit_named(text: str) -> Unit:
         hint = f"did you mean {close}? " if close else ""
         raise UnitProblem(f"unknown unit '{text}'", f"{hint}known units: {', '.join(_SI_OF)}")
     return Unit(unit, *_SI_OF[unit])
+
+
+def is_si_unit(text: str) -> bool:
+    """Whether a text is made of SI symbols, such as `N s^2/m^2`, `1/(N m)` or `1` (no prefixes: inside, all is SI)."""
+    return _SI_UNIT.fullmatch(text) is not None
 
 
 def factor_to(text: str, si: str) -> float:

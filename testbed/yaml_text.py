@@ -111,7 +111,8 @@ def parse(text: str, file: str) -> Document:
         mark = problem.problem_mark or problem.context_mark
         # ruamel adds advice for programmers to some messages; the first line is what is wrong.
         said = (problem.problem or problem.context or "not YAML").splitlines()[0]
-        raise InputProblem(file, f"not valid YAML: {said}", "correct the line",
+        do = "indent with spaces instead of tabs" if "'\\t'" in said else "correct the line"
+        raise InputProblem(file, f"not valid YAML: {said}", do,
                            line=mark.line + 1 if mark else None) from None
     except (YAMLError, ValueError, RecursionError) as problem:
         said = (str(problem).splitlines() or ["not YAML"])[0]
@@ -190,6 +191,8 @@ def _said(kind: type[Strict], error: Any, where: Path_) -> tuple[str, str]:
         return str(cause), ""
     if error["type"] == "model_type":
         return f"'{error['input']}' is not a mapping", f"give {', '.join(_names(_kind_at(kind, where)))}"
+    if error["type"] == "too_short":
+        return "is empty", "name at least one"
     said = error["msg"].removeprefix("Input ")
     return f"'{error['input']}' {said}", "correct the value"
 

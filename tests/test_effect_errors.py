@@ -32,6 +32,10 @@ PARAMETER = '''Parameter("coefficient", "c", "N s/m", "strength", neutral=0.0, b
 FAULTS = {
     "no unit": ('"N s/m"', '""', "no unit"),
     "no neutral value": ("neutral=0.0, ", "", "neutral"),
+    "unit that is none": ('"N s/m"', '"furlongs^^2"', "no SI unit"),
+    "unit that is not SI": ('"N s/m"', '"N s/mm"', "no SI unit"),
+    "bounds the wrong way round": ("bounds=(0.0, 10.0)", "bounds=(10.0, 0.0)", "rising order"),
+    "bounds not a number": ("bounds=(0.0, 10.0)", "bounds=(0.0, float('nan'))", "rising order"),
     "neutral value out of bounds": ("neutral=0.0", "neutral=-1.0", "neutral value lies outside"),
     "neutral value not a number": ("neutral=0.0", "neutral=float('nan')", "neutral value lies outside"),
     "example out of bounds": ("example=1.0", "example=11.0", "example lies outside"),
@@ -40,13 +44,21 @@ FAULTS = {
     "missing module": ("import math", "import no_such_module_at_all", "no_such_module_at_all"),
     "fails on import": ("import math\n", "import math\n\n1 / 0\n", "ZeroDivisionError"),
     "no EFFECT": ("EFFECT = ", "effect = ", "no EFFECT"),
-    "no hook": ("def structure_force", "def my_force", "no hook function"),
+    "no hook": ("def structure_force", "def my_force", "my_force() is no hook"),
+    "no function at all": (GOOD[GOOD.index("def structure_force") :], "", "no hook function"),
+    "hook misspelt": (LAW, LAW + "\n\ndef strcture_force(velocity):\n    return velocity\n", "did you mean structure_force"),
+    "derivative of no state": (LAW, LAW + "\n\ndef derivative_z(velocity):\n    return velocity\n", "belongs to no state"),
+    "NaN at the neutral values": (LAW, "    return -velocity * coefficient / coefficient\n", "nan at the neutral values"),
+    "not nothing at the neutral values": (LAW, "    return -velocity * (1.0 + coefficient)\n", "at the neutral values"),
+    "requires what is not there": ('source="none"', 'source="none", requires=("no_such",)', "unknown effect 'no_such'"),
     "unknown argument": ("(velocity, coefficient)", "(velocity, coeficient)", "'coeficient'"),
     "argument of another hook": ("(velocity, coefficient)", "(chip, coefficient)", "'chip'"),
     "nothing switches it off": ("example=1.0)", "example=1.0, vanishes=False)", "switches the effect off"),
     "two parameters of one name": (PARAMETER + ",", PARAMETER + ", " + PARAMETER + ",", "two parameters"),
     "state without derivative": ('title="One\'s own",', 'title="One\'s own", states=("memory",),', "derivative_memory"),
     "not compilable": (LAW, "    return {}.setdefault(velocity, open('a'))\n", "does not compile"),
+    "a dictionary": (LAW, "    force = 1.0\n    return {}.get(velocity)\n", "no number comes of"),
+    "a module that does not compile": (LAW, "    import os\n    return os.getpid()\n", "does not compile"),
     "unknown name": (LAW, "    return -coefficient * velocty\n", "velocty"),
     "numpy array": (LAW, "    return (coefficient, velocity)\n", "not a number"),
     "no return": (LAW, "    coefficient * velocity\n", "not a number"),
@@ -79,12 +91,43 @@ def test_a_wrong_file_is_refused_in_one_line(fault, tmp_path):
     assert says in one_line(caught.value, path)
 
 
+@pytest.mark.parametrize("fault", FAULTS)
+def test_the_line_of_the_fault_is_named_where_there_is_one(fault, tmp_path):
+    """The line lies in the file, and within the part that the fault was put into."""
+    old, new, _ = FAULTS[fault]
+    path = tmp_path / "my_drag.py"
+    path.write_text(GOOD.replace(old, new, 1))
+    with pytest.raises(InputProblem) as caught:
+        catalogue(tmp_path)
+    card, law = GOOD[: GOOD.index("EFFECT")].count("\n") + 1, GOOD[: GOOD.index("def structure")].count("\n") + 1
+    line = caught.value.line
+    if fault in ("no EFFECT", "requires what is not there"):
+        assert line is None  # nothing in the file stands for what is not there
+    elif GOOD.index(old) < GOOD.index("EFFECT"):
+        assert line < card
+    elif GOOD.index(old) < GOOD.index("def") or fault == "no function at all":
+        assert card <= line <= card + 4
+    else:
+        assert law <= line <= law + 6
+
+
 def test_the_line_of_the_fault_is_named(tmp_path):
     path = tmp_path / "my_drag.py"
     path.write_text(GOOD.replace("(velocity, coefficient)", "(velocity, mistake)"))
     with pytest.raises(InputProblem) as caught:
         read_effect(path)
     assert str(caught.value).startswith(f"{path}:{1 + GOOD[:GOOD.index('def structure')].count(chr(10))}: ")
+
+
+def test_the_line_is_named_in_a_folder_given_as_a_relative_path_too(tmp_path, monkeypatch, recwarn):
+    monkeypatch.chdir(tmp_path)
+    for fault in ("no unit", "missing module", "syntax", "bounds the wrong way round", "a dictionary"):
+        old, new, says = FAULTS[fault]
+        Path("my_drag.py").write_text(GOOD.replace(old, new, 1))
+        with pytest.raises(InputProblem, match=says) as caught:
+            read_effect(Path("my_drag.py")) if fault != "a dictionary" else catalogue(".")
+        assert caught.value.line is not None, fault
+    assert "Numba" not in "".join(str(one.category) for one in recwarn)
 
 
 def test_a_name_of_the_catalogue_is_not_taken_again(tmp_path):

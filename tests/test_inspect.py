@@ -15,7 +15,9 @@ from synthetic_cut import milling_record
 from analysis.inspection import inspect
 from analysis.inspection_plot import envelope
 from analysis.lines import follow_line
+from testbed.campaign import load_campaign
 from testbed.cli import main
+from testbed.cli._fitting import doubts
 from testbed.cli.inspect import command
 
 
@@ -95,6 +97,9 @@ def test_real_chatter_speed_and_line() -> None:
     assert any("nominal spindle speed 5000 rpm, found 4" in note for note in record.notes)
     assert record.lines[0].kind == "other" and record.lines[0].frequency == pytest.approx(684, abs=3)
     assert any(line.kind == "hum" and abs(line.frequency - 150) < 0.5 for line in record.lines)
+    assert any("stored twice" in note for note in record.notes) and record.recording.sampling_rate == 5000.0
+    assert record.chatter.frequency[0] == pytest.approx(746, abs=4) and record.chatter.loudest[1] == pytest.approx(684, abs=3)
+    assert record.chatter.time[0] < 3.85 and record.chatter.time[-1] > 4.85
     rate, values = 5000, record.recording.channels["acceleration"]
     _, frequencies, _ = follow_line(values[round(3.4 * rate) : round(4.85 * rate)], rate, 746.0, window=0.15)
     assert frequencies[:6].mean() == pytest.approx(747, abs=4) and frequencies[-4:].mean() == pytest.approx(684, abs=4)
@@ -129,6 +134,28 @@ def test_a_data_set_of_testbed_run(tmp_path: Path, capsys: pytest.CaptureFixture
         assert abs(segments["entry"].start / period - 10) < 0.5
         assert abs(segments["ring-down"].start / period - 89.162) < 0.5
         assert record.speed_basis == "tachometer" and record.noise.rms == pytest.approx(0.5e-6, rel=0.05)
+
+
+def test_a_data_set_that_is_a_folder_of_shards(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["run", "identification", "-o", str(tmp_path / "s.h5"), "--engine", "fast", "--shards", "--quiet"])
+    assert stop.value.code == 0
+    found = inspect(tmp_path / "s.h5", most=2)
+    assert found.total == 3 and [record.name for record in found.records] == ["run 0", "run 1"]
+    assert found.records[1].speed_found == pytest.approx(2850 * np.pi / 30, rel=1e-4)
+    (tmp_path / "s.h5" / "index.h5").unlink()
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as stop:
+        main(["inspect", str(tmp_path / "s.h5")])
+    shown = capsys.readouterr().err
+    assert stop.value.code == 2 and "unfinished sweep" in shown and shown.count("\n") == 1
+
+
+def test_compare_says_what_reading_found_doubtful_and_a_speed_that_the_signal_contradicts(campaign: Path) -> None:
+    said = doubts(load_campaign(campaign).records)
+    assert any(note.startswith("cut: nominal spindle speed 3900 rpm, found 3810") for note in said)
+    assert any(note.startswith("blind: nominal spindle speed 3900 rpm, found 38") and "mend" in note for note in said)
+    assert sum(note.startswith("blind: nominal") for note in said) == 1
 
 
 def test_thinning_for_a_picture_keeps_the_extremes_and_the_whole_length() -> None:

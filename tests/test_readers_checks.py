@@ -57,11 +57,24 @@ def test_a_sound_channel_raises_no_note() -> None:
         (lambda x: np.where(np.arange(len(x)) == 1234, -x + 60, x), "lone spike, the first is sample 1235"),
         (lambda x: np.where((np.arange(len(x)) > 800) & (np.arange(len(x)) < 850), 0.0, x), "49 samples stand still"),
         (lambda x: np.round(x / 8) * 8, "different values"),
+        (lambda x: np.concatenate([x[:1003], x[1040:]]), "jumps at sample 1004"),
+        (lambda x: np.where((np.arange(len(x)) > 1203) & (np.arange(len(x)) < 1207), 0.0, x), "jumps at sample 1205"),
+        (lambda x: np.where(np.arange(len(x)) == 0, -70.0, x), "jumps at sample 2"),
     ],
 )
 def test_doubtful_channels_are_noted(damage, said: str) -> None:
     _, notes = _assemble({"disp": damage(_signal())})
     assert any(said in note for note in notes), notes
+
+
+def test_blows_teeth_and_loud_noise_are_no_jumps() -> None:
+    random, time = np.random.default_rng(4), np.arange(20000) / 12800
+    noise = random.standard_normal(time.size)
+    blow = np.where(abs(time - 0.5) < 4e-4, np.cos((time - 0.5) * np.pi / 8e-4), 0.0)
+    teeth = np.where((time * 63.5) % 1 < 0.16, 1.0, 0.0)
+    growing = noise * np.exp(4 * time)
+    for values in (noise, np.round(noise), 100 * blow + 0.1 * noise, teeth + 0.01 * noise, growing, np.round(20 * growing)):
+        assert checks.jumps(values) == []
 
 
 def test_a_quantised_signal_is_neither_clipped_nor_stuck() -> None:

@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -14,7 +15,9 @@ from analysis.report.compare_page import compare_page, verdict_of
 from analysis.report.force_map import add_force_map, force_map_says
 from analysis.report.packed import packed, thinned
 from analysis.report.page import Page, Panel, heat_colour
+from analysis.report.story_page import diagnosis_page
 from analysis.residual_views import by_angle, by_frequency
+from testbed.cli.diagnose import _force_maps
 
 
 def unpacked(row):
@@ -167,6 +170,18 @@ def test_the_force_map_says_what_the_force_goes_with():
     page = Page("map")
     add_force_map(page, "cut 1", x, v, 50.0 * v)
     assert "velocity" in page.html()
+
+
+def test_diagnose_maps_what_its_best_model_still_lacks():
+    found = pages.diagnosis()
+    assert _force_maps(found, pages.CATALOGUE) == []  # with process damping only noise is left
+    lacking = replace(found, best=found.base)
+    maps = _force_maps(lacking, pages.CATALOGUE)
+    worst = max(found.base.errors, key=lambda one: one.error / one.noise_floor)
+    assert {name.split(",")[0] for name, *_ in maps} == {worst.name}
+    said = {"next_test": None}
+    text = diagnosis_page(lacking, said, BELIEVED, pages.CATALOGUE, pages.UNITS, force_maps=maps).html()
+    assert text.count("What does the missing force depend on") >= len(maps) > 0
 
 
 def test_heat_runs_from_green_to_red():

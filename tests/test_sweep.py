@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -198,6 +199,29 @@ def test_a_folder_of_shards_has_the_content_of_the_file(scenario, tmp_path):
     assert one.content_hash == other.content_hash and (tmp_path / "b").is_dir()
     again = sweep.run(scenario, plain_engine.unwanted, tmp_path / "b", keep_shards=True, resume=True)
     assert again.computed == 0 and sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "b"]
+
+
+def test_a_finished_folder_of_shards_that_was_damaged_is_made_whole(scenario, tmp_path):
+    whole = sweep.run(scenario, plain_engine.simulate, tmp_path / "b", keep_shards=True)
+    shards = find(tmp_path / "b")
+    shards[1][2].unlink()
+    content = bytearray(shards[2][2].read_bytes())
+    content[len(content) // 2] ^= 4
+    shards[2][2].write_bytes(content)
+    with pytest.raises(InputProblem, match="exists already"):
+        sweep.run(scenario, plain_engine.unwanted, tmp_path / "b", keep_shards=True)
+    with pytest.raises(InputProblem):
+        sweep.run(replace(scenario, seed=9), plain_engine.unwanted, tmp_path / "b", keep_shards=True, resume=True)
+    again = sweep.run(scenario, plain_engine.simulate, tmp_path / "b", keep_shards=True, resume=True)
+    assert again.computed == sum(last - first for first, last, _ in shards[1:3])
+    assert again.content_hash == whole.content_hash and [path.name for path in tmp_path.iterdir()] == ["b"]
+
+
+def test_a_packing_that_is_not_installed_is_told_before_anything_is_written(scenario, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "hdf5plugin", None)
+    with pytest.raises(InputProblem, match="hdf5plugin"):
+        sweep.run(scenario, plain_engine.unwanted, tmp_path / "a.h5", compression="zstd")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_place_that_cannot_be_written(scenario, tmp_path):

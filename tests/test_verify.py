@@ -1,9 +1,13 @@
 """verify: every flipped bit, every missing, moved, doubled or cut shard is noticed and told."""
 
 import contextlib
+import errno
 import json
 import os
 import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -179,6 +183,30 @@ def test_the_command(file, capsys):
     assert code == 2 and "no such file" in err
     code, _, err = run(capsys, "verify", file.parent)
     assert code == 2 and "no folder of a sweep" in err
+
+
+def test_the_index_of_a_folder_stands_for_the_folder(folder):
+    assert not verify(folder / "index.h5").damage
+    sorted(folder.glob("runs-*.h5"))[0].unlink()
+    assert "missing" in " ".join(verify(folder / "index.h5").damage)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no device that is always full")
+def test_a_full_disk_is_told_in_one_line(file):
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run([sys.executable, "-c", "from testbed.cli import main; main()", "verify", str(file)],
+                              stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "No space left" in done.stderr
+
+
+def test_an_answer_that_cannot_be_written_is_told_in_one_line(file, tmp_path, capsys, monkeypatch):
+    def full(self, *arguments, **options):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_text", full)
+    code, _, err = run(capsys, "verify", file, "--json", tmp_path / "x.json")
+    assert code == 2 and err.startswith(f"error: {tmp_path / 'x.json'}: ") and err.count("\n") == 1
+    assert "No space left" in err and not list(tmp_path.glob("*x.json*"))
 
 
 def test_a_file_that_another_program_changed_is_noticed(file):

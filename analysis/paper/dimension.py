@@ -80,7 +80,8 @@ def _draw(ranks: dict[str, np.ndarray], found: dict[str, Any]) -> Any:
         name = f"{level * 1e6:g} µm" if level else "no noise"
         neighbours.plot(DIMENSIONS, 100 * found["strobed"][level], "o-", color=colours[level], ms=2.6,
                         label=f"once a delay, {name}")
-        information.plot(found["lags"], found["information"][level], color=colours[level], lw=0.8, label=name)
+        information.plot(found["lags"], found["information"][level], color=colours[level], lw=0.8 if level else 2.0,
+                         label=name)
         low = first_minimum(found["information"][level])
         if low is not None:
             information.plot(found["lags"][low], found["information"][level][low], "v", color=colours[level], ms=4)

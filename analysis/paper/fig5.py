@@ -48,8 +48,11 @@ def _torus(axes: Any, motion: np.ndarray) -> None:
     for radius in (RADIUS - 1.0, RADIUS + 1.0):  # where the torus stands
         axes.plot(radius * np.cos(turn), radius * np.sin(turn), 0 * turn, ":", color="0.7", lw=0.6)
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(-1.0, 1.0))
-    axes.set_box_aspect((reach, reach, 1.0), zoom=1.3)
+    axes.set_box_aspect((reach, reach, 1.0), zoom=1.75)
     axes.view_init(elev=38, azim=-50)
+    for line in axes.lines:  # the square of a drawing in space is narrower than its panel
+        line.set_clip_on(False)
+        line.set_in_layout(False)
     axes.set_axis_off()
 
 
@@ -77,12 +80,13 @@ def _draw(record: Recording, states: np.ndarray, motion: np.ndarray, clean: Reco
         axes.semilogy(np.arange(1, 13), found.values, f"{marker}-", color=colour, mfc="white", label=name)
         if level:
             axes.axhline(found.floor, color=colour, lw=0.6, ls="--")
-    axes.set(xlabel="number", ylabel="singular value / largest", xticks=range(1, 13), ylim=(1e-9, 3))
+    axes.set(xlabel="number", ylabel="singular value / largest", xticks=range(1, 13), ylim=(1e-10, 3))
     axes.legend(loc="lower left")
     letter(axes, "b", "singular values, $d$ = 12")
     torus = drawn.add_subplot(grid[1, 0], projection="3d")
     _torus(torus, motion)
-    letter(torus, "c", r"the motion over $t$ mod $\tau$")
+    # the drawing's own axes are narrower than the panel: its title stands where those of the others do
+    torus.text2D(-0.33, 1.04, r"(c) the motion over $t$ mod $\tau$", transform=torus.transAxes, in_layout=False)
     _section(drawn.add_subplot(grid[1, 1]), states)
     return drawn
 

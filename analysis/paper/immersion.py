@@ -69,8 +69,8 @@ def make(bench: Bench) -> Part:
     assumed = ASSUMED if not bench.quick else DRAWN
     found = {rho: identify_multipliers(machine(920.0, 0.0032, 3e8, RATIO, rho), tests.cuts, tests.multipliers, starts=3)
              for rho in assumed}
-    speeds = np.linspace(*SPEEDS, bench.count(401, 81)) * math.pi / 30.0
-    depths = np.linspace(*DEPTHS, bench.count(201, 41))[1:] * 1e-3
+    speeds = np.linspace(*SPEEDS, bench.count(801, 81)) * math.pi / 30.0
+    depths = np.linspace(*DEPTHS, bench.count(401, 41))[1:] * 1e-3
     charts = {rho: stability_chart(found[rho].model, speeds, depths, elements=ELEMENTS) for rho in DRAWN}
     truth = stability_chart(IDENTIFIED, speeds, depths, elements=ELEMENTS)
     fixed = np.arange(0.10, 0.2501, bench.count(1, 10) * 1e-3)

@@ -16,6 +16,7 @@ from analysis.report.machine import add_nuisances, add_parameters
 from analysis.report.page import Page
 from analysis.report.residuals import add_angle, add_records, add_spectrum
 from analysis.report.waveforms import add_waveforms, looks, worst_first
+from analysis.residual_views import map_units
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -72,7 +73,7 @@ def compare_page(
     add_angle(page, chosen, errors, fit.state, found.tests)
     add_spectrum(page, chosen, errors, fit.state)
     for one, x, v, force in force_maps:
-        add_force_map(page, one, x, v, force)
+        add_force_map(page, one, x, v, force, shown=map_units(units))
     if any(not channel.startswith("force") for record in records for channel in record.channels):
         add_chart(page, records, errors, fit.state.model)
     add_constancy(page, tested or constancy(found.fitter, fit, catalogue), found.parameters)

@@ -6,6 +6,7 @@ import numpy as np
 
 from analysis.report.packed import listed
 from analysis.report.page import Page, Panel
+from analysis.residual_views import CALIBRATED, MapUnits
 
 
 def add_force_map(
@@ -15,20 +16,24 @@ def add_force_map(
     v: np.ndarray,
     force: np.ndarray,
     says: str = "",
-    unit: tuple[float, str] = (1e6, "µm"),
+    shown: MapUnits = CALIBRATED,
 ) -> None:
-    """The force-state map: a force nobody modelled (N, (n,)) over displacement x (m) and velocity v (m/s), (n,) each."""
+    """The force-state map: a force nobody modelled (N, (n,)) over displacement x (m) and velocity v (m/s), (n,) each.
+
+    shown: factor and unit in which displacement, velocity and force are drawn.
+    """
     page.heading(f"What does the missing force depend on: displacement or velocity? ({name})")
     page.answer(says or force_map_says(x, v, force))
     some = np.linspace(0, len(x) - 1, min(len(x), 6000)).astype(int)
     reach = float(np.percentile(np.abs(force), 99)) or 1.0
+    across, up, colour = shown
     traces = [
         {
             "type": "scatter",
             "mode": "markers",
-            "x": listed(x[some] * unit[0], 4),
-            "y": listed(v[some] * 1e3, 4),
-            "text": [f"{value:.3g} N" for value in force[some]],
+            "x": listed(x[some] * across[0], 4),
+            "y": listed(v[some] * up[0], 4),
+            "text": [f"{value:.3g} {colour[1]}" for value in force[some]],
             "hoverinfo": "text",
             "showlegend": False,
             "marker": {
@@ -37,7 +42,7 @@ def add_force_map(
                 "cmin": -reach,
                 "cmax": reach,
                 "colorscale": [[0, "#3b82c4"], [0.5, "#cccccc"], [1, "#d1495b"]],
-                "colorbar": {"title": {"text": "N"}, "thickness": 10},
+                "colorbar": {"title": {"text": colour[1]}, "thickness": 10},
             },
         }
     ]
@@ -46,8 +51,8 @@ def add_force_map(
             traces,
             {
                 "height": 420,
-                "xaxis": {"title": {"text": f"displacement [{unit[1]}]"}},
-                "yaxis": {"title": {"text": "velocity [mm/s]"}},
+                "xaxis": {"title": {"text": f"displacement [{across[1]}]"}},
+                "yaxis": {"title": {"text": f"velocity [{up[1]}]"}},
             },
         ),
         "force-state map",

@@ -19,6 +19,7 @@ from analysis.report.page import Page
 from analysis.report.steps import Step, add_candidates, add_steps
 from analysis.report.ticked import add_before_after, add_ticks, leading, named, points_for
 from analysis.report.waveforms import looks, worst_first
+from analysis.residual_views import map_units
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -124,7 +125,7 @@ def diagnosis_page(
         bare = base.fit.state.model if base.fit is not None and key else None
         add_changes(page, believed, bare, estimates(best.fitter, best.fit, catalogue), best.fit.converged)
     for one_name, x, v, force in force_maps:
-        add_force_map(page, one_name, x, v, force)
+        add_force_map(page, one_name, x, v, force, shown=map_units(units))
     tied = found.effects if found.verdict == "undecided" else ()
     add_next_test(page, said.get("next_test"), tied)
     return page

@@ -6,6 +6,7 @@ functions, so that `--help` answers at once.
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from importlib import import_module
@@ -20,6 +21,9 @@ FOLDER = Path(__file__).parent
 # The order of `testbed --help`, along a user's way; a command not named here comes after, by the alphabet.
 ORDER = ("demo", "run", "identify", "score", "export", "chart", "multipliers", "inspect", "verify", "compare", "diagnose",
          "add", "effects", "paper", "view", "doctor")
+
+
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
 class Commands(click.Group):
@@ -96,6 +100,12 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     except BrokenPipeError:  # the reader, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
+    except OSError as problem:
+        if problem.errno not in _NO_ROOM:
+            raise
+        place = problem.filename or "the output"
+        _complain(f"{place}: cannot be written ({problem.strerror}): make room, or choose another place")
+        code = 2
     sys.exit(code if isinstance(code, int) else 0)
 
 

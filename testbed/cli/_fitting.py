@@ -12,6 +12,7 @@ from typing import Any
 
 from testbed.problem import InputProblem
 
+MOST_NOTES = 12
 PREDICTED = ("cut", "ring-down", "excited")
 
 
@@ -67,6 +68,21 @@ def uncalibrated(records: Sequence[Any]) -> list[str]:
                 found[name] = (unit, usual)
     return [f"{name} is in {unit}, uncalibrated: read {unit} for {usual} in every parameter below"
             for name, (unit, usual) in found.items()]
+
+
+def doubts(records: Sequence[Any]) -> list[str]:
+    """What reading found doubtful of each record, and cuts without a tachometer whose signal contradicts the stated speed."""
+    from analysis.record_report import report
+
+    found = []
+    for record in records:
+        notes = [note for note in record.notes if "uncalibrated" not in note]
+        if record.kind == "cut" and not len(record.recording.marks):
+            seen = report(record.recording, record.name, "cut", ())
+            notes += [f"{note}: mend the campaign if the signal is right" for note in seen.notes if "spindle speed" in note]
+        found += [f"{record.name}: {note}" for note in dict.fromkeys(notes)]
+    more = len(found) - MOST_NOTES
+    return found if more <= 0 else [*found[:MOST_NOTES], f"{more} notes more: testbed inspect shows them"]
 
 
 def channel_units(records: Sequence[Any]) -> dict[str, str]:

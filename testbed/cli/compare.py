@@ -27,7 +27,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     error = rms(measured - predicted) / rms(measured about its mean). Nothing here is random: --seed changes nothing.
     """
     from analysis.compare import as_json, compare
-    from testbed.cli._fitting import channel_units, plant_of, read_both, sign_of_life, uncalibrated
+    from testbed.cli._fitting import channel_units, doubts, plant_of, read_both, sign_of_life, uncalibrated
 
     answer = Answer(json_file, quiet)
     pictures = output_folder(output) if output else None
@@ -35,17 +35,24 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     model, records, read = read_both(campaign, model_file, catalogue)
     with sign_of_life("fitting the believed model to all records", quiet):
         found = compare(plant_of(catalogue), records, model, catalogue)
-    _say(answer, found, uncalibrated(read), model)
+    notes = [*uncalibrated(read), *doubts(read)]
+    _say(answer, found, notes, model)
     if pictures is not None:
         from analysis.compare_plots import save
         from analysis.constancy import constancy
+        from analysis.force_state import force_states
         from analysis.report.compare_page import compare_page
+        from analysis.residual_views import map_units
 
         with sign_of_life("fitting test by test, drawing", quiet):
-            tested = constancy(found.fitter, found.fit, catalogue)
-            paths = save(found, pictures, tested)
-            page = compare_page(found, model, catalogue, channel_units(read), tested=tested,
-                                notes=[f"{campaign} against {model_file}", *uncalibrated(read)])
+            tested, units = constancy(found.fitter, found.fit, catalogue), channel_units(read)
+            states = []
+            if not found.adequate:  # of noise there is nothing to map
+                states = force_states(plant_of(catalogue), found.fitter, found.fit, found.errors, catalogue)
+            paths = save(found, pictures, tested, states, map_units(units))
+            page = compare_page(found, model, catalogue, units, tested=tested,
+                                force_maps=[(one.name, one.x, one.v, one.force) for one in states],
+                                notes=[f"{campaign} against {model_file}", *notes])
             report = page.write(pictures / "report.html")
         answer.say(f"{len(paths)} pictures are in {pictures}; open {report}")
     answer.finish(as_json(found))
@@ -64,6 +71,9 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
     answer.table(("parameter", "believed", "found", "low", "high"),
                  [(path, shown(before.value(path), one.unit), *(shown(getattr(one, part), one.unit)
                    for part in ("value", "low", "high"))) for path, one in found.parameters.items()])
+    stuck = [path for path, one in found.parameters.items() if one.high - one.low <= 1e-9 * abs(one.value)]
+    if stuck:
+        answer.say(f"{', '.join(stuck)} at the end of the range searched: these records do not determine it with this model")
     _nuisances(answer, found)
     if not found.fit.converged:
         answer.say("the fit did not converge: the figures above are those of its last step")

@@ -58,9 +58,22 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 
         page = diagnosis_page(found, said, model, catalogue, channel_units(read),
                               notes=[f"{campaign} against {model_file}", *uncalibrated(read)],
-                              next_step=_next_step(found, campaign, model_file))
+                              next_step=_next_step(found, campaign, model_file), force_maps=_force_maps(found, catalogue))
         answer.say(f"open {page.write(folder / 'report.html')}")
     answer.finish(said)
+
+
+def _force_maps(found: Any, catalogue: Any) -> list[Any]:
+    """Force-state maps of what the best model still lacks; none where that is but noise."""
+    from analysis.diagnosis import ADEQUATE
+    from analysis.force_state import force_states
+    from testbed.cli._fitting import plant_of
+
+    best = found.best
+    if best.fit is None or best.error_held_out <= ADEQUATE * found.noise_floor:
+        return []
+    states = force_states(plant_of(catalogue), best.fitter, best.fit, best.errors, catalogue)
+    return [(one.name, one.x, one.v, one.force) for one in states]
 
 
 def _propose(answer: Answer, found: Any, records: Any, catalogue: Any, folder: str, campaign: str, model_file: str) -> Any:

@@ -53,6 +53,8 @@ def _show(name: str, catalogue: Any, answer: Answer, quiet: bool) -> None:
         answer.say(f"  {title}: {getattr(effect, title)}")
     for other, test in effect.confused_with:
         answer.say(f"  confused with {other}; what separates them: {test}")
+    if effect.requires:
+        answer.say(f"  a search proposes it only for a model that has {', '.join(effect.requires)}")
     rows = [(f"  {one.name}", one.symbol, one.unit, f"{one.neutral:g}", f"{one.bounds[0]:g} to {one.bounds[1]:g}",
              f"{one.example:g}") for one in effect.parameters]
     if rows:
@@ -88,7 +90,7 @@ def _card(effect: Any) -> dict[str, Any]:
     card = {title: getattr(effect, title) for title in ("name", "title", "law", "source", "validity", "leaves")}
     return card | {"parameters": [asdict(one) for one in effect.parameters], "states": list(effect.states),
                    "confused_with": [{"effect": other, "test": test} for other, test in effect.confused_with],
-                   "hooks": sorted(effect.hooks), "file": str(effect.path)}
+                   "requires": list(effect.requires), "hooks": sorted(effect.hooks), "file": str(effect.path)}
 
 
 def _list_hooks(answer: Answer) -> None:

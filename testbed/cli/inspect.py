@@ -47,8 +47,8 @@ def command(
 ) -> None:
     """Show what was read: channels, units, conditions, speed from the tachometer, segments and noise floor.
 
-    DATA is a campaign.yaml, an HDF5 data set, one measured file, or what `testbed export` wrote. Nothing here is random:
-    --seed changes nothing.
+    DATA is a campaign.yaml, an HDF5 data set (or the folder that `testbed run --shards` wrote), one measured file, or what
+    `testbed export` wrote. Nothing here is random: --seed changes nothing.
     """
     from analysis.inspection import inspect
     from testbed.units import UnitProblem, parse_quantity
@@ -149,6 +149,12 @@ def _record(record: RecordReport) -> list[str]:
                 f"{line.frequency:.1f} Hz {line.kind}{f' x{line.order}' if line.order else ''}"
                 for line in record.lines[:8]
             )
+        )
+    if record.chatter is not None:
+        track, (loud, at) = record.chatter, record.chatter.loudest
+        lines.append(
+            f"  chatter line: {track.frequency[0]:.1f} to {track.frequency[-1]:.1f} Hz from {track.time[0]:.3f} to "
+            f"{track.time[-1]:.3f} s, loudest {at:.1f} Hz at {loud:.3f} s"
         )
     lines.append(f"  dropped samples: {record.dropped}, repeated samples: {record.repeated}")
     return lines + [f"  note: {note}" for note in record.notes]

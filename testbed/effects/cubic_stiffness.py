@@ -3,7 +3,7 @@
     F = -k3 x^3            (Duffing's oscillator: m x'' + c x' + k x + k3 x^3 = F_cut)
 
 Source: G. Duffing (1918), Erzwungene Schwingungen bei veraenderlicher Eigenfrequenz, Vieweg, Braunschweig; closed
-form of the free vibration: A. H. Nayfeh and D. T. Mook (1979), Nonlinear Oscillations, Wiley, chapter 4. The backbone
+form of the free vibration: A. H. Nayfeh and D. T. Mook (1979), Nonlinear Oscillations, Wiley, chapter 2. The backbone
 is omega = pi sqrt(omega0^2 + k3 X^2 / m) / (2 K(p)), p = k3 X^2 / (2 (k + k3 X^2)), K the complete elliptic integral of
 the first kind of parameter p; for small X it is omega0 (1 + 3 k3 X^2 / (8 k)).
 
@@ -22,7 +22,7 @@ EFFECT = Effect(
                   neutral=0.0, bounds=(-1.0e15, 1.0e15), example=5.0e13, start=1.0e12),
     ),
     law="F = -k_3 x^3",
-    source="Duffing (1918); Nayfeh and Mook (1979), Nonlinear Oscillations, chapter 4",
+    source="Duffing (1918); Nayfeh and Mook (1979), Nonlinear Oscillations, chapter 2",
     validity="symmetric structure, |k_3| X^2 below the linear stiffness",
     leaves="a vibration frequency that drifts with amplitude, third harmonics, chatter of limited amplitude",
     confused_with=(

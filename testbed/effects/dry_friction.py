@@ -5,13 +5,16 @@
     dz/dt = -r sign(z) (|z| - z_c)            while it slips
 
 z is the elastic deflection of the contact and z_c where it breaks away, so F_c / z_c is the stiffness before sliding.
-Source: W. D. Iwan (1966), J. Appl. Mech. 33, 893 (the spring and slider in series, Jenkins' element); P. Dupont, V.
-Hayward, B. Armstrong and F. Altpeter (2002), IEEE Trans. Automatic Control 47, 787 (why a stick must be elastic: Dahl's
-and LuGre's bristles creep under a load that vibrates; this one does not). The state relaxes to z_c, at a rate r of
+Source: W. D. Iwan (1966), A distributed-element model for hysteresis and its steady-state dynamic response, J. Appl.
+Mech. 33, 893-900 (the spring and slider in series, Jenkins' element); P. Dupont, V. Hayward, B. Armstrong and F. Altpeter
+(2002), Single state elastoplastic friction models, IEEE Trans. Automatic Control 47, 787-792 (why a stick must be elastic:
+Dahl's and LuGre's bristles creep under a load that vibrates; this one does not). The state relaxes to z_c, at a rate r of
 three times the frequency of the stuck structure, so that a coarse step cannot carry it past.
 
-Valid for a joint or guideway whose static and kinetic friction are alike. Force and slope jump at breakaway and at the
-turning points, so integration keeps second order at the best. Over a cycle of amplitude X it dissipates 4 F_c X: a
+Valid for a joint or guideway whose static and kinetic friction are alike. The slope of the force jumps at breakaway and
+dz/dt with it, so integration keeps second order, and a step that resolves z_c does not mend that: in free vibration of 30
+um, F_c = 2 N, the order is 2.1, 2.2 and 2.1 at z_c = 0.02, 0.2 and 2 um (160, 40 and 40 to 10240 steps a period, the error
+1e-2 to 5e-8 at 0.2 um), and 1.2 at 20 um, where it hardly slides. Over a cycle of amplitude X it dissipates 4 F_c X: a
 free vibration loses 4 F_c / k of its amplitude every cycle, then stops. The loop has no linear delay equation: about a
 sliding motion the small perturbation depends on its sign at every turning point, and while the joint sticks any deflection
 it stopped at is an equilibrium (a multiplier of exactly 1 for each).

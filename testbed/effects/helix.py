@@ -7,7 +7,8 @@ force is constant. The part of each edge that is in the cut is integrated by Gau
 The force has a corner where either end of the edge enters or leaves: the steps end there, so that fourth order is kept.
 For one mode along the feed the sign of the helix is of no consequence (the axial force does not act).
 
-Source: W. A. Kline, R. E. DeVor and J. R. Lindberg (1982), Int. J. Machine Tool Design and Research 22, 7-22;
+Source: W. A. Kline, R. E. DeVor and J. R. Lindberg (1982), The prediction of cutting forces in end milling with
+application to cornering cuts, Int. J. Machine Tool Design and Research 22, 7-22;
 stability: M. Zatarain, J. Munoa, G. Peigne and T. Insperger (2006), Analysis of the influence of mill helix angle on
 chatter stability, CIRP Annals 55, 365-368.
 

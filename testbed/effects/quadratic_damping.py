@@ -2,7 +2,7 @@
 
     F = -c2 |v| v
 
-Source: A. H. Nayfeh and D. T. Mook (1979), Nonlinear Oscillations, Wiley, section 3.3. Over a cycle
+Source: A. H. Nayfeh and D. T. Mook (1979), Nonlinear Oscillations, Wiley, chapter 3. Over a cycle
 x = X sin(omega t) it dissipates as a viscous damper of c_eq = 8 c2 X omega / (3 pi) does.
 
 Valid for turbulent drag and for joints whose loss factor rises with amplitude. The law is continuous with its slope but
@@ -20,7 +20,7 @@ EFFECT = Effect(
                   neutral=0.0, bounds=(0.0, 1.0e5), example=500.0, start=10.0),
     ),
     law="F = -c_2 |v| v",
-    source="Nayfeh and Mook (1979), Nonlinear Oscillations, section 3.3",
+    source="Nayfeh and Mook (1979), Nonlinear Oscillations, chapter 3",
     validity="drag of turbulent fluid or of joints that loosen with amplitude",
     leaves="a damping ratio that rises in proportion to the amplitude: a ring-down steep at first, slow at the end",
     confused_with=(

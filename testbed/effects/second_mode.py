@@ -10,7 +10,7 @@ moved. A dynamometer reads the force less the inertia force of the mass p m that
     F_read = F + p r (H - 1) F,    H = w2^2 / (s^2 + 2 zeta2 w2 s + w2^2).
 
 Valid for two modes that stay apart (proportional damping, motion along x). Force channels are filtered as if straight
-between samples.
+between samples. `third_mode` is the same law once more, with parameters and states of its own.
 
 Start of a fit: f2 from the highest peak of the residual's spectrum that is no multiple of the tooth passing frequency;
 scan f2, for the misfit has a minimum at every harmonic.
@@ -41,6 +41,7 @@ EFFECT = Effect(
     confused_with=(
         ("ambient_vibration", "a ring-down: the mode decays and starts with the cut, ambient vibration does neither"),
         ("helix", "one cut at two speeds: a mode keeps its frequency, the harmonics of the tooth passing move"),
+        ("third_mode", "nothing, where it stands alone: the law is the same; name the first further mode second_mode"),
     ),
     states=("deflection", "deflection_rate"),
     oscillators=(("deflection", "deflection_rate"),),
@@ -77,7 +78,7 @@ def highest_frequency(frequency):
     return 2.0 * math.pi * frequency
 
 
-def measure(signal, quantity, sampling_rate, mass_ratio, frequency, damping_ratio, participation):
+def measure(signal, true_signal, quantity, sampling_rate, mass_ratio, frequency, damping_ratio, participation):
     if quantity not in ("force_x", "force_y") or len(signal) == 0:
         return signal
     from scipy.signal import cont2discrete, lfilter, lfilter_zi  # slow to import, wanted by few
@@ -86,5 +87,5 @@ def measure(signal, quantity, sampling_rate, mass_ratio, frequency, damping_rati
     resonance = [omega**2], [1.0, 2.0 * damping_ratio * omega, omega**2]
     top, bottom, _ = cont2discrete(resonance, 1.0 / sampling_rate, "foh")
     numerator = np.ravel(top)
-    through, _ = lfilter(numerator, bottom, signal, zi=lfilter_zi(numerator, bottom) * signal[0])
-    return signal + participation * mass_ratio * (through - signal)
+    through, _ = lfilter(numerator, bottom, true_signal, zi=lfilter_zi(numerator, bottom) * true_signal[0])
+    return signal + participation * mass_ratio * (through - true_signal)

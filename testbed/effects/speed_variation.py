@@ -4,8 +4,9 @@
 
 t counts from the start of the record's simulation. The delay is then not 60 / n: a tooth meets the surface left one
 pitch of spindle *angle* before, tau(t) solves integral of n from t - tau to t = pitch.
-Source: J. S. Sexton, R. D. Milne and B. J. Stone (1977), Appl. Math. Modelling 1, 310; T. Insperger and G. Stepan
-(2004), J. Dynamic Systems, Measurement and Control 126, 392 (milling with sinusoidal speed).
+Source: J. S. Sexton, R. D. Milne and B. J. Stone (1977), A stability analysis of single-point machining with varying
+spindle speed, Appl. Math. Modelling 1, 310-318; T. Insperger and G. Stepan (2004), Stability analysis of turning with
+periodic spindle speed modulation via semidiscretization, J. Vibration and Control 10, 1835-1855.
 
 Valid for 0 <= a < 1, as a drive's ripple, a belt, or a variation made on purpose. Where n0 / (f pitch) is a ratio of
 whole numbers the loop is periodic and has multipliers; otherwise it has a mean rate of growth only.
@@ -29,7 +30,7 @@ EFFECT = Effect(
                   each_record=True),
     ),
     law="n = n_0 (1 + a sin(2 pi f t + phi)); the delay is one pitch of spindle angle",
-    source="Sexton, Milne and Stone (1977), Appl. Math. Modelling 1, 310; Insperger and Stepan (2004), JDSMC 126, 392",
+    source="Sexton, Milne and Stone (1977), Appl. Math. Model. 1, 310; Insperger and Stepan (2004), J. Vib. Control 10, 1835",
     validity="0 <= a < 1",
     leaves="side lines at +-f about every tooth passing harmonic; chatter that comes and goes with the speed",
     confused_with=(

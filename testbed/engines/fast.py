@@ -46,7 +46,8 @@ _LINEAR_CHANNELS = {"displacement", "velocity", "acceleration"}
 
 @dataclass(frozen=True)
 class BatchResult:
-    """Runs side by side: out (runs, 6, samples), pass_times (runs, passes + 1), pass_states (runs, passes + 1, 2)."""
+    """Runs side by side: out (runs, 6, samples), or of the displacement alone (runs, 1, samples); pass_times
+    (runs, passes + 1), pass_states (runs, passes + 1, 2)."""
 
     out: np.ndarray
     pass_times: np.ndarray
@@ -64,11 +65,12 @@ def _run(
     passes: int,
     catalogue: Mapping[str, Effect],
     linear: bool,
+    signals: int,
 ) -> BatchResult:
     runs = len(packed)
     A, P, G, integers, O, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIOY")
     result = BatchResult(
-        np.empty((runs, sk.N_CHANNELS, count)),
+        np.empty((runs, signals, count)),
         np.empty((runs, passes + 1)),
         np.empty((runs, passes + 1, 2)),
         np.empty(runs, dtype=np.int64),
@@ -111,12 +113,14 @@ def simulate_batch(
     catalogue: Mapping[str, Effect] | None = None,
     durations: Sequence[np.ndarray] | None = None,
     general: bool = False,
+    displacement_only: bool = False,
 ) -> BatchResult:
     """Simulate runs side by side; every run's samples and passes are padded with NaN to the longest.
 
     durations: measured times of the tooth passes (s), one array a run, in place of the nominal speed. general: take the
-    general kernel even where the linear one would do. Arrays are as the sensor sits on the structure, before any effect
-    of the sensor itself.
+    general kernel even where the linear one would do. displacement_only: `out` need hold no other
+    channel (and does not, of the linear kernel). Arrays are as the sensor sits on the structure, before any effect of the
+    sensor itself.
     """
     effects = known_effects() if catalogue is None else catalogue
     packed = [pack(model, cut, effects, steps, durations is not None) for model, cut in zip(models, cuts, strict=True)]
@@ -129,7 +133,8 @@ def simulate_batch(
         for row, values in zip(table, durations, strict=True):
             row[: len(values)] = values
     linear = not (general or forces) and all(one.base for one in packed)
-    result = _run(packed, clock, table, forces, count, passes, effects, linear)
+    signals = 1 if linear and displacement_only else sk.N_CHANNELS
+    result = _run(packed, clock, table, forces, count, passes, effects, linear, signals)
     if steps is None and not linear:
         _refine(result, models, cuts, packed, effects, clock, table, forces)
     return result
@@ -152,7 +157,7 @@ def _refine(result: BatchResult, models: Sequence[Model], cuts: Sequence[Cut], p
             return
         finer = [pack(models[run], cuts[run], effects, None, table.shape[1] > 0, assumed[run]) for run in again]
         part = _run(finer, clock[again], table[again], forces, result.out.shape[2], result.pass_times.shape[1] - 1, effects,
-                    False)  # fmt: skip
+                    False, sk.N_CHANNELS)  # fmt: skip
         for name in ("out", "pass_times", "pass_states", "outcome", "outcome_time"):
             getattr(result, name)[again] = getattr(part, name)
 
@@ -177,6 +182,7 @@ def simulate(
         raise ValueError(f"no channel {', '.join(sorted(unknown))}; known: {', '.join(CHANNELS)}")
     effects = known_effects() if catalogue is None else catalogue
     general = not set(channels) <= _LINEAR_CHANNELS
+    alone = not model.effects and durations is None and set(channels) == {"displacement"}
     result = simulate_batch(
         [model],
         [cut],
@@ -186,12 +192,13 @@ def simulate(
         catalogue=effects,
         durations=None if durations is None else [durations],
         general=general,
+        displacement_only=alone,
     )
-    signals = {name: result.out[0, place] for name, place in CHANNELS.items()}
+    signals = {name: result.out[0, place] for name, place in CHANNELS.items() if place < result.out.shape[1]}
     times = result.pass_times[0]
     cutter = model.cutter or Cutter()
     return Recording(
-        channels=measured_channels(model, effects, signals, channels, sampling),
+        channels=signals if alone else measured_channels(model, effects, signals, channels, sampling),
         sampling_rate=sampling.rate,
         units={name: UNITS[name] for name in channels},
         origin="predicted",

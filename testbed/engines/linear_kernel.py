@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
+from testbed.engines.compiled import inner
 from testbed.engines.fast_kernel import CUT, IDLE, OUTCOME_DIVERGED, OUTCOME_OK, RING_DOWN, SEGMENTS, STEPS, TEETH
 from testbed.engines.loop_kernel import (
     CORNERS,
@@ -42,6 +43,18 @@ def chip_stiffness(G, phase, teeth):
     return total * G[SLICE_DEPTH] / G[MASS]
 
 
+@inner
+def fill_displacement(out, position, u, dt, x0, v0, a0, x1, v1, a1):
+    """`fill_quintic`, of the displacement alone."""
+    rise = (x1 - x0) / dt - v0 - 0.5 * a0 * dt
+    gain = v1 - v0 - a0 * dt
+    bend = (a1 - a0) * dt
+    c3 = 10.0 * rise - 4.0 * gain + 0.5 * bend
+    c4 = -15.0 * rise + 7.0 * gain - bend
+    c5 = 6.0 * rise - 3.0 * gain + 0.5 * bend
+    out[SENSED_X, position] = x0 + dt * u * (v0 + u * (0.5 * a0 * dt + u * (c3 + u * (c4 + u * c5))))
+
+
 @njit(cache=True)
 def cross(G, x, v, t0, dt, steps, kappa, memory, row0, last, clock, out, position, limit):
     """Step through one segment in the cut, from row0 of kappa and memory on. `last` is what is left at its start.
@@ -51,7 +64,7 @@ def cross(G, x, v, t0, dt, steps, kappa, memory, row0, last, clock, out, positio
     e00, e01, e10, e11 = oscillator_map(G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS], dt)
     f00, f01, f10, f11 = oscillator_map(G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS], 0.5 * dt)
     pull, drag = G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS]
-    feed, count = G[FEED], out.shape[1]
+    feed, count, rates = G[FEED], out.shape[1], out.shape[0] > 1
     for step in range(steps):
         row = row0 + 2 * step
         n1 = -kappa[row] * (feed + x - memory[row])
@@ -71,7 +84,10 @@ def cross(G, x, v, t0, dt, steps, kappa, memory, row0, last, clock, out, positio
                 u = (clock[0] + position / clock[1] - t0) / dt
                 if u > 1.0:
                     break
-                fill_quintic(out, position, u, dt, x, v, a0, x1, v1, a1)
+                if rates:
+                    fill_quintic(out, position, u, dt, x, v, a0, x1, v1, a1)
+                else:
+                    fill_displacement(out, position, u, dt, x, v, a0, x1, v1, a1)
                 position += 1
         memory[row] = last
         memory[row + 1] = 0.5 * (x + x1) + 0.125 * dt * (v - v1)
@@ -107,7 +123,10 @@ def cross_pitch_linear(G, I, x, v, t0, kappa, memory, flights, clock, limit, out
 
 @njit(cache=True)
 def run_linear(G, I, Y, clock, limit, out, pass_times, pass_states):  # noqa: E741
-    """As the general kernel's run_one, for the base model. The forces and the angle are not sampled."""
+    """As the general kernel's run_one, for the base model. The forces and the angle are not sampled.
+
+    out: with a single row the displacement alone is sampled.
+    """
     tau, rows = G[PITCH] / G[OMEGA], 1
     pull, drag = G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS]
     flights = np.zeros((I[SEGMENTS], 4))
@@ -166,19 +185,23 @@ def fly_linear(G, x, v, t0, dt, clock, out, position):
     x2, v2 = a * x1 + b * v1, c * x1 + d * v1
     x3, v3 = a * x2 + b * v2, c * x2 + d * v2
     a, b, c, d = oscillator_map(pull, drag, 4.0 / rate)
-    sensed_x, sensed_v, sensed_a = out[SENSED_X], out[SENSED_V], out[SENSED_A]
+    rates = out.shape[0] > 1
+    sensed_x, sensed_v, sensed_a = out[SENSED_X], out[SENSED_V if rates else 0], out[SENSED_A if rates else 0]
     while position + 4 <= end:
         sensed_x[position], sensed_x[position + 1], sensed_x[position + 2], sensed_x[position + 3] = x0, x1, x2, x3
-        sensed_v[position], sensed_v[position + 1], sensed_v[position + 2], sensed_v[position + 3] = v0, v1, v2, v3
-        sensed_a[position], sensed_a[position + 1] = -pull * x0 - drag * v0, -pull * x1 - drag * v1
-        sensed_a[position + 2], sensed_a[position + 3] = -pull * x2 - drag * v2, -pull * x3 - drag * v3
+        if rates:
+            sensed_v[position], sensed_v[position + 1], sensed_v[position + 2], sensed_v[position + 3] = v0, v1, v2, v3
+            sensed_a[position], sensed_a[position + 1] = -pull * x0 - drag * v0, -pull * x1 - drag * v1
+            sensed_a[position + 2], sensed_a[position + 3] = -pull * x2 - drag * v2, -pull * x3 - drag * v3
         x0, v0 = a * x0 + b * v0, c * x0 + d * v0
         x1, v1 = a * x1 + b * v1, c * x1 + d * v1
         x2, v2 = a * x2 + b * v2, c * x2 + d * v2
         x3, v3 = a * x3 + b * v3, c * x3 + d * v3
         position += 4
     while position < end:
-        sensed_x[position], sensed_v[position], sensed_a[position] = x0, v0, -pull * x0 - drag * v0
+        sensed_x[position] = x0
+        if rates:
+            sensed_v[position], sensed_a[position] = v0, -pull * x0 - drag * v0
         x0, v0, x1, v1, x2, v2 = x1, v1, x2, v2, x3, v3
         position += 1
     return position

@@ -35,13 +35,16 @@ def measured_channels(model: Model, catalogue: Mapping[str, Effect], signals: Ma
     """The wanted channels after every active `measure` hook, in the catalogue's order.
 
     signals: the channels as they are (samples,); a hook is given its channel's rate of change, as the hooks before it
-    have left that rate (by differences where no channel holds it).
+    have left that rate (by differences where no channel holds it). Hooks that ask for the true signal add to what reaches
+    the sensor, so they come before those that only alter what it gives.
     """
     active = [(catalogue[name], values) for name, values in active_effects(model, catalogue).items()
               if "measure" in catalogue[name].hooks]
     if not active:
         return {name: np.array(signals[name]) for name in channels}
+    active.sort(key=lambda pair: "true_signal" not in inspect.signature(pair[0].hooks["measure"]).parameters)
     measured = _with_rates(channels, signals)
+    true = dict(measured)
     time = sampling.start + np.arange(sampling.count) / sampling.rate
     for effect, values in active:
         hook = effect.hooks["measure"]
@@ -50,7 +53,8 @@ def measured_channels(model: Model, catalogue: Mapping[str, Effect], signals: Ma
         for quantity, signal in before.items():
             if quantity == "spindle_angle":
                 continue
-            offers = {"signal": signal, "sampling_rate": sampling.rate, "quantity": quantity, "time": time, **values}
+            offers = {"signal": signal, "true_signal": true[quantity], "sampling_rate": sampling.rate,
+                      "quantity": quantity, "time": time, **values}
             if "rate" in wanted:
                 rate = before.get(_RATE_OF.get(quantity, ""))
                 offers["rate"] = _differences(signal, sampling.rate) if rate is None else rate

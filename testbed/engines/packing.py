@@ -53,6 +53,8 @@ def active_effects(model: Model, catalogue: Mapping[str, Effect]) -> dict[str, M
             raise KeyError(f"effect {name} lacks {', '.join(missing)}")
         if not catalogue[name].is_neutral(values):
             active[name] = values
+    if len(active) < 2:
+        return active
     for hook, what in HOOKS.items():
         rivals = [name for name in active if what.joins == "replace" and hook in catalogue[name].hooks]
         if len(rivals) > 1:
@@ -157,6 +159,48 @@ def _settings(cut: Cut, steps: list[int], teeth: list[int], motion: Motion, stea
     return integers
 
 
+@dataclass(frozen=True)
+class _OfModel:
+    """What `pack` makes of the model alone, whatever the cut."""
+
+    model: Model
+    effects: Mapping[str, Effect]
+    layout: Layout
+    active: Mapping[str, Mapping[str, float]]
+    cutter: Cutter
+    cutting: Cutting
+    A: np.ndarray
+    P: np.ndarray
+    motion: Motion
+    steady: bool
+    base: bool
+
+
+_last: _OfModel | None = None  # the runs of a sweep mostly share one model
+
+
+def _of_model(model: Model, catalogue: Mapping[str, Effect]) -> _OfModel:
+    global _last
+    known = _last
+    if known is not None and known.model is model and known.layout is _layout(catalogue) \
+            and all(catalogue.get(name) is effect for name, effect in known.effects.items()):
+        return known
+    layout = _layout(catalogue)
+    active = active_effects(model, catalogue)
+    cutter, cutting = true_geometry(model, catalogue) if active else (model.cutter or Cutter(), model.cutting or Cutting())
+    A, P = np.zeros(max(1, len(catalogue))), np.zeros(max(1, len(layout.parameter)))
+    for name, values in active.items():
+        A[layout.flag[name]] = 1.0
+        for parameter in catalogue[name].parameters:
+            P[layout.parameter[name, parameter.name]] = values[parameter.name]
+    A.flags.writeable = P.flags.writeable = False
+    _last = _OfModel(model, {name: catalogue[name] for name in model.effects}, layout, active, cutter, cutting, A, P,
+                     motion_of(model.structure, active, catalogue, layout),
+                     not any("speed" in catalogue[name].hooks for name in active),
+                     not any(_touches_loop(catalogue[name]) for name in active))
+    return _last
+
+
 def pack(
     model: Model,
     cut: Cut,
@@ -169,20 +213,13 @@ def pack(
 
     stiffening: the highest frequency of the structure in this motion over its natural one, for the choice of steps.
     """
-    layout = _layout(catalogue)
-    active = active_effects(model, catalogue)
-    cutter, cutting = true_geometry(model, catalogue) if active else (model.cutter or Cutter(), model.cutting or Cutting())
+    of = _of_model(model, catalogue)
+    layout, active, cutter, cutting = of.layout, of.active, of.cutter, of.cutting
     structure, depth = model.structure, cut.axial_depth_of_cut
-    A, P = np.zeros(max(1, len(catalogue))), np.zeros(max(1, len(layout.parameter)))
-    for name, values in active.items():
-        A[layout.flag[name]] = 1.0
-        for parameter in catalogue[name].parameters:
-            P[layout.parameter[name, parameter.name]] = values[parameter.name]
     lag = 2.0 * depth * abs(math.tan(cutter.helix_angle)) / cutter.diameter
     slices = axial_points(min(lag, cutting.engagement_angle), any("chip" in catalogue[name].hooks for name in active))
     corners, teeth = corners_of_pitch(cutter, cutting, lag)
-    steady = not any("speed" in catalogue[name].hooks for name in active)
-    motion = motion_of(structure, active, catalogue, layout)
+    steady, motion = of.steady, of.motion
     if stiffening > 1.0:
         carried, integrated = motion.rates
         # squared: the frequency grows, and so does the share of the force that is integrated and not carried exactly
@@ -197,6 +234,6 @@ def pack(
     Y[:2] = cut.initial_displacement, cut.initial_velocity
     O = np.zeros((layout.oscillators, 3))  # noqa: E741
     O[: len(motion.oscillators)] = motion.oscillators
-    base = not measured_clock and not any(_touches_loop(catalogue[name]) for name in active)
-    return Packed(A, P, _geometry(cutter, cutting, structure, cut, slices, lag, corners),
-                  _settings(cut, counts, teeth, motion, steady, len(layout.state)), O, Y, base, crossing)  # fmt: skip
+    return Packed(of.A, of.P, _geometry(cutter, cutting, structure, cut, slices, lag, corners),
+                  _settings(cut, counts, teeth, motion, steady, len(layout.state)), O, Y,
+                  of.base and not measured_clock, crossing)  # fmt: skip

@@ -5,13 +5,20 @@ What makes a channel useless raises InputProblem; what a user should know is ret
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from testbed.problem import InputProblem
+from testbed.recording import Recording
 
 _FEW_LEVELS = 16
+_MANY_JUMPS = 8
+_FEWEST = 32  # samples of a record; fewer tell nothing
+# beyond these a slip of the unit is likelier than such a machine (SI)
+_DEEPEST, _FASTEST_FEED, _LARGEST_MOTION, _SLOWEST, _FASTEST = 0.05, 5e-3, 0.01, 0.5, 2e4
 
 
 def equal_lengths(path: Path, channels: dict[str, np.ndarray]) -> None:
@@ -46,6 +53,41 @@ def usable(path: Path, name: str, values: np.ndarray, rate: float, start: float)
         raise InputProblem(
             path, f"channel {name}: sample {place + 1} is {values[place]:.6g}", "the file is damaged: export it again"
         )
+
+
+def long_enough(path: Path, name: str, recording: Recording, speed: float | None) -> None:
+    """Raises InputProblem for a record of a few samples, or a cut (its stated spindle speed in rad/s) of less than one turn."""
+    if len(recording) < _FEWEST:
+        raise InputProblem(path, f"record '{name}' holds only {len(recording)} samples", "record longer, or check from/to")
+    if speed is None:
+        return
+    duration = len(recording) / recording.sampling_rate
+    turns = duration * speed / (2 * np.pi)
+    if turns < 1:
+        raise InputProblem(
+            path,
+            f"record '{name}' lasts {duration:.4g} s, {turns:.2g} revolutions at {speed * 30 / np.pi:.6g} rpm",
+            "record many revolutions, or correct sampling_rate or spindle_speed",
+        )
+
+
+def plausible_notes(recording: Recording, conditions: Mapping[str, Any], kind: str) -> list[str]:
+    """Notes on conditions (SI) and motions so far from any machine's that a unit is likely to be wrong."""
+    notes = []
+    depth, speed = conditions.get("axial_depth_of_cut"), conditions.get("spindle_speed")
+    feed = conditions.get("feed_per_tooth", conditions.get("feed_per_revolution"))
+    if depth is not None and depth > _DEEPEST:
+        notes.append(f"depth of cut {depth * 1e3:.6g} mm: is the unit right?")
+    if depth == 0 and kind == "cut":
+        notes.append("depth of cut 0: nothing is cut; for idling give `kind: idle`")
+    if feed is not None and feed > _FASTEST_FEED:
+        notes.append(f"feed {feed * 1e3:.6g} mm: is the unit right?")
+    if speed is not None and not _SLOWEST < speed < _FASTEST:
+        notes.append(f"spindle speed {speed * 30 / np.pi:.6g} rpm: is the unit right?")
+    for name, values in recording.channels.items():
+        if name.startswith("displacement") and recording.units[name] == "m" and np.ptp(values) > _LARGEST_MOTION:
+            notes.append(f"channel {name} moves by {np.ptp(values) * 1e3:.3g} mm: is the unit right?")
+    return notes
 
 
 def clipped(values: np.ndarray, full_scale: float | None = None) -> int:
@@ -103,6 +145,28 @@ def spikes(values: np.ndarray) -> list[int]:
     return found
 
 
+def jumps(values: np.ndarray) -> list[int]:
+    """Samples at which the signal jumps to, alone among small steps: a hole, a doubled or a foreign piece of the file.
+
+    Quiet before or behind for four steps and small on the other side, so that blows, teeth that enter and loud noise are
+    none; where there are many, the signal is one that jumps.
+    """
+    steps = np.abs(np.diff(values))
+    moving = steps[steps > 0]
+    if len(steps) < 32 or not len(moving):
+        return []
+    usual = max(float(np.median(steps)), 2 * float(moving.min()), 1e-3 * float(np.ptp(values)))
+    found = []
+    for place in np.flatnonzero(steps > 12 * usual):
+        before, after = (steps[max(place - 4, 0) : place] * 6 < steps[place], steps[place + 1 : place + 5] * 6 < steps[place])
+        quiet = (before.size == 4 and before.all()) or (after.size == 4 and after.all())
+        if not (quiet and before[-1:].all() and after[:1].all()):
+            continue
+        if steps[place] > 12 * np.median(steps[max(place - 100, 0) : place + 100]):  # the record's loud part has its own usual
+            found.append(int(place) + 1)
+    return found if len(found) <= _MANY_JUMPS else []
+
+
 def stuck_stretch(values: np.ndarray) -> tuple[int, int] | None:
     """(first sample, length) of the longest run of equal samples, where the signal's resolution does not explain it."""
     places = np.flatnonzero(np.diff(values) != 0)
@@ -133,6 +197,13 @@ def channel_notes(name: str, values: np.ndarray, full_scale: float | None = None
         notes.append(
             f"channel {name}: {len(lone)} lone spike{'s' * (len(lone) > 1)}, the first is sample {lone[0] + 1} "
             f"({values[lone[0]]:.6g})"
+        )
+    off = jumps(values) if not name.startswith("spindle_angle") else []
+    if off:
+        notes.append(
+            f"channel {name}: jumps at sample {off[0] + 1} ({values[off[0] - 1]:.6g} to {values[off[0]]:.6g})"
+            + (f" and {len(off) - 1} more" if len(off) > 1 else "")
+            + ": are samples missing or foreign there?"
         )
     frozen = stuck_stretch(values)
     if frozen and not stuck:

@@ -4,7 +4,7 @@
 
 t counts from the start of the record's simulation.
 Source: elementary kinematics of a vibrating sensor mount; C. M. Harris and A. G. Piersol (2002), Shock and Vibration
-Handbook, 5th ed., McGraw-Hill, chapter 15 (a relative displacement is read against the mount's own motion).
+Handbook, 5th ed., McGraw-Hill (a relative displacement is read against the mount's own motion).
 
 Valid where the line (a pump, a neighbouring machine, the mains) comes in through the sensor's mount and is too small to
 move the tooth against the workpiece. A sensor with a lag of its own lags this line too. Force channels are left alone.
@@ -30,7 +30,7 @@ EFFECT = Effect(
                   each_record=True),
     ),
     law="x_read = x + a sin(2 pi f t + phi)",
-    source="Harris and Piersol (2002), Shock and Vibration Handbook, 5th ed., chapter 15",
+    source="Harris and Piersol (2002), Shock and Vibration Handbook, 5th ed.",
     validity="a steady line that enters through the sensor's mount and leaves the cut alone",
     leaves="a line of constant amplitude through idling, cutting and ring-down alike",
     confused_with=(

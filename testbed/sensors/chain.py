@@ -48,12 +48,24 @@ class ChannelSensor:
         """The value of one count, or None where there is no converter."""
         return 2.0 * self.full_scale / 2**self.bits if self.bits else None
 
-    def apply(self, signal: np.ndarray, time: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """The measured samples, shape (samples,), of a true signal; a NaN (after a run diverged) stays one."""
-        measured = signal + self.offset + self.drift * time
+    @property
+    def chance(self) -> bool:
+        """Whether random numbers are drawn."""
+        return bool(self.noise) or self.recipe is not None
+
+    def apply(self, signal: np.ndarray, time: np.ndarray, rng: np.random.Generator | None) -> np.ndarray:
+        """The measured samples, shape (samples,), of a true signal; a NaN (after a run diverged) stays one.
+
+        time: read where there is a drift or a recipe. rng: needed where there is `chance`.
+        """
+        measured = signal + self.offset
+        if self.drift:
+            measured = measured + self.drift * time
         if self.noise:
+            assert rng is not None
             measured = measured + self.noise * rng.standard_normal(len(signal))
         if self.recipe is not None and len(signal) > 1:
+            assert rng is not None
             measured = self.recipe.disturbed(measured, 1.0 / (time[1] - time[0]), rng)
         if self.step is None:
             return measured
@@ -83,16 +95,24 @@ class SensorChain:
     def __reduce__(self):  # mapping proxies do not pickle
         return (SensorChain, (dict(self.channels), self.mark_angle, self.mark_jitter))
 
-    def apply(self, recording: Recording, rng: np.random.Generator) -> Recording:
+    @property
+    def chance(self) -> bool:
+        """Whether random numbers are drawn."""
+        return bool(self.mark_jitter) or any(sensor.chance for sensor in self.channels.values())
+
+    def apply(self, recording: Recording, rng: np.random.Generator | None) -> Recording:
         """What these sensors make of a predicted recording: the channels they see, origin "synthetic".
 
-        Raises KeyError where the recording lacks a channel. The same generator state gives the same samples.
+        Raises KeyError where the recording lacks a channel. The same generator state gives the same samples; rng may be
+        None where there is no `chance`.
         """
-        time = recording.time - recording.start
+        timed = any(sensor.drift or sensor.recipe is not None for sensor in self.channels.values())
+        time = recording.time - recording.start if timed else np.empty(0)
         measured = {name: sensor.apply(np.asarray(recording.channels[name], float), time, rng)
                     for name, sensor in self.channels.items()}
         marks = shifted_marks(recording.marks, self.mark_angle)
         if self.mark_jitter:
+            assert rng is not None
             marks = marks + self.mark_jitter * rng.standard_normal(len(marks))
         return replace(recording, channels=measured, units={name: recording.units[name] for name in measured},
                        origin="synthetic", marks=marks)

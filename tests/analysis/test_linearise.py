@@ -77,6 +77,7 @@ def test_helix_against_the_integral_over_the_edge():
 
 
 SECOND = {"mass_ratio": 0.5, "frequency": 480.0, "damping_ratio": 0.01, "participation": 0.6}
+THIRD = {"mass_ratio": 0.3, "frequency": 790.0, "damping_ratio": 0.015, "participation": -0.8}
 
 
 @pytest.mark.parametrize(("model", "condition", "tolerance"), [
@@ -85,9 +86,10 @@ SECOND = {"mass_ratio": 0.5, "frequency": 480.0, "damping_ratio": 0.01, "partici
     (replace(MODEL, cutter=Cutter(3), cutting=replace(MODEL.cutting, immersion=0.4)), cut(3700, 0.5), 1e-7),
     (replace(MODEL, cutter=Cutter(helix_angle=math.radians(30))), cut(3700, 2.0), 1e-7),
     (MODEL.with_effect("second_mode", **SECOND), cut(3810, 2.9), 1e-6),
+    (MODEL.with_effect("second_mode", **SECOND).with_effect("third_mode", **THIRD), cut(3810, 2.9), 1e-6),
     (MODEL.with_effect("process_damping", **catalogue()["process_damping"].example()), cut(3050, 2.7), 1e-6),
     (MODEL.with_effect("immersion_error", **catalogue()["immersion_error"].example()), cut(3810, 2.9), 1e-6),
-], ids=["base", "down-milling", "three flutes", "helix", "second mode", "process damping", "immersion"])
+], ids=["base", "down-milling", "three flutes", "helix", "second mode", "three modes", "process damping", "immersion"])
 def test_agrees_with_simulated_growth(model, condition, tolerance):
     values = simulated(model, condition, 1, skip=6, count=30, push=1e-6, steps=200)
     assert_found(values, multipliers(model, condition)[:2], tolerance)

@@ -3,6 +3,7 @@
 import math
 
 import independent_simulator
+import located_contact
 import numpy as np
 import pytest
 from direct import KN, KT, MODEL, WINDOW, cut, engine, error, forces, integrate, rigid
@@ -41,6 +42,28 @@ def test_matches_the_independent_simulator_in_grown_chatter(rpm, depth):
     linear = fast.simulate(MODEL, course, sampling, steps=600).channels["displacement"]
     assert np.abs(ours - theirs).max() < 2e-4 * np.abs(theirs).max()
     assert np.abs(linear - theirs).max() > 0.05 * np.abs(theirs).max()
+
+
+def test_what_costs_the_order_is_the_kink_in_the_surface_that_is_left():
+    """Fourth order where loss, return and the surface's kinks are all in their place; second where only the first two are.
+
+    The engines keep the surface at their grid's points, so they cannot do better than the second, and do no worse.
+    """
+    course = cut(3635.0, 2.0e-3, passes=12, initial_displacement=1e-4)
+    exact = np.array(located_contact.simulate(course, 480))
+    peak = np.abs(exact).max()
+
+    def order(errors):
+        return math.log(errors[0] / errors[1], 8.0)
+
+    kept, lost, ours = ([], [], [])
+    for steps in (20, 160):
+        kept.append(np.abs(np.array(located_contact.simulate(course, steps)) - exact).max() / peak)
+        lost.append(np.abs(np.array(located_contact.simulate(course, steps, located=False)) - exact).max() / peak)
+        ours.append(np.abs(engine(BOUNDED, course, steps)[:, 0] - exact).max() / peak)
+    assert order(kept) > 3.7 and kept[1] < 2e-8
+    assert 1.5 < order(lost) < 2.7 and lost[1] > 50 * kept[1]
+    assert 1.5 < order(ours) < 2.7 and ours[1] < 3e-5
 
 
 def test_a_tooth_behind_a_longer_one_cuts_nothing_and_the_other_takes_both_chips():

@@ -1,8 +1,9 @@
 """How fast transients are simulated and stored: 60 periods, base model, 12.8 kHz float32, two workers.
 
-Each measurement is a process of its own, so that its peak memory is its own. TESTBED_RUNS sets the size of the largest
-sweep (100,000 unless it is set): on a busy machine a smaller one tells as much, since the cost of a run does not depend
-on how many there are.
+Each measurement is a process of its own whose workers are threads, so that its peak memory is that of all workers
+together. TESTBED_RUNS sets the size of the largest sweeps (100,000 unless it is set), TESTBED_FOLDER where they are
+written. On a machine that others use too, the clock on the wall tells of them: the rate is then judged by processor time,
+which all that the sweep does is counted in, and the rate by the clock is told with the load beside it.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -21,7 +23,8 @@ from tests.validation.claims import Claim, Section
 LARGEST = int(os.environ.get("TESTBED_RUNS", "100000"))
 SIZES = sorted({min(size, LARGEST) for size in (1_000, 10_000, LARGEST)})
 WORKERS = 2
-TARGETS = {"none": 3000.0, "zstd": 3000.0, "gzip": 1000.0}
+TARGETS = {"none": 3000.0, "gzip": 1000.0}
+BUSY = 0.5  # load at the beginning from which on a machine counts as shared
 SCENARIO = """name: throughput
 seed: 1
 model:
@@ -45,21 +48,28 @@ def scenario(runs: int):
 
 
 class Stopwatch:
-    """Seconds of processor time that a thread spends inside functions of one kind, summed over threads."""
+    """Seconds of processor time that a thread spends inside functions of one kind, summed over threads.
+
+    A watched function that another one calls is not counted twice.
+    """
 
     def __init__(self) -> None:
         self.seconds = 0.0
+        self.inside = threading.local()
 
     def watch(self, owner: object, name: str) -> None:
         """Count the time in a function from now on."""
         function = getattr(owner, name)
 
         def timed(*arguments, **options):
-            begin = time.thread_time()
+            if getattr(self.inside, "now", False):
+                return function(*arguments, **options)
+            self.inside.now, begin = True, time.thread_time()
             try:
                 return function(*arguments, **options)
             finally:
                 self.seconds += time.thread_time() - begin
+                self.inside.now = False
 
         setattr(owner, name, timed)
 
@@ -70,6 +80,7 @@ def measure(runs: int, compression: Compression, shards: bool, folder: str) -> d
 
     import h5py
 
+    import testbed.chunk_writer
     import testbed.consolidate
     import testbed.store
     from testbed import sweep
@@ -77,14 +88,13 @@ def measure(runs: int, compression: Compression, shards: bool, folder: str) -> d
 
     sweep.run(scenario(20), simulate, Path(folder) / "warm.h5", workers=WORKERS)  # compiled and imported
     hdf5, hashes = Stopwatch(), Stopwatch()
-    for owner, name in ((h5py.Dataset, "__setitem__"), (h5py.Dataset, "__getitem__"), (h5py.Group, "create_dataset"),
-                        (h5py.File, "close"), (h5py.AttributeManager, "__setitem__"), (h5py.h5d.DatasetID, "get_chunk_info")):
-        try:
+    for owner, names in ((h5py.Dataset, ("__setitem__", "__getitem__", "make_scale")), (h5py.AttributeManager, (
+            "__setitem__", "__getitem__", "__iter__")), (h5py.Group, ("create_dataset", "__getitem__", "visit")), (h5py.File, (
+            "__init__", "close")), (testbed.chunk_writer.ChannelWriter, ("_hand_over",)), (testbed.store, ("_image",))):
+        for name in names:
             hdf5.watch(owner, name)
-        except TypeError:  # a type in C keeps its functions
-            continue
-    for module in (testbed.store, testbed.consolidate):
-        hashes.watch(module, "seal")
+    for module, name in ((testbed.store, "write_sealed"), (testbed.consolidate, "seal"), (testbed.consolidate, "state")):
+        hashes.watch(module, name)
     target = Path(folder) / ("shards" if shards else "data.h5")
     begin, processor = time.perf_counter(), time.process_time()
     sweep.run(scenario(runs), simulate, target, workers=WORKERS, compression=compression, keep_shards=shards)
@@ -110,8 +120,7 @@ def check() -> Section:
     growth = {size: apart(size, "none") for size in SIZES}
     rows, claims = [], []
     middle = min(LARGEST, 10_000)
-    gzipped = min(LARGEST, 20_000)
-    others = {("zstd", True): apart(middle, "zstd"), ("gzip", True): apart(gzipped, "gzip"),
+    others = {("zstd", True): apart(middle, "zstd"), ("gzip", True): apart(LARGEST, "gzip"),
               ("none", False): apart(middle, "none", shards=False), ("gzip", False): apart(middle, "gzip", shards=False)}
     for (compression, shards), found in [*((("none", True), one) for one in growth.values()), *others.items()]:
         rate = found["runs"] / found["seconds"]
@@ -120,11 +129,15 @@ def check() -> Section:
                      f"{found['seal'] / found['processor']:.0%}", f"{found['bytes'] / found['runs'] / 1e3:.1f}",
                      f"{found['peak'] / 2**20:.0f}"))
     note = f"load {load:.1f} on {os.cpu_count()} cores when it began"
+    alone = load < BUSY
     for compression, found in (("none", growth[SIZES[-1]]), ("gzip", others["gzip", True])):
-        rate = found["runs"] / found["seconds"]
         target = TARGETS[compression]
-        claims.append(Claim(f"transients simulated and stored, {compression}, {found['runs']:.0f} runs",
-                            f">= {target:,.0f} a second", f"{rate:,.0f} a second", rate >= target, note))
+        what = f"transients simulated and stored, {compression}, {found['runs']:.0f} runs"
+        for clock, rate, judged in (("by the clock", found["runs"] / found["seconds"], alone),
+                                    (f"{WORKERS} processors' time", WORKERS * found["runs"] / found["processor"], True)):
+            claims.append(Claim(f"{what}, {clock}", f">= {target:,.0f} a second", f"{rate:,.0f} a second",
+                                rate >= target if judged else None,
+                                note if judged else f"{note}: others were at work"))
     first, last = growth[SIZES[0]], growth[SIZES[-1]]
     ratio = last["processor"] / last["runs"] / (first["processor"] / first["runs"])
     claims.append(Claim(f"processor time of a run, {SIZES[-1]} runs against {SIZES[0]}", "at most 1.2 times",
@@ -132,9 +145,9 @@ def check() -> Section:
     more = (last["peak"] - growth[SIZES[-2]]["peak"]) / 2**20 if len(SIZES) > 1 else 0.0
     claims.append(Claim(f"peak memory, {SIZES[-1]} runs against {SIZES[-2 if len(SIZES) > 1 else -1]}", "at most 150 MB more",
                         f"{more:.0f} MB more", more <= 150.0, f"peak {last['peak'] / 2**20:.0f} MB"))
-    million = 1e6 / (last["runs"] / last["seconds"])
+    hours = last["processor"] / last["runs"] * 1e6 / 3600
     size = last["bytes"] / last["runs"] * 1e6 / 1e9
-    title = f"Each sweep (a million runs would take {million / 60:.0f} min and {size:.0f} GB)"
-    header = ("runs", "packed", "stored as", "runs a second", "processor us a run", "in HDF5", "in seals", "kB a run",
-              "peak MB")
+    title = f"Each sweep (a million runs: {hours:.2f} hours of one processor, {size:.0f} GB, not packed)"
+    header = ("runs", "packed", "stored as", "runs a second", "processor us a run", "in HDF5",
+              "in writing and seals", "kB a run", "peak MB")
     return Section("Sweeps, simulated and stored", tuple(claims), ((title, header, tuple(rows)),))

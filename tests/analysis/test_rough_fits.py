@@ -1,0 +1,58 @@
+"""Fits of models that are rough: teeth that change places, and records weighed by what is left of them."""
+
+import math
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from campaign_files import BELIEVED
+from synthetic_campaign import synthetic_campaign
+
+from analysis.diagnose import ROUGH, _by_noise, _candidate, _weighed
+from analysis.held_out import pooled
+from analysis.observed import Nuisances, observe
+from analysis.starts import base_fit
+from analysis.waveform import _other_teeth
+from testbed.effect import catalogue
+from testbed.engines import fast, predict
+from testbed.machine import Cutter, Cutting, Model, Structure
+
+TRUE = Model(Structure(2.573, 146.42, 0.0032), Cutter(), Cutting())
+PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
+                        predict_driven=partial(predict.predict_driven, catalogue=catalogue()))
+
+
+@pytest.mark.parametrize("flutes", (2, 3, 4))
+def test_teeth_may_change_places_again_and_again(flutes):
+    own = Nuisances(entry=20, exit=80, angle=0.3)
+    begin = own.angle + 2 * math.pi * own.entry / flutes
+    for _ in range(50):
+        own = _other_teeth(own, flutes)[0]
+        assert -2 * math.pi < own.angle <= 2 * math.pi  # a simulation that starts turns earlier would end turns too early
+        assert own.angle + 2 * math.pi * own.entry / flutes == pytest.approx(begin)
+        assert own.exit - own.entry == 60
+
+
+def test_a_rough_model_is_fitted_to_all_records_alike():
+    true = TRUE.with_effect("cubic_stiffness", coefficient=2e14)
+    records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=6, noise=3e-7,
+                                 tests=((3500, 0.8), (2600, 1.5), (3900, 2.2)))
+    fitter, fit = base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
+    by_noise = _candidate(fitter, fit, (), None, 1.0)
+    error, noise = pooled(by_noise.errors)
+    assert error > ROUGH * noise
+    weighed = _weighed(by_noise)
+    assert all((one.weight > 3 * one.noise).all() for one in weighed.fitter.records)
+    assert pooled(weighed.errors)[1] == pytest.approx(noise)  # the noise floor is the noise's, whatever the weights
+
+    def relative(one):
+        return [np.std(rest * record.scale[0]) / record.data.std()
+                for record, rest in zip(one.fitter.records, one.fit.residuals, strict=True)]
+
+    assert max(relative(weighed)) < 0.95 * max(relative(by_noise))  # no record is given up for the sake of another
+    back = _by_noise(weighed)
+    assert all(one.weight is None for one in back.fitter.records)
+    assert back.fit.state == weighed.fit.state
+    assert back.fit.cost > weighed.fit.cost
+    assert _by_noise(by_noise) is by_noise

@@ -1,0 +1,144 @@
+"""What a newcomer gets wrong: each mistake ends in one clear line and exit code 2, or in the right numbers with a note."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbed.campaign import load_campaign
+from testbed.cli import main
+
+RATE = 12800
+HEAD = (
+    "name: rig\nsampling_rate: 12800 Hz\nchannels:\n  displacement: {column: x, unit: um}\n"
+    "  tachometer: {column: tach, unit: V}\nrecords:\n"
+)
+CUT = "  - {file: cut.csv, kind: cut, spindle_speed: 3810 rpm, depth_of_cut: 2.9 mm, feed: 0.1 mm/tooth}\n"
+MODEL = (
+    "structure: {mass: 2.573 kg, natural_frequency: 147.5 Hz, damping_ratio: 0.005}\n"
+    "cutter: {flutes: 1, diameter: 19.05 mm, helix_angle: 0 deg}\n"
+    "cutting:\n  direction: up-milling\n  immersion: 0.162\n"
+    "  tangential_coefficient: 600 N/mm^2\n  normal_coefficient: 180 N/mm^2\n"
+)
+
+
+def rows(count: int = 6400) -> list[str]:
+    """Displacement (um) and a tachometer (V) that pulses once a turn, as lines of text."""
+    time, turning = np.arange(count) / RATE, 3810 / 60
+    noise = np.random.default_rng(1).standard_normal(count)
+    x = 20 * np.sin(2 * np.pi * 147 * time) + noise
+    return [f"{one:.3f},{5 if tach else 0}" for one, tach in zip(x, (turning * time) % 1 < 0.1, strict=True)]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cut.csv").write_text("\n".join(["x,tach", *rows()]) + "\n")
+    (tmp_path / "campaign.yaml").write_text(HEAD + CUT)
+    (tmp_path / "model.yaml").write_text(MODEL)
+    return tmp_path
+
+
+def cut_to(count: int) -> tuple[str, str]:
+    return "cut.csv", "\n".join(["x,tach", *rows(count)]) + "\n"
+
+
+def changed(old: str, new: str) -> tuple[str, str]:
+    assert old in HEAD + CUT
+    return "campaign.yaml", (HEAD + CUT).replace(old, new)
+
+
+def with_row(row: str) -> tuple[str, str]:
+    return "cut.csv", "\n".join(["x,tach", *rows()[:5000], row, *rows()[5001:]]) + "\n"
+
+
+MISTAKES = {
+    "misspelt key": (changed("spindle_speed", "spindlespeed"), "did you mean spindle_speed"),
+    "missing column": (changed("column: x", "column: y"), "the file has 'x', 'tach'"),
+    "unknown unit": (changed("unit: um", "unit: furlong"), "unknown unit 'furlong'"),
+    "unit of another kind": (changed("unit: um", "unit: N"), "cannot be in N"),
+    "no unit": (changed(", unit: um", ""), "no unit"),
+    "feed without unit": (changed("0.1 mm/tooth", "0.1"), "is no feed"),
+    "wrong delimiter": (changed("kind: cut", "kind: cut, delimiter: ';'"), "give `delimiter`"),
+    "no sampling rate": (changed("sampling_rate: 12800 Hz\n", ""), "no sampling rate"),
+    "no records": (("campaign.yaml", HEAD.replace("records:", "records: []")), "records: is empty: name at least one"),
+    "a tab": (changed("  displacement", "\tdisplacement"), "spaces instead of tabs"),
+    "a folder for a file": (changed("file: cut.csv", "file: ."), "is a folder"),
+    "a file that is not there": (changed("file: cut.csv", "file: cat.csv"), "did you mean cut.csv"),
+    "NaN": (with_row("nan,0"), "sample 5001"),
+    "an empty field": (with_row(",0"), "sample 5001"),
+    "a word": (with_row("OVL,0"), "cut.csv:5002"),
+    "an empty file": (("cut.csv", ""), "the file is empty"),
+    "a header alone": (("cut.csv", "x,tach\n"), "no table of numbers"),
+    "a workbook": (("cut.csv", "PK\x03\x04" + "\x00" * 200), "not a text table"),
+    "less than a revolution": (cut_to(150), "0.74 revolutions at 3810 rpm"),
+    "next to nothing": (cut_to(9), "holds only 9 samples"),
+    "time that runs back": (
+        ("cut.csv", "\n".join(["t [s],x,tach", *(f"{(place if place < 3000 else place - 900) / RATE:.7f},{row}"
+                                                   for place, row in enumerate(rows()))])), "runs back at row 3001"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+@pytest.mark.parametrize("command", [("inspect", "campaign.yaml"), ("compare", "campaign.yaml", "-m", "model.yaml")])
+def test_a_mistake_is_one_line_and_exit_2(
+    name: str, command: tuple[str, ...], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (file, text), said = MISTAKES[name]
+    (folder / file).write_text(text)
+    with pytest.raises(SystemExit) as stop:
+        main([*command, "--quiet"])
+    out, err = capsys.readouterr()
+    assert stop.value.code == 2 and out == ""
+    assert err.startswith("error: ") and err.count("\n") == 1 and said in err
+
+
+WRITTEN = {
+    "semicolon and decimal comma": lambda text: text.replace(",", ";").replace(".", ","),
+    "byte-order mark": lambda text: "\ufeff" + text,
+    "windows line ends": lambda text: text.replace("\n", "\r\n"),
+    "tabs": lambda text: text.replace(",", "\t"),
+}
+
+
+@pytest.mark.parametrize("way", WRITTEN)
+def test_another_way_of_writing_gives_the_same_numbers(way: str, folder: Path) -> None:
+    plain = load_campaign("campaign.yaml").records[0].recording
+    text = (folder / "cut.csv").read_text()
+    (folder / "cut.csv").write_text(WRITTEN[way](text), encoding="utf-8", newline="")
+    other = load_campaign("campaign.yaml").records[0].recording
+    assert np.array_equal(plain.channels["displacement"], other.channels["displacement"])
+    assert np.array_equal(plain.marks, other.marks) and len(plain.marks) > 20
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("2.9 mm", "2.9 m", "depth of cut 2900 mm: is the unit right?"),
+        ("2.9 mm", "0 mm", "kind: idle"),
+        ("0.1 mm/tooth", "0.1 m/tooth", "feed 100 mm: is the unit right?"),
+        ("0.1 mm/tooth", "387 m/min", "is the unit right?"),
+        ("3810 rpm", "3810 rev/s", "spindle speed 228600 rpm: is the unit right?"),
+        ("3810 rpm", "1000 rpm", "found 3810"),
+        ("unit: um", "unit: mm", "moves by"),
+        ("12800 Hz", "1280 Hz", "found 381"),
+    ],
+)
+def test_what_is_hardly_meant_is_noted(old: str, new: str, said: str, folder: Path) -> None:
+    assert load_campaign("campaign.yaml").notes == ()
+    (folder / "campaign.yaml").write_text((HEAD + CUT).replace(old, new))
+    assert any(said in note for note in load_campaign("campaign.yaml").notes)
+
+
+def test_a_feed_in_mm_a_minute_is_a_feed_a_tooth(folder: Path) -> None:
+    (folder / "campaign.yaml").write_text((HEAD + CUT).replace("0.1 mm/tooth", "381 mm/min"))
+    campaign = load_campaign("campaign.yaml")
+    assert campaign.records[0].cut(1).feed_per_tooth == pytest.approx(0.1e-3) and campaign.notes == ()
+
+
+def test_one_measurement_named_twice_is_noted(folder: Path) -> None:
+    (folder / "copy.csv").write_text((folder / "cut.csv").read_text())
+    (folder / "campaign.yaml").write_text(HEAD + CUT + CUT.replace("cut.csv", "copy.csv"))
+    assert any("copy: holds the same samples as record 'cut'" in note for note in load_campaign("campaign.yaml").notes)
