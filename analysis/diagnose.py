@@ -12,94 +12,25 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.candidate_round import GAIN, candidate_of, try_candidates
 from analysis.diagnosis import ADEQUATE, Candidate, Diagnosis, excess, verdict_of
-from analysis.effect_start import ANCHOR, Origin, all_free, applicable, far_step, first_step, origins_of
-from analysis.held_out import held_out_errors, pooled, record_error
+from analysis.effect_start import ANCHOR, all_free, origins_of
+from analysis.held_out import pooled
 from analysis.information import bic, effective_size
 from analysis.next_test import next_test
 from analysis.observed import Nuisances, Observed, Plant
 from analysis.starts import base_fit, polish
-from analysis.waveform import Fitter, WaveformFit
+from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
 
 LONG = 16384  # samples of an excited record that are searched
-LEADERS = 4  # candidates refitted in full
 MOST_EFFECTS = 3
 DELTA_BIC = 10.0
 CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
-HOPE = 0.2  # share of the gain the gate asks for that the first step of a candidate must bring to be refitted at all
 ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them
-MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far
-GAIN = 0.01  # share of the held-out excess over the noise that an effect must take away
-
-
-def _candidate(
-    fitter: Fitter, fit: WaveformFit, effects: tuple[str, ...], reference: WaveformFit | None, size: float
-) -> Candidate:
-    errors = held_out_errors(fitter, fit)
-    in_sample = [record_error(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
-    parameters = {path: fit.state.model.value(path) for path in fit.names if "." in path}
-    if fitter.shifting:  # every record has its own: the first one's is told
-        first = fit.state.nuisances[0].shifted(fit.state.model)
-        parameters |= {one.path: first.value(one.path) for one in fitter.shifting}
-    gain = 0.0 if reference is None else bic(reference, size) - bic(fit, size)
-    return Candidate(
-        effects, parameters, pooled(in_sample)[0], pooled(errors)[0], gain, fit.converged, fit, fitter, tuple(errors)
-    )
-
-
-def _round(
-    current: Candidate,
-    catalogue: Mapping[str, Effect],
-    origins: Sequence[Origin],
-    say: Callable[[str], None],
-) -> list[Candidate]:
-    """Candidates that extend the current set by one effect, best held-out error first."""
-    assert current.fit is not None and current.fitter is not None
-    ranked = []
-    for name, effect in catalogue.items():
-        present = {*current.effects, *current.fit.state.model.effects}
-        if name in present or not applicable(effect, current.fitter.records, present):
-            continue
-        say(f"trying {name}")
-        cost, state, fitter = first_step(current.fitter, effect, current.fit, origins)
-        ranked.append((cost, name, state, fitter))
-    floor = 0.5 * sum(one.samples * float(np.sum((one.noise / one.scale) ** 2)) for one in current.fitter.records)
-    found_much = min(entry[0] for entry in ranked) - floor < MUCH * (current.fit.cost - floor) if ranked else True
-    for place, (cost, name, _, _) in enumerate(ranked):
-        effect = catalogue[name]
-        if any(one.each_record for one in effect.parameters) or not effect.parameters:
-            continue
-        if not found_much or {"measure", "speed"} & set(effect.hooks):
-            say(f"trying {name} from far")
-            far, state, fitter = far_step(current.fitter, effect, current.fit)
-            if far < cost:
-                ranked[place] = (far, name, state, fitter)
-    ranked.sort(key=lambda entry: entry[0])
-    size = effective_size(current.fit)
-    hopeful = current.fit.cost - HOPE * GAIN * max(current.fit.cost - floor, 0.0)
-    found = []
-    complete = 0  # once a candidate explains everything, only a rival close to it can still matter
-    for place, (cost, name, state, fitter) in enumerate(ranked):
-        if place >= LEADERS or complete > 1 or cost > hopeful:
-            found.append(Candidate((*current.effects, name), {}, current.error_fit, current.error_held_out, 0.0, False))
-            continue
-        say(f"refitting with {name}")
-        fit = polish(fitter, state, rounds=3, iterations=40 if not complete else 10)
-        found.append(
-            _candidate(
-                fitter,
-                fit,
-                (*current.effects, name),
-                current.fit,
-                effective_size(fit) if fit.cost < 0.5 * current.fit.cost else size,
-            )
-        )
-        complete += int(complete > 0 or found[-1].error_held_out <= ADEQUATE * pooled(found[-1].errors)[1])
-    return sorted(found, key=lambda candidate: candidate.error_held_out)
 
 
 def _weighed(current: Candidate) -> Candidate:
@@ -118,7 +49,7 @@ def _weighed(current: Candidate) -> Candidate:
         weighed.append(replace(record, weight=np.hypot(record.noise, left) if rough else None))
     fitter = Fitter(current.fitter.plant, weighed, current.fitter.unknowns)
     fit = polish(fitter, current.fit.state, rounds=2, iterations=20)
-    return replace(_candidate(fitter, fit, current.effects, None, 1.0), delta_bic=current.delta_bic)
+    return replace(candidate_of(fitter, fit, current.effects, None, 1.0), delta_bic=current.delta_bic)
 
 
 def _by_noise(one: Candidate) -> Candidate:
@@ -141,7 +72,7 @@ def _nesting_guard(current: Candidate, tried: Sequence[Candidate]) -> Candidate:
         fit = current.fitter.fit(state, iterations=12)
         assert best.fit is not None
         if fit.cost < best.fit.cost * (1.0 - 1e-4):
-            best = _candidate(current.fitter, fit, current.effects, best.fit, effective_size(fit))
+            best = candidate_of(current.fitter, fit, current.effects, best.fit, effective_size(fit))
     return best
 
 
@@ -159,7 +90,7 @@ def _backward(current: Candidate, catalogue: Mapping[str, Effect], say: Callable
         size = effective_size(current.fit)
         if bic(fit, size) <= bic(current.fit, size) + DELTA_BIC:
             effects = tuple(other for other in current.effects if other != name)
-            current = replace(_candidate(fitter, fit, effects, current.fit, size), delta_bic=current.delta_bic)
+            current = replace(candidate_of(fitter, fit, effects, current.fit, size), delta_bic=current.delta_bic)
     return current
 
 
@@ -226,7 +157,7 @@ def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:
         for whole, part, seen in zip(records, step.fitter.records, step.fit.state.nuisances, strict=True)
     )
     fit = fitter.fit(replace(step.fit.state, nuisances=own), iterations=10)
-    return replace(_candidate(fitter, fit, step.effects, None, 1.0), delta_bic=step.delta_bic)
+    return replace(candidate_of(fitter, fit, step.effects, None, 1.0), delta_bic=step.delta_bic)
 
 
 def _search(
@@ -240,7 +171,7 @@ def _search(
     """The base fit and the rounds of candidates."""
     say("fitting the believed model")
     fitter, fit = base_fit(plant, records, model, free=all_free(records, model, catalogue) if model.effects else None)
-    base = _candidate(fitter, fit, (), None, 1.0)
+    base = candidate_of(fitter, fit, (), None, 1.0)
     noise = pooled(base.errors)[1]
     current, steps = base, [base]
     seen: list[Candidate] = []
@@ -252,7 +183,7 @@ def _search(
         assert current.fit is not None and current.fitter is not None
         anchored = not current.effects and current.error_held_out > ANCHOR * noise
         origins = origins_of(plant, model, current.fitter, current.fit, anchored)
-        last = _round(current, catalogue, origins, say)
+        last = try_candidates(current, catalogue, origins, say)
         refitted = _nesting_guard(current, last)
         if refitted is not current:
             current = refitted

@@ -147,10 +147,6 @@ def test_a_truth_that_was_changed_is_not_believed(tmp_path):
         _demo_loop.open_truth(sealed, None)
 
 
-def test_it_is_quick(demo):
-    assert 1 < demo[2]["seconds"] < 300
-
-
 def test_an_absent_hammer_test_is_said(monkeypatch, tmp_path):
     monkeypatch.setenv("TESTBED_MEASUREMENTS", str(tmp_path))
     assert _demo.tap_test_folder() is None

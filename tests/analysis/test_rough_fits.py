@@ -9,7 +9,8 @@ import pytest
 from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
-from analysis.diagnose import ROUGH, _by_noise, _candidate, _weighed
+from analysis.candidate_round import candidate_of
+from analysis.diagnose import ROUGH, _by_noise, _weighed
 from analysis.held_out import pooled
 from analysis.observed import Nuisances, observe
 from analysis.starts import base_fit
@@ -39,7 +40,7 @@ def test_a_rough_model_is_fitted_to_all_records_alike():
     records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=6, noise=3e-7,
                                  tests=((3500, 0.8), (2600, 1.5), (3900, 2.2)))
     fitter, fit = base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
-    by_noise = _candidate(fitter, fit, (), None, 1.0)
+    by_noise = candidate_of(fitter, fit, (), None, 1.0)
     error, noise = pooled(by_noise.errors)
     assert error > ROUGH * noise
     weighed = _weighed(by_noise)

@@ -1,0 +1,139 @@
+"""One round of a diagnosis: every effect that could be missing tried, the leaders fitted in full.
+
+A first Gauss-Newton step ranks them (a score test with a look at the true cost). The leader is refitted; where it does not
+explain everything and no first step led to much, all are tried once more from far outside; then the other leaders follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.diagnosis import ADEQUATE, Candidate
+from analysis.effect_start import Origin, applicable, far_step, first_step
+from analysis.held_out import held_out_errors, pooled, record_error
+from analysis.information import bic, effective_size
+from analysis.starts import polish
+from analysis.waveform import Fitter, State, WaveformFit
+from testbed.effect import Effect
+
+LEADERS = 4  # candidates refitted in full
+HOPE = 0.2  # share of the gain the gate asks for that the first step of a candidate must bring to be refitted at all
+GAIN = 0.01  # share of the held-out excess over the noise that an effect must take away
+MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far
+
+
+def candidate_of(
+    fitter: Fitter, fit: WaveformFit, effects: tuple[str, ...], reference: WaveformFit | None, size: float
+) -> Candidate:
+    """A set of effects as it was fitted: errors held out and in sample, parameters, and its gain in BIC over a reference."""
+    errors = held_out_errors(fitter, fit)
+    in_sample = [record_error(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
+    parameters = {path: fit.state.model.value(path) for path in fit.names if "." in path}
+    if fitter.shifting:  # every record has its own: the first one's is told
+        first = fit.state.nuisances[0].shifted(fit.state.model)
+        parameters |= {one.path: first.value(one.path) for one in fitter.shifting}
+    gain = 0.0 if reference is None else bic(reference, size) - bic(fit, size)
+    return Candidate(
+        effects, parameters, pooled(in_sample)[0], pooled(errors)[0], gain, fit.converged, fit, fitter, tuple(errors)
+    )
+
+
+@dataclass
+class _Entry:
+    """A candidate of a round: the cost after its first step, where that ended, and its full fit once there is one."""
+
+    cost: float
+    name: str
+    state: State
+    fitter: Fitter
+    fitted: Candidate | None = None
+
+
+def try_candidates(
+    current: Candidate,
+    catalogue: Mapping[str, Effect],
+    origins: Sequence[Origin],
+    say: Callable[[str], None],
+) -> list[Candidate]:
+    """Candidates that extend the current set by one effect, best held-out error first."""
+    assert current.fit is not None and current.fitter is not None
+    entries = _first_steps(current, catalogue, origins, say)
+    floor = 0.5 * sum(one.samples * float(np.sum((one.noise / one.scale) ** 2)) for one in current.fitter.records)
+    over = max(current.fit.cost - floor, 0.0)
+    hopeful = current.fit.cost - HOPE * GAIN * over
+    noise = pooled(current.errors)[1]
+    if entries and entries[0].cost <= hopeful:
+        leader = entries[0]
+        leader.fitted = _refitted(current, leader, say)
+        if leader.cost - floor > MUCH * over and leader.fitted.error_held_out > ADEQUATE * noise:
+            _try_from_far(current, entries, catalogue, say)
+    elif entries:
+        _try_from_far(current, entries, catalogue, say)
+    found = []
+    complete = 0  # once a candidate explains everything, only a rival close to it can still matter
+    for place, entry in enumerate(entries):
+        if entry.fitted is None and (place >= LEADERS or complete > 1 or entry.cost > hopeful):
+            effects = (*current.effects, entry.name)
+            found.append(Candidate(effects, {}, current.error_fit, current.error_held_out, 0.0, False))
+            continue
+        fitted = entry.fitted or _refitted(current, entry, say, iterations=40 if not complete else 10)
+        found.append(fitted)
+        complete += int(complete > 0 or fitted.error_held_out <= ADEQUATE * noise)
+    return sorted(found, key=lambda candidate: candidate.error_held_out)
+
+
+def _first_steps(
+    current: Candidate, catalogue: Mapping[str, Effect], origins: Sequence[Origin], say: Callable[[str], None]
+) -> list[_Entry]:
+    """Every effect the current set lacks after its first step, cheapest first."""
+    assert current.fit is not None and current.fitter is not None
+    entries = []
+    for name, effect in catalogue.items():
+        present = {*current.effects, *current.fit.state.model.effects}
+        if name in present or not applicable(effect, current.fitter.records, present):
+            continue
+        say(f"trying {name}")
+        entry = _Entry(*_named(name, first_step(current.fitter, effect, current.fit, origins)))
+        if {"measure", "speed"} & set(effect.hooks):
+            _from_far(current, entry, effect)
+        entries.append(entry)
+    entries.sort(key=lambda entry: entry.cost)
+    return entries
+
+
+def _named(name: str, found: tuple[float, State, Fitter]) -> tuple[float, str, State, Fitter]:
+    cost, state, fitter = found
+    return cost, name, state, fitter
+
+
+def _from_far(current: Candidate, entry: _Entry, effect: Effect) -> None:
+    """Put the entry where a fit from far outside ends, if that is better."""
+    assert current.fit is not None and current.fitter is not None
+    if any(one.each_record for one in effect.parameters) or not effect.parameters:
+        return
+    cost, state, fitter = far_step(current.fitter, effect, current.fit)
+    if cost < entry.cost:
+        entry.cost, entry.state, entry.fitter, entry.fitted = cost, state, fitter, None
+
+
+def _try_from_far(
+    current: Candidate, entries: list[_Entry], catalogue: Mapping[str, Effect], say: Callable[[str], None]
+) -> None:
+    """Every entry once more from far outside, where no first step led to much."""
+    for entry in entries:
+        if entry.fitted is None and not {"measure", "speed"} & set(catalogue[entry.name].hooks):
+            say(f"trying {entry.name} from far")
+            _from_far(current, entry, catalogue[entry.name])
+    entries.sort(key=lambda entry: entry.cost if entry.fitted is None or entry.fitted.fit is None else entry.fitted.fit.cost)
+
+
+def _refitted(current: Candidate, entry: _Entry, say: Callable[[str], None], iterations: int = 40) -> Candidate:
+    """The entry fitted in full."""
+    assert current.fit is not None
+    say(f"refitting with {entry.name}")
+    fit = polish(entry.fitter, entry.state, rounds=3, iterations=iterations)
+    size = effective_size(fit if fit.cost < 0.5 * current.fit.cost else current.fit)
+    return candidate_of(entry.fitter, fit, (*current.effects, entry.name), current.fit, size)
