@@ -160,6 +160,11 @@ def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:
     return replace(candidate_of(fitter, fit, step.effects, None, 1.0), delta_bic=step.delta_bic)
 
 
+def _told(one: Candidate) -> Candidate:
+    """A candidate as it is told: without the slopes of its fit, which fill much memory and serve its round alone."""
+    return one if one.fit is None else replace(one, fit=replace(one.fit, parts=()))
+
+
 def _search(
     plant: Plant,
     records: Sequence[Observed],
@@ -192,7 +197,7 @@ def _search(
             last = [_against(one, refitted) for one in last]
             if current.error_held_out <= ADEQUATE * noise:
                 break
-        seen += last
+        seen += map(_told, last)
         passing = [one for one in last if one.fit is not None and _passes(one, current, base, noise)]
         if not passing:
             break
@@ -207,7 +212,7 @@ def _search(
         current = _backward(first, catalogue, say)
         steps.append(current)
         if current is not first:
-            seen.append(current)
+            seen.append(_told(current))
     current = _weighed(current)
     steps = [*map(_by_noise, steps[:-1]), _by_noise(current)]
     seen.sort(key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))

@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, ConfigDict, Field
 
 from testbed.readers.source import Source, base_name
 from testbed.recording import CHANNEL_UNITS
-from testbed.units import UnitProblem, parse_quantity, spelled
+from testbed.units import UnitProblem, channel_unit, parse_quantity, spelled
 from testbed.yaml_text import Document, Strict, above_zero, at_least_zero, did_you_mean, quantity
 
 Kind = Literal["cut", "ring-down", "excited", "idle"]
@@ -125,13 +125,18 @@ class ManifestEntry(_Conditions):
 
 
 def check_channels(document: Document, manifest: ManifestEntry) -> None:
-    """Raises InputProblem at the first channel whose name is not known."""
+    """Raises InputProblem at the first channel whose name or unit is not known."""
     places: list[tuple[tuple[str | int, ...], Channels]] = [(("channels",), manifest.channels)]
     places += [(("records", index, "channels"), record.channels) for index, record in enumerate(manifest.records)]
     for path, channels in places:
         for name, entry in channels.items():
             if base_name(name) not in CHANNELS:
                 raise document.problem((*path, name), f"unknown channel '{name}'", did_you_mean(name, CHANNELS))
+            if isinstance(entry, ChannelEntry) and entry.unit is not None:
+                try:
+                    channel_unit(entry.unit)
+                except UnitProblem as problem:
+                    raise document.problem((*path, name, "unit"), problem.what, problem.do) from None
             if name != "tachometer" and isinstance(entry, ChannelEntry) and (entry.pulses_per_revolution or entry.edge):
                 raise document.problem(
                     (*path, name), f"'{name}' has pulses_per_revolution or edge", "these belong to the tachometer"

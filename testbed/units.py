@@ -43,7 +43,12 @@ _BRIDGES = {("Hz", "rad/s"): _TURN, ("rad/s", "Hz"): 1.0 / _TURN}
 _SI_OF = {unit: (si, factor) for si, units in TABLE.items() for unit, factor in units.items()}
 _SPELLINGS = str.maketrans({"µ": "u", "μ": "u", "²": "^2", "³": "^3", "·": " ", "*": " ", "°": "deg"})
 _WORDS = {"inch": "in", "RPM": "rpm", "r/min": "rpm", "degree": "deg", "degrees": "deg", "sec": "s", "volt": "V",
-          "micron": "um", "percent": "%", "": "1", "-": "1"}
+          "volts": "V", "micron": "um", "microns": "um", "micrometer": "um", "micrometers": "um", "micrometre": "um",
+          "micrometres": "um", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
+          "meter": "m", "metre": "m", "meters": "m", "metres": "m", "second": "s", "seconds": "s", "newton": "N",
+          "newtons": "N", "hertz": "Hz", "percent": "%", "": "1", "-": "1"}
+_UNCALIBRATED = ("counts", "count", "fs", "a.u.", "au", "arbitrary")
+_EXAMPLES = ("um", "mm", "m/s", "m/s^2", "g", "N", "V", "rad", "deg", "Hz", "rpm", "s")
 # an SI unit of an effect's parameter: products, one quotient, powers
 _SI_FACTOR = r"(?:1|m|kg|s|N|rad|Hz|Pa|J|W|V|A|K)(?:\^-?\d+(?:\.\d+)?)?"
 _SI_UNIT = re.compile(rf"{_SI_FACTOR}(?: {_SI_FACTOR})*(?:/(?:{_SI_FACTOR}|\({_SI_FACTOR}(?: {_SI_FACTOR})*\)))?")
@@ -88,13 +93,18 @@ def known_units(si: str | None = None) -> tuple[str, ...]:
 
 
 def unit_named(text: str) -> Unit:
-    """The unit of a text; UnitProblem, listing what is known, where the table does not hold it."""
+    """The unit of a text; UnitProblem, with examples of what is known, where the table does not hold it."""
     unit = spelled(text)
     if unit not in _SI_OF:
         close = nearest(unit, _SI_OF)
         hint = f"did you mean {close}? " if close else ""
-        raise UnitProblem(f"unknown unit '{text}'", f"{hint}known units: {', '.join(_SI_OF)}")
+        raise UnitProblem(f"unknown unit '{text}'", f"{hint}known are for example {', '.join(_EXAMPLES)}")
     return Unit(unit, *_SI_OF[unit])
+
+
+def channel_unit(text: str) -> Unit:
+    """The unit of a measured channel, which may also be said to be uncalibrated: counts, full scale, arbitrary units."""
+    return unit_named("1" if text.strip().lower() in _UNCALIBRATED else text)
 
 
 def is_si_unit(text: str) -> bool:

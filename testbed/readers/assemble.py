@@ -15,10 +15,9 @@ from testbed.readers.source import Source, base_name
 from testbed.readers.table import Table
 from testbed.readers.timebase import TimeBase, from_column, is_no_time, looks_like_time, repetition, settle
 from testbed.recording import CHANNEL_UNITS, Recording
-from testbed.units import UnitProblem, unit_named
+from testbed.units import UnitProblem, channel_unit, unit_named
 
 _UNCALIBRATED = ("V", "rad", "1")
-_WORDS = {"counts": "1", "count": "1", "fs": "1", "a.u.": "1", "au": "1", "arbitrary": "1", "volts": "V", "newton": "N"}
 
 
 def assemble(
@@ -240,7 +239,7 @@ def _unit(table: Table, name: str, source: Source, notes: list[str]) -> tuple[fl
             f"give `unit: {wanted}`, or `unit: V` for an uncalibrated channel",
         )
     try:
-        unit = unit_named(_WORDS.get(text.strip().lower(), text))
+        unit = channel_unit(text)
     except UnitProblem as problem:
         raise InputProblem(table.path, f"channel {name}: {problem.what}", problem.do) from None
     if source.unit is not None and in_file:
@@ -264,7 +263,7 @@ def _unit(table: Table, name: str, source: Source, notes: list[str]) -> tuple[fl
 def _compare_units(name: str, source: Source, in_file: str, si: str, factor: float, notes: list[str]) -> None:
     """A note where the file's own unit is another than the manifest's; with a `scale` they may differ."""
     try:
-        theirs = unit_named(_WORDS.get(in_file.strip().lower(), in_file))
+        theirs = channel_unit(in_file)
     except UnitProblem:
         return
     if source.scale == 1.0 and (theirs.si, theirs.factor) != (si, factor):

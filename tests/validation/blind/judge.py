@@ -15,7 +15,7 @@ import argparse
 import json
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -83,7 +83,8 @@ def main(arguments: list[str]) -> int:
     known = {json.loads(line)["seed"] for line in lines}
     seeds = [seed for seed in range(options.first, options.first + options.count) if seed not in known]
     with ProcessPoolExecutor(options.workers) as pool, RESULTS.open("a") as file:
-        for number, told in enumerate(pool.map(judged, seeds), 1):
+        for number, answer in enumerate(as_completed([pool.submit(judged, seed) for seed in seeds]), 1):
+            told = answer.result()
             file.write(json.dumps(told) + "\n")
             file.flush()
             print(f"{number}/{len(seeds)} seed {told['seed']} {told['kind']} {list(told['hidden'])} -> "
