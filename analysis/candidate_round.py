@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.diagnosis import ADEQUATE, Candidate
-from analysis.effect_start import Origin, applicable, far_step, first_step
+from analysis.effect_start import Origin, applicable, far_step, first_step, gradual_entry
 from analysis.held_out import held_out_errors, pooled, record_error
 from analysis.information import bic, effective_size
 from analysis.starts import polish
@@ -51,6 +51,11 @@ class _Entry:
     fitter: Fitter
     fitted: Candidate | None = None
 
+    @property
+    def reached(self) -> float:
+        """The cost of the best that is known of it."""
+        return self.cost if self.fitted is None or self.fitted.fit is None else self.fitted.fit.cost
+
 
 def try_candidates(
     current: Candidate,
@@ -68,10 +73,13 @@ def try_candidates(
     if entries and entries[0].cost <= hopeful:
         leader = entries[0]
         leader.fitted = _refitted(current, leader, say)
-        if leader.cost - floor > MUCH * over and leader.fitted.error_held_out > ADEQUATE * noise:
-            _try_from_far(current, entries, catalogue, say)
+        incomplete = leader.fitted.error_held_out > ADEQUATE * noise
+        if incomplete and leader.cost - floor > MUCH * over:
+            _try_from_far(current, entries, catalogue, origins, say)
+        elif incomplete and "engagement" in catalogue[leader.name].hooks:  # its passes may be wrong in all records alike
+            _from_far(current, leader, catalogue[leader.name], origins)
     elif entries:
-        _try_from_far(current, entries, catalogue, say)
+        _try_from_far(current, entries, catalogue, origins, say)
     found = []
     complete = 0  # once a candidate explains everything, only a rival close to it can still matter
     for place, entry in enumerate(entries):
@@ -109,25 +117,34 @@ def _named(name: str, found: tuple[float, State, Fitter]) -> tuple[float, str, S
     return cost, name, state, fitter
 
 
-def _from_far(current: Candidate, entry: _Entry, effect: Effect) -> None:
+def _from_far(current: Candidate, entry: _Entry, effect: Effect, origins: Sequence[Origin] = ()) -> None:
     """Put the entry where a fit from far outside ends, if that is better."""
     assert current.fit is not None and current.fitter is not None
+    scanned = origins[-1].scanned if origins and "engagement" in effect.hooks else None
     if any(one.each_record for one in effect.parameters) or not effect.parameters:
         return
-    cost, state, fitter = far_step(current.fitter, effect, current.fit)
-    if cost < entry.cost:
+    if scanned is not None:
+        cost, state, fitter = gradual_entry(current.fitter, effect, current.fit, scanned)
+    else:
+        cost, state, fitter = far_step(current.fitter, effect, current.fit)
+    if cost < entry.reached:
         entry.cost, entry.state, entry.fitter, entry.fitted = cost, state, fitter, None
 
 
 def _try_from_far(
-    current: Candidate, entries: list[_Entry], catalogue: Mapping[str, Effect], say: Callable[[str], None]
+    current: Candidate,
+    entries: list[_Entry],
+    catalogue: Mapping[str, Effect],
+    origins: Sequence[Origin],
+    say: Callable[[str], None],
 ) -> None:
     """Every entry once more from far outside, where no first step led to much."""
     for entry in entries:
-        if entry.fitted is None and not {"measure", "speed"} & set(catalogue[entry.name].hooks):
+        hooks = set(catalogue[entry.name].hooks)
+        if (entry.fitted is None or "engagement" in hooks) and not {"measure", "speed"} & hooks:
             say(f"trying {entry.name} from far")
-            _from_far(current, entry, catalogue[entry.name])
-    entries.sort(key=lambda entry: entry.cost if entry.fitted is None or entry.fitted.fit is None else entry.fitted.fit.cost)
+            _from_far(current, entry, catalogue[entry.name], origins)
+    entries.sort(key=lambda entry: entry.reached)
 
 
 def _refitted(current: Candidate, entry: _Entry, say: Callable[[str], None], iterations: int = 40) -> Candidate:

@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.observed import Observed, Plant
 from analysis.recurring_start import recurring_starts, residual_peaks
-from analysis.starts import anchored_state, free_parameters
+from analysis.starts import anchored_states, free_parameters, softened
 from analysis.waveform import Fitter, Free, Linearised, State, WaveformFit
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -20,6 +20,7 @@ ANCHOR = 1.5  # error over noise floor above which candidates also start from th
 SHARES = (0.1, 0.4, 1.0)  # of an effect's example strength, tried as starts
 SLIGHT = (0.01,)  # of it: from so close to nothing one step leads to the best strength, as far as the effect is linear
 SMALL = 1e-3  # relative gain of a first step below which a sensor effect is fitted a little further
+TOGETHER = 6  # passes by which the entries of all records are moved at the most
 CORNER = 8  # iterations of a fit that only has to find its valley
 GROWTH = (0.006, 0.02, 0.06, 0.2, 0.6, 1.0)  # shares of free decays that are fitted one after the other
 SCREENED = 3  # records, the worst fitted, on which starting points are compared
@@ -116,18 +117,22 @@ def _extended(fitter: Fitter, effect: Effect) -> Fitter:
 
 @dataclass(frozen=True)
 class Origin:
-    """A state of the base model that candidates start from, with its slopes by the base's unknowns."""
+    """A state of the base model that candidates start from, with its slopes by the base's unknowns.
+
+    scanned: the state of a mere scan behind it, with the coefficients' ratio as believed.
+    """
 
     state: State
     parts: tuple[Linearised, ...]
+    scanned: State | None = None
 
 
 def origins_of(plant: Plant, model: Model, fitter: Fitter, fit: WaveformFit, anchored: bool) -> list[Origin]:
     """Where candidates start: the fit, and, where it is bad, the small-amplitude structure of the model as believed."""
     origins = [Origin(fit.state, fit.parts)]
     if anchored:
-        state = anchored_state(plant, fitter.records, model)
-        origins.append(Origin(state, fitter.linearise_all(state)))
+        scanned, state = anchored_states(plant, fitter.records, model)
+        origins.append(Origin(state, fitter.linearise_all(state), scanned))
     return origins
 
 
@@ -219,6 +224,33 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
         found = wider.fit(best[1] if effect.name in best[1].model.effects else tried[0][1], iterations=CORNER)
         best = min(best, (found.cost, found.state), key=lambda one: one[0])
     return best[0], best[1], wider
+
+
+def gradual_entry(fitter: Fitter, effect: Effect, fit: WaveformFit, scanned: State) -> tuple[float, State, Fitter]:
+    """(cost, state, fitter) after a short fit of an entry that is not sudden, from coefficients that no sudden entry has bent.
+
+    Which pass is the first is nearly made up for by how gradual it is, and in all records alike: so they are placed in turn
+    with soft fits, then moved together, pass by pass, as long as that helps.
+    """
+    wider = _extended(fitter, effect)
+    soft = Fitter(fitter.plant, [softened(record) for record in fitter.records], wider.unknowns)
+    points = starting_points(effect, fitter.records, fit)
+    own = tuple(replace(one, exit=seen.exit) for one, seen in zip(scanned.nuisances, fit.state.nuisances, strict=True))
+    tried = []
+    for values in points:
+        state = replace(scanned, model=scanned.model.with_effect(effect.name, **values), nuisances=own)
+        for _ in range(3):
+            state = soft.fit(soft.place_entries(state), iterations=6).state
+        tried.append((wider.cost(state), state))
+    best = wider.fit(min(tried, key=_cost)[1], iterations=CORNER)
+    for passes in (-1, 1):
+        for _ in range(TOGETHER):
+            moved = tuple(replace(one, entry=min(one.entry + passes, one.exit - 1)) for one in best.state.nuisances)
+            trial = wider.fit(replace(best.state, nuisances=moved), iterations=CORNER)
+            if not trial.cost < best.cost:
+                break
+            best = trial
+    return best.cost, best.state, wider
 
 
 def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit) -> tuple[float, State, Fitter]:

@@ -191,8 +191,10 @@ def polish(fitter: Fitter, state: State, *, rounds: int = 4, iterations: int = 4
     return fit
 
 
-def anchored_state(plant: Plant, records: Sequence[Observed], model: Model) -> State:
-    """The cut fitted softly with frequency and damping held at what the small end of the free decays shows.
+def anchored_states(plant: Plant, records: Sequence[Observed], model: Model) -> tuple[State, State]:
+    """The best of a scan with the coefficients' ratio as believed; and, from there, the cut fitted softly.
+
+    Frequency and damping are held at what the small end of the free decays shows.
 
     Where the structure is not linear, a free fit bends its frequency to the large amplitudes and never comes back; this
     start keeps it.
@@ -201,7 +203,8 @@ def anchored_state(plant: Plant, records: Sequence[Observed], model: Model) -> S
     soft = [softened(record) for record in records]
     free = [one for one in free_parameters(records, started) if one.path.endswith("_coefficient")]
     fitter = Fitter(plant, soft, free)
-    return polish(fitter, scan_starts(plant, soft, started, 1)[0], rounds=2, iterations=8).state
+    scanned = scan_starts(plant, soft, started, 1)[0]
+    return scanned, polish(fitter, scanned, rounds=2, iterations=8).state
 
 
 def base_fit(

@@ -1,0 +1,32 @@
+"""Is an entry that is not sudden found when the base fit has bent the coefficients to make up for it?"""
+
+from functools import partial
+from types import SimpleNamespace
+
+import pytest
+from campaign_files import BELIEVED
+from synthetic_campaign import synthetic_campaign
+
+from analysis.effect_start import gradual_entry
+from analysis.observed import observe
+from analysis.starts import anchored_states, base_fit, polish
+from testbed.effect import catalogue
+from testbed.engines import fast, predict
+from testbed.machine import Cutter, Cutting, Model, Structure
+
+TRUE = Model(Structure(2.573, 146.42, 0.0032), Cutter(), Cutting()).with_effect("entry_ramp", extent=0.4)
+PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
+                        predict_driven=partial(predict.predict_driven, catalogue=catalogue()))
+
+
+def test_a_gradual_entry_is_found_from_bent_coefficients():
+    records = synthetic_campaign(partial(fast.simulate, steps=37), TRUE, seed=6, tests=((3500, 1.2), (2600, 1.5), (3900, 2.2)))
+    fitter, fit = base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
+    count = sum(rest.size for rest in fit.residuals)
+    assert fit.squares > 4 * count
+    scanned, _ = anchored_states(PLANT, fitter.records, BELIEVED)
+    _, state, wider = gradual_entry(fitter, catalogue()["entry_ramp"], fit, scanned)
+    found = polish(wider, state, rounds=3)
+    assert found.squares < 1.1 * count
+    assert found.state.model.value("entry_ramp.extent") == pytest.approx(0.4, rel=0.03)
+    assert found.state.model.value("tangential_coefficient") == pytest.approx(TRUE.value("tangential_coefficient"), rel=0.1)
