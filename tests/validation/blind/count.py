@@ -28,6 +28,12 @@ def _claim(what: str, target: str, part: Sequence[Any], whole: Sequence[Any], go
     return Claim(what, target, share(part, whole), good if whole else None)
 
 
+def _remark() -> str:
+    """What is to be known of how the committed results came about."""
+    path = RESULTS.with_name("remark.txt")
+    return path.read_text().strip() if path.exists() else ""
+
+
 def check() -> Section:
     """The committed results of `make blind`, counted."""
     title = "Blind campaigns (results of `make blind`, counted)"
@@ -53,7 +59,7 @@ def check() -> Section:
     values = [value for one in right for path, value in one.get("parameters", {}).items() if "." in path and value["true"]]
     inside = [value for value in values if value["low"] <= value["true"] <= value["high"]]
     claims = (
-        Claim("campaigns", "at least 200", str(len(made)), len(made) >= 200),
+        Claim("campaigns", "at least 200", str(len(made)), len(made) >= 200, _remark()),
         Claim("faults of the program", "0", str(len(made) - len(every)), len(made) == len(every)),
         _claim("one hidden effect worth more than 3 %: named right", ">= 95 %", right, worth, len(right) >= 0.95 * len(worth)),
         _claim("one hidden effect worth more than 3 %: named wrong", "<= 2 %", wrong, worth, len(wrong) <= 0.02 * len(worth)),
