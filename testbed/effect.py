@@ -281,9 +281,14 @@ def read_effect(path: Path) -> Effect:
     return replace(effect, name=path.stem, manual=(module.__doc__ or "").strip(), path=path, hooks=MappingProxyType(hooks))
 
 
-@lru_cache(maxsize=8)
 def catalogue(*folders: str | Path) -> Mapping[str, Effect]:
     """The effects found in the built-in folders and in `folders`, by name, in alphabetical order."""
+    return _catalogue(folders, tuple(Path(folder).resolve() for folder in folders))
+
+
+@lru_cache(maxsize=8)
+def _catalogue(folders: tuple[str | Path, ...], _places: tuple[Path, ...]) -> Mapping[str, Effect]:
+    """Read once for the places that the folders are: a relative one is another place in another working folder."""
     found: dict[str, Effect] = {}
     for folder in (BUILT_IN, SENSOR_EFFECTS, *map(Path, folders)):
         if not folder.is_dir():

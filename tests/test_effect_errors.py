@@ -186,3 +186,11 @@ def test_two_effects_that_both_replace_the_chip_are_refused_in_one_line(tmp_path
     with pytest.raises(InputProblem, match="contact_loss and my_chip both replace the chip"):
         active_effects(model, effects)
     assert set(active_effects(model.with_effect("my_chip", coefficient=0.0), effects)) == {"contact_loss"}
+
+
+def test_a_relative_folder_is_another_place_in_another_working_folder(tmp_path, monkeypatch):
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / f"{name}_drag.py").write_text(GOOD)
+        monkeypatch.chdir(tmp_path / name)
+        assert f"{name}_drag" in catalogue(".")
