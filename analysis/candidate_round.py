@@ -45,8 +45,8 @@ def candidate_of(
 class _Entry:
     """A candidate of a round: the cost after its first step, where that ended, and its full fit once there is one."""
 
-    cost: float
     name: str
+    cost: float
     state: State
     fitter: Fitter
     fitted: Candidate | None = None
@@ -104,17 +104,12 @@ def _first_steps(
         if name in present or not applicable(effect, current.fitter.records, present):
             continue
         say(f"trying {name}")
-        entry = _Entry(*_named(name, first_step(current.fitter, effect, current.fit, origins)))
+        entry = _Entry(name, *first_step(current.fitter, effect, current.fit, origins))
         if {"measure", "speed"} & set(effect.hooks):
             _from_far(current, entry, effect)
         entries.append(entry)
     entries.sort(key=lambda entry: entry.cost)
     return entries
-
-
-def _named(name: str, found: tuple[float, State, Fitter]) -> tuple[float, str, State, Fitter]:
-    cost, state, fitter = found
-    return cost, name, state, fitter
 
 
 def _from_far(current: Candidate, entry: _Entry, effect: Effect, origins: Sequence[Origin] = ()) -> None:

@@ -19,7 +19,8 @@ from analysis.effect_start import all_free
 from analysis.held_out import RecordError, conditions_of, held_out_errors, pooled
 from analysis.identify import Estimate
 from analysis.information import effective_size
-from analysis.observed import Nuisances, Observed, Plant, predict
+from analysis.nuisances import Nuisances
+from analysis.observed import Observed, Plant, predict
 from analysis.segments import Segment
 from analysis.starts import base_fit
 from analysis.waveform import Fitter, WaveformFit

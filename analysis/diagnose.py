@@ -18,7 +18,8 @@ from analysis.effect_start import ANCHOR, all_free, origins_of
 from analysis.held_out import pooled
 from analysis.information import bic, effective_size
 from analysis.next_test import next_test
-from analysis.observed import Nuisances, Observed, Plant
+from analysis.nuisances import Nuisances
+from analysis.observed import Observed, Plant
 from analysis.starts import base_fit, polish
 from analysis.waveform import Fitter
 from testbed.effect import Effect

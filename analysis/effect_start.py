@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.observed import Observed, Plant
-from analysis.recurring_start import recurring_starts, residual_peaks
+from analysis.recurring_start import SCREENED, recurring_starts, residual_peaks
 from analysis.starts import anchored_states, free_parameters, softened
 from analysis.waveform import Fitter, Free, Linearised, State, WaveformFit
 from testbed.effect import Effect
@@ -23,7 +23,6 @@ SMALL = 1e-3  # relative gain of a first step below which a sensor effect is fit
 TOGETHER = 6  # passes by which the entries of all records are moved at the most
 CORNER = 8  # iterations of a fit that only has to find its valley
 GROWTH = (0.006, 0.02, 0.06, 0.2, 0.6, 1.0)  # shares of free decays that are fitted one after the other
-SCREENED = 3  # records, the worst fitted, on which starting points are compared
 
 
 def fitting_example(fitter: Fitter, effect: Effect, fit: WaveformFit) -> Effect:
@@ -31,7 +30,7 @@ def fitting_example(fitter: Fitter, effect: Effect, fit: WaveformFit) -> Effect:
 
     Each parameter that switches the effect is lowered by tens until the prediction moves by less than a third of the record.
     """
-    index = int(np.argmax([float(np.mean(rest**2)) for rest in fit.residuals]))
+    index = fit.worst(1)[0]
     record, state = fitter.records[index], fit.state
     size = float(np.sqrt(np.mean(record.project(record.data) ** 2)))
     base = fit.residuals[index]
@@ -190,7 +189,7 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
     recurring = any(one.each_record for one in effect.parameters)
     points = recurring_starts(wider, effect, fit) if recurring else starting_points(effect, fitter.records, fit)
     slight = [] if recurring else starting_points(effect, fitter.records, fit, SLIGHT)
-    worst = [int(place) for place in np.argsort([-float(np.mean(rest**2)) for rest in fit.residuals])[:SCREENED]]
+    worst = fit.worst(SCREENED)
     for origin in origins:
         tried = []
         for values in (*points, *slight):
@@ -261,7 +260,7 @@ def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit) -> tuple[float, S
     """
     effect = fitting_example(fitter, effect, fit)
     wider = _extended(fitter, effect)
-    worst = [int(place) for place in np.argsort([-float(np.mean(rest**2)) for rest in fit.residuals])[:SCREENED]]
+    worst = fit.worst(SCREENED)
     points = starting_points(effect, fitter.records, fit, SHARES[-1:])
     states = [replace(fit.state, model=fit.state.model.with_effect(effect.name, **values)) for values in points]
     tried = sorted(((wider.cost(state, worst), state) for state in states), key=_cost)

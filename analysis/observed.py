@@ -16,6 +16,7 @@ import numpy as np
 
 from analysis.free_decay import spectral_peak
 from analysis.noise import noise_floor
+from analysis.nuisances import Nuisances
 from analysis.segments import Segment, find_segments
 from testbed.cut import Cut, Sampling
 from testbed.machine import Cutter, Model
@@ -35,29 +36,6 @@ class Plant(Protocol):
 
     predict_cuts: Callable[..., np.ndarray]
     predict_driven: Callable[..., np.ndarray]
-
-
-@dataclass(frozen=True)
-class Nuisances:
-    """What belongs to one record: state at the simulated start (m, m/s), entry and exit pass, relative speed, tooth angle.
-
-    entry: index of the pass that cuts first, counted from the anchor (see Observed.pass_start).
-    exit: index of the first pass that cuts no more. angle (rad): a record's own share of the tooth angle.
-    shifts: (path, shift) of the effects' parameters that every record has for itself, added to the model's value.
-    """
-
-    displacement: float = 0.0
-    velocity: float = 0.0
-    entry: int = 0
-    exit: int = 0
-    speed: float = 1.0
-    angle: float = 0.0
-    shifts: tuple[tuple[str, float], ...] = ()
-
-    def shifted(self, model: Model) -> Model:
-        """The model with this record's own values of its effects' parameters."""
-        values = {path: model.value(path) + by for path, by in self.shifts if path.partition(".")[0] in model.effects}
-        return model.with_values(values) if values else model
 
 
 @dataclass(frozen=True)

@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from analysis.lines import find_peaks
-from analysis.observed import Nuisances, Observed, predict
+from analysis.nuisances import Nuisances
+from analysis.observed import Observed, predict
 from analysis.waveform import Fitter, WaveformFit
 from testbed.effect import Effect, Parameter
 
 SMALL = 1e-4  # of the example, at which a prediction is still linear in the amplitude
-SCREENED = 3  # records, the worst fitted, that are asked
+SCREENED = 3  # records, the worst fitted, that are asked and on which starting points are compared
 FASTEST = 0.5  # of the tooth passing frequency: speed that varies faster is no longer a speed
 MOST = 96  # frequencies asked about
 KEPT = 4  # frequencies that a fit starts from
@@ -45,8 +47,7 @@ def recurring_starts(fitter: Fitter, effect: Effect, fit: WaveformFit) -> list[d
         "frequency": next(one for one in effect.parameters if one.unit == "Hz"),
         "phase": next(one for one in effect.parameters if one.each_record),
     }
-    order = np.argsort([-float(np.mean(rest**2)) for rest in fit.residuals])
-    worst = [int(place) for place in order[:SCREENED]]
+    worst = fit.worst(SCREENED)
     asked = _asked(fitter, effect, fit, names["frequency"], worst)
     if not asked:
         return [effect.example()]
@@ -112,7 +113,7 @@ def _explained(
 
 def _unshifted(nuisances: Nuisances, name: str) -> Nuisances:
     kept = tuple((path, shift) for path, shift in nuisances.shifts if not path.startswith(f"{name}."))
-    return Nuisances(**{**vars(nuisances), "shifts": kept})
+    return replace(nuisances, shifts=kept)
 
 
 def _separate(gain: np.ndarray) -> list[int]:

@@ -12,7 +12,8 @@ from scipy.signal import csd
 
 from analysis.free_decay import fit_free_decay, spectral_peak
 from analysis.held_out import own_refit
-from analysis.observed import Nuisances, Observed, Plant, first_nuisances, predict
+from analysis.nuisances import Nuisances
+from analysis.observed import Observed, Plant, first_nuisances, predict
 from analysis.waveform import WORKERS, Fitter, Free, State, WaveformFit
 from testbed.machine import Model
 

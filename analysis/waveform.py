@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.observed import Nuisances, Observed, Plant, predict
+from analysis.nuisances import Nuisances, other_teeth, turned_by
+from analysis.observed import Observed, Plant, predict
 from testbed.machine import Model
 
 WORKERS = 2
@@ -79,6 +80,10 @@ class WaveformFit:
     def squares(self) -> float:
         """Sum of squared residuals over all records, in units of the noise."""
         return 2.0 * self.cost
+
+    def worst(self, count: int) -> list[int]:
+        """Places of the records fitted worst, the worst first."""
+        return [int(place) for place in np.argsort([-float(np.mean(rest**2)) for rest in self.residuals])[:count]]
 
 
 def _padded(rows: np.ndarray, count: int) -> np.ndarray:
@@ -200,7 +205,7 @@ class Fitter:
                 return nuisances
             if record.first_mark is None:
                 turns = [replace(nuisances, angle=nuisances.angle + turn) for turn in TURNS]
-                nuisances = self._best(index, state, [*turns, *_other_teeth(nuisances, record.flutes)])
+                nuisances = self._best(index, state, [*turns, *other_teeth(nuisances, record.flutes)])
             last = record.last_pass(state.angle, nuisances)
             entries = range(0) if record.starts_in_cut else range(nuisances.entry - EARLIER, nuisances.entry + reach + 1)
             exits = range(0) if nuisances.exit > last else range(nuisances.exit - reach, nuisances.exit + reach + 1)
@@ -376,27 +381,3 @@ class Fitter:
         covariance = self.covariance(parts, max(1.0, 2.0 * cost / size))
         residuals = tuple(part.residual[: record.data.size] for part, record in zip(parts, self.records, strict=True))
         return WaveformFit(state, cost, residuals, self.names, covariance, converged, count, parts)
-
-
-def turned_by(nuisances: Nuisances, path: str, angle: float) -> Nuisances:
-    """The nuisances of a record with its own shift of an effect's parameter changed by an angle (rad)."""
-    shifts = dict(nuisances.shifts)
-    shifts[path] = math.remainder(shifts.get(path, 0.0) + angle, 2 * math.pi)
-    return replace(nuisances, shifts=tuple(sorted(shifts.items())))
-
-
-def _other_teeth(nuisances: Nuisances, flutes: int) -> list[Nuisances]:
-    """The same course with another tooth the first to cut: unequal teeth tell which it was."""
-    found = []
-    for tooth in range(1, flutes):
-        angle = nuisances.angle - 2 * math.pi * tooth / flutes
-        back = flutes if angle < -math.pi else 0  # a whole turn on, so that angles do not wander off
-        found.append(
-            replace(
-                nuisances,
-                angle=angle + 2 * math.pi * back / flutes,
-                entry=nuisances.entry + tooth - back,
-                exit=nuisances.exit + tooth - back,
-            )
-        )
-    return found

@@ -13,7 +13,8 @@ from analysis.cut_variables import SUBSTEPS, Trajectory, course_of, model_force
 from analysis.force_response import response
 from analysis.force_smoother import Prior, smooth
 from analysis.latent_force import missing_force, with_force
-from analysis.observed import Nuisances, Observed, drift_basis, observe
+from analysis.nuisances import Nuisances
+from analysis.observed import Observed, drift_basis, observe
 from analysis.waveform import State
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Model, Structure

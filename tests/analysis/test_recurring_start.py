@@ -11,10 +11,11 @@ from synthetic_campaign import synthetic_campaign
 
 from analysis.effect_start import Origin, first_step
 from analysis.held_out import own_refit
-from analysis.observed import Nuisances, observe
+from analysis.nuisances import Nuisances, turned_by
+from analysis.observed import observe
 from analysis.recurring_start import recurring_starts
 from analysis.starts import base_fit, polish
-from analysis.waveform import Fitter, turned_by
+from analysis.waveform import Fitter
 from testbed.effect import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure

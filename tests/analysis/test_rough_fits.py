@@ -12,9 +12,9 @@ from synthetic_campaign import synthetic_campaign
 from analysis.candidate_round import candidate_of
 from analysis.diagnose import ROUGH, _by_noise, _weighed
 from analysis.held_out import pooled
-from analysis.observed import Nuisances, observe
+from analysis.nuisances import Nuisances, other_teeth
+from analysis.observed import observe
 from analysis.starts import base_fit
-from analysis.waveform import _other_teeth
 from testbed.effect import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
@@ -29,7 +29,7 @@ def test_teeth_may_change_places_again_and_again(flutes):
     own = Nuisances(entry=20, exit=80, angle=0.3)
     begin = own.angle + 2 * math.pi * own.entry / flutes
     for _ in range(50):
-        own = _other_teeth(own, flutes)[0]
+        own = other_teeth(own, flutes)[0]
         assert -2 * math.pi < own.angle <= 2 * math.pi  # a simulation that starts turns earlier would end turns too early
         assert own.angle + 2 * math.pi * own.entry / flutes == pytest.approx(begin)
         assert own.exit - own.entry == 60

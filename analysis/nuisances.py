@@ -1,0 +1,55 @@
+"""What belongs to one record and not to the machine: the state at its start, its passes, its speed, its angles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from testbed.machine import Model
+
+
+@dataclass(frozen=True)
+class Nuisances:
+    """What belongs to one record: state at the simulated start (m, m/s), entry and exit pass, relative speed, tooth angle.
+
+    entry: index of the pass that cuts first, counted from the anchor (see Observed.pass_start).
+    exit: index of the first pass that cuts no more. angle (rad): a record's own share of the tooth angle.
+    shifts: (path, shift) of the effects' parameters that every record has for itself, added to the model's value.
+    """
+
+    displacement: float = 0.0
+    velocity: float = 0.0
+    entry: int = 0
+    exit: int = 0
+    speed: float = 1.0
+    angle: float = 0.0
+    shifts: tuple[tuple[str, float], ...] = ()
+
+    def shifted(self, model: Model) -> Model:
+        """The model with this record's own values of its effects' parameters."""
+        values = {path: model.value(path) + by for path, by in self.shifts if path.partition(".")[0] in model.effects}
+        return model.with_values(values) if values else model
+
+
+def turned_by(nuisances: Nuisances, path: str, angle: float) -> Nuisances:
+    """The nuisances of a record with its own shift of an effect's parameter changed by an angle (rad)."""
+    shifts = dict(nuisances.shifts)
+    shifts[path] = math.remainder(shifts.get(path, 0.0) + angle, 2 * math.pi)
+    return replace(nuisances, shifts=tuple(sorted(shifts.items())))
+
+
+def other_teeth(nuisances: Nuisances, flutes: int) -> list[Nuisances]:
+    """The same course with another tooth the first to cut: unequal teeth tell which it was."""
+    found = []
+    for tooth in range(1, flutes):
+        angle = nuisances.angle - 2 * math.pi * tooth / flutes
+        back = flutes if angle < -math.pi else 0  # a whole turn on, so that angles do not wander off
+        found.append(
+            replace(
+                nuisances,
+                angle=angle + 2 * math.pi * back / flutes,
+                entry=nuisances.entry + tooth - back,
+                exit=nuisances.exit + tooth - back,
+            )
+        )
+    return found
