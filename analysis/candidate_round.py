@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.diagnosis import ADEQUATE, Candidate
-from analysis.effect_start import Origin, applicable, far_step, first_step, gradual_entry
+from analysis.effect_start import Origin, applicable, far_step, first_step, gradual_entry, hopped
 from analysis.held_out import held_out_errors, pooled, record_error
 from analysis.information import bic, effective_size
 from analysis.starts import polish
@@ -22,6 +22,7 @@ from testbed.effect import Effect
 LEADERS = 4  # candidates refitted in full
 HOPE = 0.2  # share of the gain the gate asks for that the first step of a candidate must bring to be refitted at all
 GAIN = 0.01  # share of the held-out excess over the noise that an effect must take away
+HELPS = 0.95  # share of the cost that a candidate may leave for its scales to be looked for in other valleys too
 MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far
 
 
@@ -72,7 +73,7 @@ def try_candidates(
     noise = pooled(current.errors)[1]
     if entries and entries[0].cost <= hopeful:
         leader = entries[0]
-        leader.fitted = _refitted(current, leader, say)
+        leader.fitted = _refitted(current, leader, catalogue, say)
         incomplete = leader.fitted.error_held_out > ADEQUATE * noise
         if incomplete and leader.cost - floor > MUCH * over:
             _try_from_far(current, entries, catalogue, origins, say)
@@ -87,7 +88,7 @@ def try_candidates(
             effects = (*current.effects, entry.name)
             found.append(Candidate(effects, {}, current.error_fit, current.error_held_out, 0.0, False))
             continue
-        fitted = entry.fitted or _refitted(current, entry, say, iterations=40 if not complete else 10)
+        fitted = entry.fitted or _refitted(current, entry, catalogue, say, 40 if not complete else 10)
         found.append(fitted)
         complete += int(complete > 0 or fitted.error_held_out <= ADEQUATE * noise)
     return sorted(found, key=lambda candidate: candidate.error_held_out)
@@ -142,10 +143,15 @@ def _try_from_far(
     entries.sort(key=lambda entry: entry.reached)
 
 
-def _refitted(current: Candidate, entry: _Entry, say: Callable[[str], None], iterations: int = 40) -> Candidate:
+def _refitted(
+    current: Candidate, entry: _Entry, catalogue: Mapping[str, Effect], say: Callable[[str], None], iterations: int = 40
+) -> Candidate:
     """The entry fitted in full."""
     assert current.fit is not None
     say(f"refitting with {entry.name}")
     fit = polish(entry.fitter, entry.state, rounds=3, iterations=iterations)
+    effects = (*current.effects, entry.name)
+    if fit.cost < HELPS * current.fit.cost:
+        fit = hopped(entry.fitter, [catalogue[name] for name in effects], fit)
     size = effective_size(fit if fit.cost < 0.5 * current.fit.cost else current.fit)
-    return candidate_of(entry.fitter, fit, (*current.effects, entry.name), current.fit, size)
+    return candidate_of(entry.fitter, fit, effects, current.fit, size)

@@ -110,7 +110,8 @@ def _passes(candidate: Candidate, current: Candidate, base: Candidate, noise: fl
     """
     before, after = excess(current.error_held_out, noise), excess(candidate.error_held_out, noise)
     gained = before - after
-    material = gained > MATERIAL * excess(base.error_held_out, noise) or candidate.error_held_out <= FINAL * noise
+    whole = excess(min(base.error_held_out, base.error_fit), noise)  # extrapolated, a wrong law may look worse than it is
+    material = gained > MATERIAL * whole or candidate.error_held_out <= FINAL * noise
     return candidate.delta_bic > DELTA_BIC and gained > max(GAIN * before, 1e-3 * noise**2) and material
 
 
