@@ -75,7 +75,7 @@ class ChannelWriter:
             counts = np.rint(values / self.step)
             row[: len(values)] = np.where(np.isfinite(counts), counts, self.fill)
         row[len(values):] = self.fill
-        self.digests.append(row_digest(row))
+        self.digests.append(row_digest(row, len(values)))
         self.held += 1
         if self.held == len(self.block):
             self.flush()
@@ -189,7 +189,8 @@ def _stored(plane: np.ndarray, last: bool) -> Iterator[bytes | memoryview]:
 
 
 _WORDS = 8192  # in a block of the checksum: all its sums are whole numbers below 2^53, so that a float holds them
-_WEIGHTS = np.arange(_WORDS, 0, -1, dtype=float)
+_BLOCKS = 16   # summed at once
+_WEIGHTS = np.stack([np.ones(_WORDS), np.arange(_WORDS, 0, -1, dtype=float)], axis=1)
 
 
 def fletcher32(data: bytes | np.ndarray) -> int:
@@ -200,13 +201,18 @@ def fletcher32(data: bytes | np.ndarray) -> int:
     size = len(data)
     words = np.frombuffer(data, "<u2", size // 2)
     first = second = 0
-    block = np.empty(_WORDS)
-    for begin in range(0, len(words), _WORDS):
-        part = words[begin:begin + _WORDS]
-        numbers = block[: len(part)]
-        numbers[...] = part
-        second += len(part) * first + int(numbers @ _WEIGHTS[_WORDS - len(part):])
-        first += int(numbers.sum())
+    whole = len(words) // _WORDS * _WORDS
+    blocks = words[:whole].reshape(-1, _WORDS)
+    numbers = np.empty((min(_BLOCKS, len(blocks)), _WORDS))
+    for begin in range(0, len(blocks), _BLOCKS):
+        some = numbers[: len(blocks) - begin]
+        some[...] = blocks[begin:begin + _BLOCKS]
+        for plain, weighted in (some @ _WEIGHTS).tolist():
+            second += _WORDS * first + int(weighted)
+            first += int(plain)
+    rest = words[whole:].astype(float)
+    second += len(rest) * first + int(rest @ _WEIGHTS[_WORDS - len(rest):, 1])
+    first += int(rest.sum())
     if size % 2:
         first += int(data[size - 1])
         second += first

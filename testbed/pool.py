@@ -19,6 +19,7 @@ from multiprocessing.connection import wait as wait_for
 from typing import Any
 
 from testbed.batch import Job, compute, write_failed
+from testbed.memory_file import release
 from testbed.shards import Span, shard_path
 
 STALL = 600.0       # s without a run begun or ended, after which a worker is taken for hung
@@ -43,6 +44,7 @@ def work(job: Job, spans: Sequence[Span], workers: int, processes: bool, stall: 
             yield span
     finally:
         gc.unfreeze()
+        release()
 
 
 def _in_turn(job: Job, spans: Sequence[Span]) -> Iterator[Span]:
@@ -89,7 +91,7 @@ def _serve(connection: Connection, job: Job, place: Any) -> None:
         settled = False
         while (span := connection.recv()) is not None:
             try:
-                compute(job, span[0], span[1], tell)
+                compute(job, span[0], span[1], tell, together=False)  # a run that kills or hangs is to be known
                 if not settled:
                     gc.freeze()
                     settled = True

@@ -11,10 +11,12 @@ import re
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from hashlib import sha256
+from io import FileIO
 from pathlib import Path
 from typing import Literal
 
 BLOCK = 16 * 2**20  # bytes
+_PIECE = 2**19  # bytes read or written at once
 _LENGTH = len(b"\nsealed sha256-16M " + b"0" * 64 + b" " + b"0" * 15 + b"\n")
 _PATTERN = re.compile(rb"\nsealed sha256-16M ([0-9a-f]{64}) ([0-9]{15})\n")
 State = Literal["whole", "broken", "absent"]
@@ -27,15 +29,17 @@ def seal(path: Path, threads: int = 1) -> None:
         file.write(_trailer(_digest(path, size, threads), size))
 
 
-def write_sealed(path: Path, content: bytes) -> None:
+def write_sealed(path: Path, content: bytes | memoryview) -> None:
     """Write a file and its seal. OSError where it cannot be written."""
-    total = sha256()
-    view = memoryview(content)
-    for first in range(0, len(content), BLOCK):
-        total.update(sha256(view[first:first + BLOCK]).digest())
+    total, view = sha256(), memoryview(content)
     with path.open("wb") as file:
-        file.write(content)
-        file.write(_trailer(total.hexdigest(), len(content)))
+        for first in range(0, len(view), BLOCK):
+            block, found = view[first:first + BLOCK], sha256()
+            for place in range(0, len(block), _PIECE):  # written while the processor still has what it hashed at hand
+                found.update(block[place:place + _PIECE])
+                file.write(block[place:place + _PIECE])
+            total.update(found.digest())
+        file.write(_trailer(total.hexdigest(), len(view)))
 
 
 def _trailer(digest: str, size: int) -> bytes:
@@ -74,20 +78,30 @@ def cut_off(path: Path) -> bool:
 def _digest(path: Path, size: int, threads: int) -> str:
     total = sha256()
     if threads <= 1 or size <= BLOCK:
-        with path.open("rb") as file:
+        piece = memoryview(bytearray(min(_PIECE, size)))
+        with path.open("rb", buffering=0) as file:
             for first in range(0, size, BLOCK):
-                total.update(sha256(file.read(min(BLOCK, size - first))).digest())
+                total.update(_hashed(file, min(BLOCK, size - first), piece))
         return total.hexdigest()
 
     def block(first: int) -> bytes:
-        with path.open("rb") as file:
+        with path.open("rb", buffering=0) as file:
             file.seek(first)
-            return sha256(file.read(min(BLOCK, size - first))).digest()
+            return _hashed(file, min(BLOCK, size - first), memoryview(bytearray(_PIECE)))
 
     with ThreadPoolExecutor(threads) as pool:
         for digest in _few_ahead(pool, block, size, 2 * threads):
             total.update(digest)
     return total.hexdigest()
+
+
+def _hashed(file: FileIO, size: int, piece: memoryview) -> bytes:
+    """SHA-256 of the next `size` bytes, read into the same memory again and again: new memory costs as much as hashing."""
+    found = sha256()
+    while size > 0 and (read := file.readinto(piece[: min(size, len(piece))])):
+        found.update(piece[:read])
+        size -= read
+    return found.digest()
 
 
 def _few_ahead(pool: ThreadPoolExecutor, block: Callable[[int], bytes], size: int, ahead: int) -> Iterator[bytes]:

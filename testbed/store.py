@@ -21,11 +21,13 @@ from testbed.atomic import replacing
 from testbed.chunk_writer import ChannelWriter, Compression
 from testbed.content_hash import ATTRIBUTE, DIGEST, content_hash
 from testbed.machine import BASE_PARAMETERS, BASE_UNITS, Model
+from testbed.memory_file import MemoryFile
 from testbed.recording import CHANNEL_UNITS, Outcome, Recording
 from testbed.scenario import Run
 from testbed.seal import seal, write_sealed
 
 MEMORY_BYTES = 256 * 2**20  # as 8-byte numbers, unpacked
+_ROOM = 2**20  # bytes of a file besides its samples, about
 FORMAT = 2  # 1: a content hash over values rather than rows, no seal
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 TRUTH = "truth."
@@ -79,26 +81,22 @@ def write_data_set(path: str | Path, header: Header, rows: Iterable[tuple[Run, R
     None. durable: wait until the disk has it. InputProblem if `path` is not writable.
     """
     with replacing(path, durable) as temporary:
-        # In memory where it fits: HDF5 does not stand a full disk, and its bytes are at hand for the seal.
-        memory: dict[str, Any] = {"driver": "core", "backing_store": False} if 8 * count * samples <= MEMORY_BYTES else {}
-        with h5py.File(temporary, "w", libver="v110", **memory) as file:
-            digest = _write(file, header, iter(rows), count, samples, compression, chunk_rows)
-            file.attrs[ATTRIBUTE] = digest
-            if memory:
-                write_sealed(temporary, _image(file))
-        if not memory:
+        if 8 * count * samples > MEMORY_BYTES:
+            with h5py.File(temporary, "w", libver="v110") as file:
+                digest = _write(file, header, iter(rows), count, samples, compression, chunk_rows)
             seal(temporary)
+            return digest
+        # In memory where it fits: HDF5 does not stand a full disk, and its bytes are at hand for the seal.
+        with MemoryFile(_ROOM + 4 * count * samples, keep=not durable) as memory:
+            with h5py.File(memory, "w", libver="v110") as file:
+                digest = _write(file, header, iter(rows), count, samples, compression, chunk_rows)
+            write_sealed(temporary, memory.content())
         return digest
-
-
-def _image(file: h5py.File) -> bytes:
-    """The bytes of a file in memory."""
-    file.flush()
-    return file.id.get_file_image()
 
 
 def _write(file: h5py.File, header: Header, rows: Iterator[tuple[Run, Recording]], count: int, samples: int,
            compression: Compression, chunk_rows: int | None) -> str:
+    """All of an open file; returns its content hash, which is in it too."""
     write_header(file, header, count, samples)
     channels: dict[str, ChannelWriter] = {}
     table: dict[str, list[float]] = {}
@@ -126,9 +124,11 @@ def _write(file: h5py.File, header: Header, rows: Iterator[tuple[Run, Recording]
             row[: len(given)] = given
         ragged(file, name, count, width)[...] = table_of_rows
     digests = {name: b"".join(channel.digests) for name, channel in channels.items()}
-    for name, digest in digests.items():
-        write_digests(file, name, digest)
-    return content_hash(file, digests)
+    for name, rows_hashed in digests.items():
+        write_digests(file, name, rows_hashed)
+    digest = content_hash(file, digests)
+    file.attrs[ATTRIBUTE] = digest
+    return digest
 
 
 def _row(run: Run, recording: Recording) -> dict[str, float]:

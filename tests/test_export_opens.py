@@ -22,7 +22,7 @@ def test_pandas(exported):
 
 
 def test_datasets_without_a_network(exported, tmp_path, monkeypatch):
-    datasets = pytest.importorskip("datasets", reason="datasets is not installed; it is in no extra, for its size")
+    datasets = pytest.importorskip("datasets", reason="datasets is not installed (extra dev)")
     monkeypatch.setattr(datasets.config, "HF_HUB_OFFLINE", True)
     found = datasets.load_dataset(str(exported[1]), cache_dir=str(tmp_path))
     assert set(found) == {"train", "validation", "test"} and sum(map(len, found.values())) == 48

@@ -194,8 +194,15 @@ def simulate(
         general=general,
         displacement_only=alone,
     )
-    signals = {name: result.out[0, place] for name, place in CHANNELS.items() if place < result.out.shape[1]}
-    times = result.pass_times[0]
+    return _recording(result, 0, model, cut, sampling, channels, effects, alone)
+
+
+def _recording(result: BatchResult, run: int, model: Model, cut: Cut, sampling: Sampling, channels: Sequence[str],
+               effects: Mapping[str, Effect], alone: bool) -> Recording:  # fmt: skip
+    """One run of a batch, sampled after the sensor's own effects; `alone`: of the displacement, which none of them alters."""
+    signals = {name: result.out[run, place, : sampling.count]
+               for name, place in CHANNELS.items() if place < result.out.shape[1]}
+    times, states = result.pass_times[run, : cut.total_passes + 1], result.pass_states[run, : cut.total_passes + 1]
     cutter = model.cutter or Cutter()
     return Recording(
         channels=signals if alone else measured_channels(model, effects, signals, channels, sampling),
@@ -205,15 +212,30 @@ def simulate(
         start=sampling.start,
         marks=once_per_revolution(times, cut, cutter.flutes),
         pass_times=times,
-        outcome=_OUTCOMES[int(result.outcome[0])],
-        outcome_time=float(result.outcome_time[0]),
+        outcome=_OUTCOMES[int(result.outcome[run])],
+        outcome_time=float(result.outcome_time[run]),
         conditions={
             "spindle_speed": cut.spindle_speed,
             "axial_depth_of_cut": cut.axial_depth_of_cut,
             "feed_per_tooth": cut.feed_per_tooth,
-            "pass_states": result.pass_states[0],
+            "pass_states": states,
         },
     )
+
+
+def simulate_together(models: Sequence[Model], cuts: Sequence[Cut], samplings: Sequence[Sampling], *,
+                      channels: Sequence[str] = ("displacement",), steps: int | None = None,
+                      catalogue: Mapping[str, Effect] | None = None) -> list[Recording]:  # fmt: skip
+    """What `simulate` gives for each run, in one call of the kernel where the runs are short work: base model, displacement."""
+    effects = known_effects() if catalogue is None else catalogue
+    runs = list(zip(models, cuts, samplings, strict=True))
+    if set(channels) != {"displacement"} or any(model.effects for model in models):
+        return [simulate(*run, channels=channels, steps=steps, catalogue=effects) for run in runs]
+    result = simulate_batch(models, cuts, samplings, steps=steps, catalogue=effects, displacement_only=True)
+    return [_recording(result, place, *run, channels, effects, True) for place, run in enumerate(runs)]
+
+
+simulate.__dict__["together"] = simulate_together  # a sweep looks for it there
 
 
 def once_per_revolution(pass_times: np.ndarray, cut: Cut, flutes: int) -> np.ndarray:
@@ -221,4 +243,4 @@ def once_per_revolution(pass_times: np.ndarray, cut: Cut, flutes: int) -> np.nda
     return pass_times[cut.idle_passes % flutes :: flutes]
 
 
-__all__ = ["BatchResult", "lk", "once_per_revolution", "simulate", "simulate_batch"]
+__all__ = ["BatchResult", "lk", "once_per_revolution", "simulate", "simulate_batch", "simulate_together"]

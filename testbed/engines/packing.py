@@ -118,10 +118,9 @@ def _layout(catalogue: Mapping[str, Effect]) -> Layout:
     return known[1]
 
 
-def _geometry(
-    cutter: Cutter, cutting: Cutting, structure: Structure, cut: Cut, slices: int, lag: float, corners: np.ndarray
-) -> np.ndarray:
-    """The array G of loop_kernel."""
+def _geometry(cutter: Cutter, cutting: Cutting, structure: Structure, slices: int, lag: float,
+              corners: np.ndarray) -> np.ndarray:  # fmt: skip
+    """The array G of loop_kernel, but for what `pack` fills in of the cut."""
     values = {
         lk.FLUTES: cutter.flutes,
         lk.PITCH: cutter.pitch,
@@ -130,13 +129,8 @@ def _geometry(
         lk.ENGAGED: cutting.engagement_angle,
         lk.SLICES: slices,
         lk.SLICE_LAG: lag / slices,
-        lk.SLICE_DEPTH: cut.axial_depth_of_cut / slices,
         lk.KT: cutting.tangential_coefficient,
         lk.KN: cutting.normal_coefficient,
-        lk.FEED: cut.feed_per_tooth,
-        lk.FEED_SPEED: cut.feed_per_tooth / cut.tooth_passing_period(cutter.flutes),
-        lk.OMEGA: cut.spindle_speed,
-        lk.LENGTH_BEFORE: cut.length_cut_before,
         lk.MASS: structure.mass,
         lk.DAMPING: structure.damping,
         lk.STIFFNESS: structure.stiffness,
@@ -147,13 +141,11 @@ def _geometry(
     return G
 
 
-def _settings(cut: Cut, steps: list[int], teeth: list[int], motion: Motion, steady: bool, states: int) -> np.ndarray:
-    """The array I of fast_kernel; `states`: how many the catalogue's effects have in all."""
+def _settings(teeth: list[int], motion: Motion, steady: bool, states: int) -> np.ndarray:
+    """The array I of fast_kernel, but for passes and steps; `states`: how many the catalogue's effects have in all."""
     integers = np.zeros(fk.PLAIN + states, dtype=np.int64)
-    integers[[fk.IDLE, fk.CUT, fk.RING_DOWN]] = cut.idle_passes, cut.passes, cut.ring_down_passes
     integers[[fk.EXACT_FLIGHT, fk.STEADY_SPEED]] = motion.exact, steady
-    integers[[fk.SEGMENTS, fk.CARRIED, fk.PLAIN_COUNT]] = len(steps), len(motion.oscillators), len(motion.plain)
-    integers[fk.STEPS : fk.STEPS + len(steps)] = steps
+    integers[[fk.SEGMENTS, fk.CARRIED, fk.PLAIN_COUNT]] = len(teeth), len(motion.oscillators), len(motion.plain)
     integers[fk.TEETH : fk.TEETH + len(teeth)] = teeth
     integers[fk.PLAIN : fk.PLAIN + len(motion.plain)] = motion.plain
     return integers
@@ -201,6 +193,41 @@ def _of_model(model: Model, catalogue: Mapping[str, Effect]) -> _OfModel:
     return _last
 
 
+@dataclass(frozen=True)
+class _OfLag:
+    """What `pack` makes of a model and the lag of its helix (rad) at one depth, whatever else the cut may be."""
+
+    of: _OfModel
+    lag: float
+    slices: int
+    corners: np.ndarray
+    teeth: list[int]
+    crossing: float
+    G: np.ndarray
+    I: np.ndarray  # noqa: E741
+
+
+_last_lag: _OfLag | None = None  # without a helix all runs of a sweep share it
+
+
+def _of_lag(of: _OfModel, lag: float) -> _OfLag:
+    global _last_lag
+    known = _last_lag
+    if known is not None and known.of is of and known.lag == lag:
+        return known
+    cutter, cutting = of.cutter, of.cutting
+    slices = axial_points(min(lag, cutting.engagement_angle), any("chip" in of.effects[name].hooks for name in of.active))
+    corners, teeth = corners_of_pitch(cutter, cutting, lag)
+    window = cutting.engagement_angle + lag
+    crossing = window - cutter.pitch * math.floor(window / cutter.pitch + 1e-9)
+    if crossing < 1e-9 * cutter.pitch:
+        crossing = cutter.pitch
+    _last_lag = found = _OfLag(of, lag, slices, corners, teeth, crossing,
+                               _geometry(cutter, cutting, of.model.structure, slices, lag, corners),
+                               _settings(teeth, of.motion, of.steady, len(of.layout.state)))
+    return found
+
+
 def pack(
     model: Model,
     cut: Cut,
@@ -214,26 +241,22 @@ def pack(
     stiffening: the highest frequency of the structure in this motion over its natural one, for the choice of steps.
     """
     of = _of_model(model, catalogue)
-    layout, active, cutter, cutting = of.layout, of.active, of.cutter, of.cutting
-    structure, depth = model.structure, cut.axial_depth_of_cut
-    lag = 2.0 * depth * abs(math.tan(cutter.helix_angle)) / cutter.diameter
-    slices = axial_points(min(lag, cutting.engagement_angle), any("chip" in catalogue[name].hooks for name in active))
-    corners, teeth = corners_of_pitch(cutter, cutting, lag)
-    steady, motion = of.steady, of.motion
+    depth, speed, feed = cut.axial_depth_of_cut, cut.spindle_speed, cut.feed_per_tooth
+    tooth = _of_lag(of, 2.0 * depth * abs(math.tan(of.cutter.helix_angle)) / of.cutter.diameter)
+    motion, own = of.motion, model.structure.natural_frequency_rad
     if stiffening > 1.0:
         carried, integrated = motion.rates
         # squared: the frequency grows, and so does the share of the force that is integrated and not carried exactly
-        motion = replace(motion, rates=(carried, max(integrated, stiffening**2 * structure.natural_frequency_rad)))
-    window = cutting.engagement_angle + lag
-    crossing = window - cutter.pitch * math.floor(window / cutter.pitch + 1e-9)
-    if crossing < 1e-9 * cutter.pitch:
-        crossing = cutter.pitch
-    speed, own = cut.spindle_speed, structure.natural_frequency_rad
-    counts = steps_of_segments(steps, corners, teeth, crossing, speed, own, motion, steady)
-    Y = np.zeros(3 + len(layout.state))
-    Y[:2] = cut.initial_displacement, cut.initial_velocity
-    O = np.zeros((layout.oscillators, 3))  # noqa: E741
+        motion = replace(motion, rates=(carried, max(integrated, stiffening**2 * own)))
+    counts = steps_of_segments(steps, tooth.corners, tooth.teeth, tooth.crossing, speed, own, motion, of.steady)
+    G, I = tooth.G.copy(), tooth.I.copy()  # noqa: E741
+    G[lk.SLICE_DEPTH] = depth / tooth.slices
+    G[lk.FEED], G[lk.FEED_SPEED] = feed, feed / cut.tooth_passing_period(of.cutter.flutes)
+    G[lk.OMEGA], G[lk.LENGTH_BEFORE] = speed, cut.length_cut_before
+    I[fk.IDLE], I[fk.CUT], I[fk.RING_DOWN] = cut.idle_passes, cut.passes, cut.ring_down_passes
+    I[fk.STEPS : fk.STEPS + len(counts)] = counts
+    Y = np.zeros(3 + len(of.layout.state))
+    Y[0], Y[1] = cut.initial_displacement, cut.initial_velocity
+    O = np.zeros((of.layout.oscillators, 3))  # noqa: E741
     O[: len(motion.oscillators)] = motion.oscillators
-    return Packed(of.A, of.P, _geometry(cutter, cutting, structure, cut, slices, lag, corners),
-                  _settings(cut, counts, teeth, motion, steady, len(layout.state)), O, Y,
-                  of.base and not measured_clock, crossing)  # fmt: skip
+    return Packed(of.A, of.P, G, I, O, Y, of.base and not measured_clock, tooth.crossing)

@@ -125,5 +125,7 @@ def shifted_marks(marks: np.ndarray, angle: float) -> np.ndarray:
     """
     if len(marks) < 2:
         return np.asarray(marks, float)
-    durations = np.diff(marks)
-    return marks + angle / (2.0 * math.pi) * np.append(durations, durations[-1])
+    durations = np.empty(len(marks))
+    np.subtract(marks[1:], marks[:-1], out=durations[:-1])
+    durations[-1] = durations[-2]
+    return marks + angle / (2.0 * math.pi) * durations

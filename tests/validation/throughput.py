@@ -90,7 +90,7 @@ def measure(runs: int, compression: Compression, shards: bool, folder: str) -> d
     hdf5, hashes = Stopwatch(), Stopwatch()
     for owner, names in ((h5py.Dataset, ("__setitem__", "__getitem__", "make_scale")), (h5py.AttributeManager, (
             "__setitem__", "__getitem__", "__iter__")), (h5py.Group, ("create_dataset", "__getitem__", "visit")), (h5py.File, (
-            "__init__", "close")), (testbed.chunk_writer.ChannelWriter, ("_hand_over",)), (testbed.store, ("_image",))):
+            "__init__", "close")), (testbed.chunk_writer.ChannelWriter, ("_hand_over",))):
         for name in names:
             hdf5.watch(owner, name)
     for module, name in ((testbed.store, "write_sealed"), (testbed.consolidate, "seal"), (testbed.consolidate, "state")):
