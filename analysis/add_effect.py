@@ -22,7 +22,10 @@ WIDE = 0.5  # half an interval over its value from which the value is called poo
 
 @dataclass(frozen=True)
 class Addition:
-    """The model with the effect, held-out errors without and with it, parameters with intervals, and warnings."""
+    """The model with the effect, held-out errors without and with it, parameters with intervals, and warnings.
+
+    fit: with the effect; bare: the fit before, without it, on the same records.
+    """
 
     effect: str
     model: Model
@@ -36,6 +39,7 @@ class Addition:
     converged: bool
     warnings: tuple[str, ...]
     fit: WaveformFit
+    bare: WaveformFit
 
 
 def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: Effect, catalogue: Mapping[str, Effect],
@@ -58,7 +62,7 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     after = held_out_errors(wider, with_it)
     found = estimates(wider, with_it, catalogue)
     result = Addition(effect.name, with_it.state.model, pooled(before)[0], pooled(after)[0], pooled(after)[1],
-                      tuple(before), tuple(after), len(conditions_of(records)) > 1, found, with_it.converged, (), with_it)
+                      tuple(before), tuple(after), len(conditions_of(records)) > 1, found, with_it.converged, (), with_it, fit)
     return replace(result, warnings=tuple(_warnings(result, wider, catalogue)))
 
 

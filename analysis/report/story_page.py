@@ -182,5 +182,5 @@ def addition_page(
     fallen = sum(two.error < one.error for one, two in zip(found.records_before, found.records_after, strict=True))
     page.answer(f"On {fallen} of {len(rows)}.")
     page.table(("record", "error before", "error after", "change", "noise floor"), rows)
-    add_changes(page, believed, None, found.parameters, found.converged)
+    add_changes(page, believed, found.bare.state.model, found.parameters, found.converged)
     return page

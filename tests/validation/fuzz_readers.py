@@ -2,8 +2,9 @@
 
 As a script it prints a table: python tests/validation/fuzz_readers.py [MUTATIONS]. Outcomes: refused (InputProblem),
 right (all numbers as in the sound file), short (a part of them, in order), warned (other numbers, and a note that the
-sound file does not cause), silent (other numbers without a note: one bit in a sample's low digits
-cannot be seen), and the two that may not happen: crashed and hung.
+sound file does not cause), within (other numbers without a note, but off by less than 3 standard deviations of the
+channel's own noise, as noise itself is among so many samples), silent (other numbers by more than that without a note), and the
+two that may not happen: crashed and hung.
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ from testbed.recording import Recording  # noqa: E402
 from tests.validation.claims import Claim, Section  # noqa: E402
 
 TEXT = ("csv", "tsv", "dynoware", "labview", "uff")
-OUTCOMES = ("refused", "right", "short", "warned", "silent", "crashed", "hung")
+OUTCOMES = ("refused", "right", "short", "warned", "within", "silent", "crashed", "hung")
 SMALL = 0.06  # of a channel's range: what one flipped bit may change and nobody can see
+NOISE = 3.0  # standard deviations: 99.7 % of the noise stays below
 SLOW = 5.0  # s; a small file that takes longer counts as hung
 
 
@@ -84,6 +86,11 @@ def _mutate_text(raw: bytes, random: np.random.Generator, choice: int) -> bytes:
     return text.encode("utf-16") if wide else text.encode("utf-8")
 
 
+def noise(values: np.ndarray) -> float:
+    """Standard deviation of white noise on a smooth signal, from the median of its sixth differences."""
+    return float(1.4826 * np.median(np.abs(np.diff(values, 6))) / np.sqrt(924))
+
+
 def outcome(kind: str, path: Path, sound: Recording, usual: tuple[str, ...]) -> str:
     """What a damaged file gives."""
     started = time.perf_counter()
@@ -96,13 +103,18 @@ def outcome(kind: str, path: Path, sound: Recording, usual: tuple[str, ...]) -> 
     if time.perf_counter() - started > SLOW:
         return "hung"
     if recording.sampling_rate == sound.sampling_rate and set(recording.channels) == set(sound.channels):
-        worst = 0.0
-        for name, values in sound.channels.items():
+        worst, noisy = 0.0, 0.0
+        late = max(0, round((recording.start - sound.start) * sound.sampling_rate))  # where the first rows are gone
+        for name, whole in sound.channels.items():
+            values = whole[late:] if late < len(whole) else whole
             rows = min(len(values), len(recording))
-            worst = max(worst, float(np.abs(recording.channels[name][:rows] - values[:rows]).max() / np.ptp(values)))
+            off = float(np.abs(recording.channels[name][:rows] - values[:rows]).max())
+            worst, noisy = max(worst, off / float(np.ptp(whole))), max(noisy, off / noise(whole))
         if worst < 1e-3:
             return "right" if len(recording) == len(sound) else "short"
         if not set(notes) - set(usual):
+            if noisy < NOISE:
+                return "within"
             return "silent" if worst <= SMALL else f"silent ({worst:.2f} of the range)"
     return "warned" if set(notes) - set(usual) else "silent (another rate or other channels)"
 
@@ -138,11 +150,14 @@ def check(mutations: int = 300) -> Section:
         rows.append((kind, *(str(counted[name]) for name in OUTCOMES)))
         plain += counted["plain"]
     silent = sum(int(row[1 + OUTCOMES.index("silent")]) for row in rows)
+    within = sum(int(row[1 + OUTCOMES.index("within")]) for row in rows)
     total = mutations * len(rows)
     claims = (
         Claim("damaged files that crash a reader or hang it", "0", str(len(faults)), not faults),
         Claim("damaged files read as other numbers without a warning", "0", f"{silent} of {total}", silent == 0,
-              "formats without checksums: a flipped digit is a number"),
+              f"formats without checksums; off by more than {NOISE:g} standard deviations of the noise"),
+        Claim("damaged files changed by less than the record's own noise, without a warning", "-", f"{within} of {total}", None,
+              f"off by less than {NOISE:g} standard deviations of it: among so many samples noise does that, too"),
         Claim(f"of these, off by more than {SMALL:.0%} of a channel's range", "0", str(plain), plain == 0),
     )
     head = ("format", *OUTCOMES)
