@@ -23,6 +23,9 @@ LEADERS = 4  # candidates refitted in full
 HOPE = 0.2  # share of the gain the gate asks for that the first step of a candidate must bring to be refitted at all
 GAIN = 0.01  # share of the held-out excess over the noise that an effect must take away
 HELPS = 0.95  # share of the cost that a candidate may leave for its scales to be looked for in other valleys too
+# Error over noise floor below which a leader that leaves only noise may still be the wrong one: what a helix does grows with
+# the square of its angle, so that its own first step leads nowhere, and what is left of a faint effect passes for noise.
+FAINT = 1.3
 MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far
 
 
@@ -77,6 +80,11 @@ def try_candidates(
         incomplete = leader.fitted.error_held_out > ADEQUATE * noise
         if incomplete and leader.cost - floor > MUCH * over:
             _try_from_far(current, entries, catalogue, origins, say)
+        elif not incomplete and current.error_held_out < FAINT * noise:
+            stuck = [one for one in entries if one.fitted is None and one.cost > hopeful]
+            sudden = [one for one in stuck if "engagement" not in catalogue[one.name].hooks]
+            _try_from_far(current, sudden, catalogue, origins, say)
+            entries.sort(key=lambda entry: entry.reached)
         elif incomplete and "engagement" in catalogue[leader.name].hooks:  # its passes may be wrong in all records alike
             _from_far(current, leader, catalogue[leader.name], origins)
     elif entries:

@@ -29,6 +29,7 @@ OPENING = 12  # revolutions from the entry that an opening holds at the least
 MARK_SHARE = 0.1  # of a sample: how well an edge between two samples is placed
 STIFF = 100.0  # stiffness over K b from which forces are those of a rigid machine
 WARM_UP = 120  # passes simulated before a record that starts in the cut
+AWAKE = 0.05  # s before such a record from which its sensor is followed: one that lags remembers
 
 
 class Plant(Protocol):
@@ -372,6 +373,8 @@ def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, fl
         variants = [(immovable(model, observed), angle, nuisances) for model, angle, nuisances in variants]
     durations = [observed.pass_durations(cut, sampling) for cut, sampling in lines]
     kept = None if any(d is None for d in durations) else durations
-    return plant.predict_cuts(
-        [m for m, _, _ in variants], [cut for cut, _ in lines], [s for _, s in lines], observed.channels, durations=kept
-    )
+    lead = math.ceil(AWAKE * observed.rate) if observed.starts_in_cut else 0
+    lead = min(lead, *(math.floor(sampling.start * observed.rate) for _, sampling in lines), lead)
+    samplings = [replace(one, count=one.count + lead, start=one.start - lead / one.rate) for _, one in lines]
+    models, cuts = [model for model, _, _ in variants], [cut for cut, _ in lines]
+    return plant.predict_cuts(models, cuts, samplings, observed.channels, durations=kept)[..., lead:]
