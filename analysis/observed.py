@@ -25,6 +25,7 @@ DRIFT_ORDER = 3  # offset and slow drift: a polynomial of this many terms, and o
 DRIFT_TIME = 1.0  # s of the record
 MOST_DRIFT = 10  # terms
 STEADY_CLOCK = 2e-4  # scatter of the revolutions, relative, up to which the speed is taken as constant
+SWING = 8  # samples at the least in which a free decay's first large swing is looked for
 OPENING = 12  # revolutions from the entry that an opening holds at the least
 MARK_SHARE = 0.1  # of a sample: how well an edge between two samples is placed
 STIFF = 100.0  # stiffness over K b from which forces are those of a rigid machine
@@ -221,7 +222,7 @@ def observe(record: Any, model: Model) -> Observed:
         raise ValueError(f"record {record.name} has no channel that a model predicts")
     segments = find_segments(recording, kind=record.kind)
     data = np.array([recording.channels[name] for name in names], dtype=float)
-    first, last = _used(record.kind, segments, recording)
+    first, last = _used(record.kind, segments, recording, names[0])
     data = data[:, first:last]
     floors = [noise_floor(recording, segments, name) for name in names]
     noise = np.array([max(floor.rms, 1e-6 * float(np.ptp(row)), 1e-300) for floor, row in zip(floors, data, strict=True)])
@@ -255,16 +256,19 @@ def observe(record: Any, model: Model) -> Observed:
     return ready
 
 
-def _used(kind: str, segments: Sequence[Segment], recording: Any) -> tuple[int, int]:
-    """The samples of a record that are predicted: all, but a free decay only from its start on."""
-    if kind == "ring-down":
-        for segment in segments:
-            if segment.kind == "ring-down":
-                margin = 2.0 / recording.sampling_rate
-                return min(
-                    len(recording) - 64, round((segment.start + margin - recording.start) * recording.sampling_rate)
-                ), len(recording)
-    return 0, len(recording)
+def _used(kind: str, segments: Sequence[Segment], recording: Any, name: str) -> tuple[int, int]:
+    """The samples of a record that are predicted: all, but a free decay only from its first large swing on.
+
+    Before that, something pushed the structure or held it: a single sample of that weighs more than all the noise.
+    """
+    count = len(recording)
+    for segment in segments:
+        if kind == "ring-down" and segment.kind == "ring-down":
+            first = max(0, min(count - 64, round((segment.start - recording.start) * recording.sampling_rate)))
+            values = np.asarray(recording.channels[name], dtype=float)
+            opening = np.abs(values[first : first + max(SWING, (count - first) // 50)] - float(np.median(values)))
+            return min(count - 64, first + int(np.argmax(opening))), count
+    return 0, count
 
 
 def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
