@@ -13,6 +13,7 @@ import numpy as np
 
 from analysis.diagnosis import ADEQUATE, Candidate
 from analysis.effect_start import Origin, applicable, far_step, first_step, gradual_entry, hopped
+from analysis.entry_passes import entries_together
 from analysis.held_out import held_out_errors, pooled, record_error
 from analysis.information import bic, effective_size
 from analysis.starts import polish
@@ -159,6 +160,8 @@ def _refitted(
     say(f"refitting with {entry.name}")
     fit = polish(entry.fitter, entry.state, rounds=3, iterations=iterations)
     effects = (*current.effects, entry.name)
+    if any("engagement" in catalogue[name].hooks for name in effects):
+        fit = entries_together(entry.fitter, fit)
     if fit.cost < HELPS * current.fit.cost:
         fit = hopped(entry.fitter, [catalogue[name] for name in effects], fit)
     size = effective_size(fit if fit.cost < 0.5 * current.fit.cost else current.fit)

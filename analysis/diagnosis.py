@@ -6,12 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from analysis.held_out import RecordError
+from analysis.held_out import RecordError, pooled_doubt
 from analysis.next_test import NextTest
 from analysis.waveform import Fitter, WaveformFit
 from testbed.machine import BASE_UNITS, Model
 
 ADEQUATE = 1.02  # error over noise floor up to which nothing is looked for
+FAINT_REST = 1.05  # error over noise floor up to which what no effect lowers is no claim that something is missing
+SURE = 2.0  # standard errors of the noise floor by which that is widened: a floor from a short idle is a few per cent off
 COMPLETE = 1.15  # error over noise floor above which something is still missing
 EXPLAINED = 0.99  # share of the excess that named effects must take away where something is left: else the law is unknown
 PARTIAL = 0.5  # share of the excess from which effects are told although something of another kind remains
@@ -106,7 +108,7 @@ def verdict_of(
             f"The model lacks {' and '.join(best.effects)}: the error on records "
             f"left out of the fit falls from {base.error_held_out:.3g} to {best.error_held_out:.3g}.{rest}",
         )
-    if ratio <= 1.05 and not best.effects:
+    if ratio <= FAINT_REST + SURE * pooled_doubt(base.errors) and not best.effects:
         return answer(
             "adequate",
             (),

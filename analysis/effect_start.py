@@ -20,7 +20,8 @@ ANCHOR = 1.5  # error over noise floor above which candidates also start from th
 SHARES = (0.1, 0.4, 1.0)  # of an effect's example strength, tried as starts
 SLIGHT = (0.01,)  # of it: from so close to nothing one step leads to the best strength, as far as the effect is linear
 SMALL = 1e-3  # relative gain of a first step below which a sensor effect is fitted a little further
-TOGETHER = 6  # passes by which the entries of all records are moved at the most
+TOGETHER = 24  # passes by which the entries of all records are moved at the most
+SETTLING, SETTLED = 10, 0.98  # rounds of placing entries and fitting at the most, and the share of the cost one must beat
 CORNER = 8  # iterations of a fit that only has to find its valley
 HOPS = (0.4, 2.5, 0.8, 1.25)  # factors by which a scale is moved to get out of a valley beside the deepest, far and near
 GROWTH = (0.006, 0.02, 0.06, 0.2, 0.6, 1.0)  # shares of free decays that are fitted one after the other
@@ -263,13 +264,17 @@ def gradual_entry(fitter: Fitter, effect: Effect, fit: WaveformFit, scanned: Sta
     wider = _extended(fitter, effect)
     soft = Fitter(fitter.plant, [softened(record) for record in fitter.records], wider.unknowns)
     points = starting_points(effect, fitter.records, fit)
+    points.append({one.name: one.example if one.start is None else one.start for one in effect.parameters})
     own = tuple(replace(one, exit=seen.exit) for one, seen in zip(scanned.nuisances, fit.state.nuisances, strict=True))
     tried = []
     for values in points:
         state = replace(scanned, model=scanned.model.with_effect(effect.name, **values), nuisances=own)
-        for _ in range(3):
-            state = soft.fit(soft.place_entries(state), iterations=6).state
-        tried.append((wider.cost(state), state))
+        cost, found = math.inf, soft.fit(soft.place_entries(state), iterations=6)
+        for _ in range(SETTLING):
+            if found.cost > SETTLED * cost:
+                break
+            cost, found = found.cost, soft.fit(soft.place_entries(found.state), iterations=6)
+        tried.append((wider.cost(found.state), found.state))
     best = wider.fit(min(tried, key=_cost)[1], iterations=CORNER)
     for passes in (-1, 1):
         for _ in range(TOGETHER):

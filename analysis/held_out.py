@@ -21,7 +21,10 @@ REFIT = 4  # iterations of that fit
 
 @dataclass(frozen=True)
 class RecordError:
-    """rms(measured - predicted) and rms(measured about its mean), both in the channel's unit over all channels, per record."""
+    """rms(measured - predicted) and rms(measured about its mean), both in the channel's unit over all channels, per record.
+
+    noise_doubt: standard error of the noise floor over itself.
+    """
 
     name: str
     error: float
@@ -30,6 +33,7 @@ class RecordError:
     squares: float
     size: float
     noise_squares: float
+    noise_doubt: float = 0.0
 
 
 def conditions_of(records: Sequence[Observed]) -> list[list[int]]:
@@ -51,7 +55,9 @@ def record_error(record: Observed, residual: np.ndarray) -> RecordError:
     squares = float(np.sum((rest * scale[:, None]) ** 2))
     total = float(np.sum((size * scale[:, None]) ** 2))
     noise = float(np.sum((record.noise * scale) ** 2) * record.samples)
-    return RecordError(record.name, (squares / total) ** 0.5, (noise / total) ** 0.5, rest, squares, total, noise)
+    return RecordError(
+        record.name, (squares / total) ** 0.5, (noise / total) ** 0.5, rest, squares, total, noise, record.noise_doubt
+    )
 
 
 def _units(record: Observed) -> list[str]:
@@ -62,6 +68,12 @@ def pooled(errors: Sequence[RecordError]) -> tuple[float, float]:
     """(error, noise floor) over records: root of summed squares over summed squares."""
     total = sum(one.size for one in errors)
     return (sum(one.squares for one in errors) / total) ** 0.5, (sum(one.noise_squares for one in errors) / total) ** 0.5
+
+
+def pooled_doubt(errors: Sequence[RecordError]) -> float:
+    """Standard error of the pooled noise floor over itself: how well the records' noise is known, each from its own samples."""
+    total = sum(one.noise_squares for one in errors)
+    return sum((one.noise_doubt * one.noise_squares) ** 2 for one in errors) ** 0.5 / max(total, 1e-300)
 
 
 def own_refit(fitter: Fitter, state: State, indices: Sequence[int], rounds: int = 2) -> State:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -13,16 +14,22 @@ from analysis.periods import period_changes
 from analysis.segments import Segment, main_channel, revolution_period, white_noise
 from testbed.recording import Recording
 
+PAIRED = 1.5  # samples that count as one: of changes between neighbours, which are correlated by -1/2
+FOURTH = 2.63  # of fourth differences: the sum of their squared autocorrelations, (70, -56, 28, -8, 1) / 70
 Basis = Literal["idle", "repeated periods", "high-frequency residual"]
 
 
 @dataclass(frozen=True)
 class Noise:
-    """rms of a channel's noise in the channel's unit, and what it was read from."""
+    """rms of a channel's noise in the channel's unit, and what it was read from.
+
+    doubt: standard error of the rms over the rms, as for white noise: over few samples it is a few per cent.
+    """
 
     rms: float
     basis: Basis
     channel: str
+    doubt: float = 0.0
 
 
 def samples_of(recording: Recording, segment: Segment) -> slice:
@@ -49,7 +56,7 @@ def noise_floor(recording: Recording, segments: Sequence[Segment], channel: str 
         margin = int(min(turn, len(longest) / 8))
         quiet = longest[margin : len(longest) - margin]
         rms = _about_lines(quiet, max(64, int(2 * turn)))
-        return Noise(min(rms, _beside_ringing(quiet, recording.sampling_rate, rms)), "idle", name)
+        return Noise(min(rms, _beside_ringing(quiet, recording.sampling_rate, rms)), "idle", name, _doubt(len(quiet)))
     steady = [values[samples_of(recording, segment)] for segment in segments if segment.kind == "steady"]
     longest = max(steady, key=len, default=np.empty(0))
     white = white_noise(values)
@@ -57,8 +64,13 @@ def noise_floor(recording: Recording, segments: Sequence[Segment], channel: str 
         change, level = period_changes(longest, turn)
         rms = float(np.median(change) / np.sqrt(2))
         if rms < 0.25 * float(np.median(level)):
-            return Noise(rms, "repeated periods", name)
-    return Noise(white, "high-frequency residual", name)
+            return Noise(rms, "repeated periods", name, _doubt(len(longest), PAIRED))
+    return Noise(white, "high-frequency residual", name, _doubt(len(values), FOURTH))
+
+
+def _doubt(samples: int, lost: float = 1.0) -> float:
+    """Standard error of an rms over itself, from white samples; `lost` of them count as one."""
+    return math.sqrt(lost / (2.0 * max(samples, 1)))
 
 
 def _beside_ringing(values: np.ndarray, rate: float, rms: float) -> float:

@@ -47,6 +47,7 @@ class Observed:
     period: of one revolution (s); first_mark: time of the first mark, s. durations: measured time of every revolution
     where the speed is not constant. clock_error: standard deviations of a record's own tooth angle (rad) and relative
     speed, from the scatter of its marks. segments and conditions as read. force (samples,) drives an excited record.
+    noise_doubt: standard error of the first channel's noise over itself.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Observed:
     starts_in_cut: bool = False
     clock_error: tuple[float, float] | None = None
     weight: np.ndarray | None = None
+    noise_doubt: float = 0.0
 
     @property
     def scale(self) -> np.ndarray:
@@ -142,9 +144,9 @@ class Observed:
         pitch = self.period / nuisances.speed / self.flutes
         index = self.first_pass - (WARM_UP if self.starts_in_cut else 0)
         first = self.pass_start(index, angle, nuisances)
-        idle = max(0, nuisances.entry - index)
         end = self.start + self.samples / self.rate
         total = math.ceil((end - self.pass_start(index, 0.0, Nuisances())) / pitch) + self.flutes
+        idle = min(max(0, nuisances.entry - index), total)
         passes = max(0, min(total - idle, nuisances.exit - index - idle))
         cut = replace(
             self.cut,
@@ -243,6 +245,7 @@ def observe(record: Any, model: Model) -> Observed:
         drift_basis(data.shape[1], 1 if excited else _drift_order(data.shape[1] / recording.sampling_rate)),
         segments,
         condition,
+        noise_doubt=floors[0].doubt,
     )
     if excited:
         drive = next(name for name in record.excitations)

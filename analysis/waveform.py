@@ -186,6 +186,12 @@ class Fitter:
         """One record's residual, in units of the noise."""
         return self._residuals(self.records[index], [(state.model, state.angle, state.nuisances[index])])[0]
 
+    def residuals_with(self, index: int, state: State, own: Sequence[Nuisances]) -> np.ndarray:
+        """One record's residuals with other nuisances (variants, values), and what its marks say of each."""
+        record = self.records[index]
+        rest = self._residuals(record, [(state.model, state.angle, one) for one in own])
+        return np.hstack([rest, np.array([self._held(record, one) for one in own])])
+
     def residuals(self, state: State, indices: Sequence[int] | None = None) -> tuple[np.ndarray, ...]:
         """Every record's residual, or some records', in units of the noise."""
         places = range(len(self.records)) if indices is None else indices

@@ -17,6 +17,7 @@ import numpy as np
 from testbed.atomic import replacing
 from testbed.chunk_writer import Compression, channel_data
 from testbed.content_hash import ATTRIBUTE, DIGEST, content_hash
+from testbed.file_cache import leave
 from testbed.problem import InputProblem
 from testbed.recording import CHANNEL_UNITS
 from testbed.seal import seal, state
@@ -45,6 +46,8 @@ def consolidate(target: Path, header: Header, shards: Sequence[tuple[int, int, P
             for first, path in _whole(shards, threads):
                 with h5py.File(path, "r") as shard:
                     writer.take(shard, first)
+                with path.open("rb", buffering=0) as taken:
+                    leave(taken.fileno())
             digests = {name: bytes(values) for name, values in writer.digests.items()}
             for name, values in digests.items():
                 write_digests(file, name, values)
@@ -104,6 +107,7 @@ class _Writer:
         self.file, self.samples, self.compression, self.transients = file, samples, compression, transients
         self.count = shards[-1][1]
         self.digests: dict[str, bytearray] = {}
+        self.tables: dict[str, h5py.Dataset] = {}  # kept open: to open one takes longer than to write a shard's part of it
         self.widths = dict.fromkeys(RAGGED, 1)
         self.rows: dict[str, int] = {}  # in a chunk: as in the largest shards, whose chunks are copied as they are
         for _, _, path in shards:
@@ -125,11 +129,11 @@ class _Writer:
                 self._table(shard[name], name, first)
 
     def _table(self, source: h5py.Dataset, name: str, first: int) -> None:
-        if name not in self.file:
-            data = self.file.create_dataset(name, (self.count,), source.dtype)
+        if name not in self.tables:
+            data = self.tables[name] = self.file.create_dataset(name, (self.count,), source.dtype)
             data.dims[0].attach_scale(self.file["run"])
             _copy_attributes(source, data)
-        self.file[name][first:first + len(source)] = source[()]
+        self.tables[name][first:first + len(source)] = source[()]
 
     def _ragged(self, source: h5py.Dataset, name: str, first: int) -> None:
         data = self.file[name] if name in self.file else ragged(self.file, name, self.count, self.widths[name])

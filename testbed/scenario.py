@@ -61,7 +61,7 @@ class Run:
 
 def _generator(seed: int, index: int, purpose: int) -> np.random.Generator:
     """Run `index`'s stream: a child of SeedSequence(seed, spawn_key=(index,)), one for each purpose."""
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index, purpose)))
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(index, purpose))))
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,8 @@ from io import FileIO
 from pathlib import Path
 from typing import Literal
 
+from testbed.file_cache import leave_when_written
+
 BLOCK = 16 * 2**20  # bytes
 _PIECE = 2**19  # bytes read or written at once
 _LENGTH = len(b"\nsealed sha256-16M " + b"0" * 64 + b" " + b"0" * 15 + b"\n")
@@ -29,8 +31,8 @@ def seal(path: Path, threads: int = 1) -> None:
         file.write(_trailer(_digest(path, size, threads), size))
 
 
-def write_sealed(path: Path, content: bytes | memoryview) -> None:
-    """Write a file and its seal. OSError where it cannot be written."""
+def write_sealed(path: Path, content: bytes | memoryview, keep: bool = True) -> None:
+    """Write a file and its seal; `keep` it in the system's file cache. OSError where it cannot be written."""
     total, view = sha256(), memoryview(content)
     with path.open("wb") as file:
         for first in range(0, len(view), BLOCK):
@@ -40,6 +42,9 @@ def write_sealed(path: Path, content: bytes | memoryview) -> None:
                 file.write(block[place:place + _PIECE])
             total.update(found.digest())
         file.write(_trailer(total.hexdigest(), len(view)))
+        if not keep:
+            file.flush()
+            leave_when_written(file.fileno())
 
 
 def _trailer(digest: str, size: int) -> bytes:

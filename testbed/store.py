@@ -90,7 +90,7 @@ def write_data_set(path: str | Path, header: Header, rows: Iterable[tuple[Run, R
         with MemoryFile(_ROOM + 4 * count * samples, keep=not durable) as memory:
             with h5py.File(memory, "w", libver="v110") as file:
                 digest = _write(file, header, iter(rows), count, samples, compression, chunk_rows)
-            write_sealed(temporary, memory.content())
+            write_sealed(temporary, memory.content(), keep=durable)
         return digest
 
 

@@ -15,7 +15,7 @@ from analysis.report.compare_page import compare_page, verdict_of
 from analysis.report.force_map import add_force_map, force_map_says
 from analysis.report.packed import packed, thinned
 from analysis.report.page import Page, Panel, heat_colour
-from analysis.report.story_page import diagnosis_page
+from analysis.report.story_page import addition_page, diagnosis_page
 from analysis.residual_views import by_angle, by_frequency
 from testbed.cli.diagnose import _force_maps
 
@@ -129,6 +129,26 @@ def test_the_story_says_what_was_found():
     assert "3037 rpm and 1.8 mm" in text  # the next test
     assert found.with_effects < 0.9 * found.baseline
     assert "process_damping.coefficient" in text and "one warning" in pages.added().html()
+
+
+def before_and_after(page):
+    """Rows y of the residual before and after over the tooth's angle, of the record shown first."""
+    spec = next(one for one in page.pictures if "0|1" in one["panels"])
+    return [unpacked(trace["y"]) for trace in spec["panels"]["0|1"]["traces"]]
+
+
+def test_each_residual_is_seen_by_the_tooth_angle_of_its_own_fit():
+    found, shift = pages.addition(), np.deg2rad(90.0)
+    turned = replace(found.bare.state, angle=found.bare.state.angle + shift)
+    other = replace(found, bare=replace(found.bare, state=turned))
+    looks = [before_and_after(addition_page(one, pages.records(), BELIEVED, pages.UNITS)) for one in (found, other)]
+    worst = max(range(3), key=lambda one: found.records_before[one].squares / found.records_before[one].noise_squares)
+    for state, (before, after) in zip((found.bare.state, turned), looks, strict=True):
+        for row, error, own in ((before, found.records_before, state), (after, found.records_after, found.fit.state)):
+            expected = by_angle(pages.records()[worst], error[worst], own, worst)[0].mean
+            assert np.allclose(row, expected, atol=1e-4 * np.ptp(expected))
+    assert np.abs(looks[0][0] - looks[1][0]).max() > 0.5 * np.ptp(looks[0][0])  # a quarter of a turn further
+    assert np.array_equal(looks[0][1], looks[1][1])
 
 
 def test_every_fitted_set_can_be_ticked():

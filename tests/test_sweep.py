@@ -164,10 +164,10 @@ def test_a_full_disk_is_told_in_a_line_and_the_sweep_is_continued(scenario, tmp_
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EDQUOT])
 def test_a_place_that_stops_taking_files_is_told_and_the_sweep_is_continued(scenario, tmp_path, monkeypatch, number):
-    def refuse(path, content):
+    def refuse(path, content, **options):
         if len(find(tmp_path / "a.h5.parts")) == 2:
             raise OSError(number, os.strerror(number))
-        written(path, content)
+        written(path, content, **options)
 
     from testbed import store
 

@@ -119,9 +119,9 @@ def diagnosis_page(
         key = frozenset(best.effects)
         add_ticks(page, chosen, sets, key)
         add_candidates(page, found)
-        if key:
-            points = points_for(chosen, leading(sets, key))
-            add_before_after(page, chosen, base.errors, sets[key], best.fit.state, points, key)
+        if key and base.fit is not None:
+            points, states = points_for(chosen, leading(sets, key)), (base.fit.state, best.fit.state)
+            add_before_after(page, chosen, base.errors, sets[key], states, points, key)
         bare = base.fit.state.model if base.fit is not None and key else None
         add_changes(page, believed, bare, estimates(best.fitter, best.fit, catalogue), best.fit.converged)
     for one_name, x, v, force in force_maps:
@@ -170,7 +170,7 @@ def addition_page(
         chosen,
         found.records_before,
         found.records_after,
-        found.fit.state,
+        (found.bare.state, found.fit.state),
         points_for(chosen, sets),
         frozenset({found.effect}),
     )

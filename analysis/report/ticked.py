@@ -102,11 +102,15 @@ def add_before_after(
     found: Sequence[Look],
     before: Sequence[RecordError],
     after: Sequence[RecordError],
-    state: State,
+    states: tuple[State, State],
     points: int,
     effects: frozenset[str],
 ) -> None:
-    """Residuals side by side on one scale: over time, over the tooth's angle, over frequency. state: where marks stand."""
+    """Residuals side by side on one scale: over time, over the tooth's angle, over frequency.
+
+    states: of the fit before and of the fit after; each residual is seen by the tooth angle, speed and natural frequency of
+    its own fit.
+    """
     page.heading("What was left before, and what is left after?")
     excess = [math.sqrt(max(error**2 - floor**2, 0.0)) for error, floor in (pooled(before), pooled(after))]
     page.answer(
@@ -120,7 +124,7 @@ def add_before_after(
     for place, look in enumerate(found):
         pair = (before[look.index], after[look.index])
         for column, kind in enumerate(kinds):
-            sides = [_side(look, error, state, kind, points) for error in pair]
+            sides = [_side(look, error, state, kind, points) for error, state in zip(pair, states, strict=True)]
             panels[place, column] = _pair(look, sides, kind, pair)
     page.choices(
         [("record", [look.label for look in found]), ("shown", kinds)],
