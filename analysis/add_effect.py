@@ -7,8 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from analysis.candidate_round import candidate_of, with_effect
 from analysis.compare import estimates
-from analysis.effect_start import ANCHOR, all_free, applicable, first_step, origins_of
+from analysis.effect_start import ANCHOR, all_free, applicable, effect_parameters, origins_of
+from analysis.fine_steps import finely, has_kinks
 from analysis.held_out import RecordError, conditions_of, held_out_errors, pooled
 from analysis.identify import Estimate
 from analysis.observed import Observed, Plant
@@ -54,7 +56,7 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     fitter, fit = base_fit(plant, records, model, free=all_free(records, model, catalogue))
     before = held_out_errors(fitter, fit)
     say(f"fitting with {effect.name}")
-    wider, with_it = _fit_with(plant, model, effect, fitter, fit, before)
+    wider, with_it = _fit_with(plant, model, {**catalogue, effect.name: effect}, effect, fitter, fit, say)
     say("looking again for a fit without it")
     again = polish(fitter, _without(with_it.state, effect.name), rounds=1, iterations=8)
     if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
@@ -66,18 +68,23 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     return replace(result, warnings=tuple(_warnings(result, wider, catalogue)))
 
 
-def _fit_with(plant: Plant, model: Model, effect: Effect, fitter: Fitter, fit: WaveformFit,
-              before: Sequence[RecordError]) -> tuple[Fitter, WaveformFit]:
+def _fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, fitter: Fitter, fit: WaveformFit,
+              say: Callable[[str], None]) -> tuple[Fitter, WaveformFit]:
     """The fit with the effect; never worse than without, since at its neutral values it contains that."""
-    error, noise = pooled(before)
+    bare = candidate_of(fitter, fit, (), None, 1.0)
+    error, noise = pooled(bare.errors)
     origins = origins_of(plant, model, fitter, fit, anchored=error > ANCHOR * noise)
-    _, state, wider = first_step(fitter, effect, fit, origins)
-    if effect.name not in state.model.effects:
-        state = _with_neutral(fit.state, effect)
-    found = polish(wider, state)
+    tried = with_effect(bare, effect.name, catalogue, origins, say)
+    wider = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, *effect_parameters(effect)])
+    if tried.fit is None or effect.name not in tried.fit.state.model.effects:
+        found = polish(wider, _with_neutral(fit.state, effect))
+    else:
+        found = tried.fit
     if found.cost > fit.cost and any(parameter.vanishes for parameter in effect.parameters):
         nested = polish(wider, _with_neutral(fit.state, effect))
         found = min(found, nested, key=lambda one: one.cost)
+    if has_kinks([*model.effects, effect.name], catalogue):
+        return finely(wider, found, catalogue)
     return wider, found
 
 

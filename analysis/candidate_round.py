@@ -12,10 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.diagnosis import ADEQUATE, Candidate
-from analysis.effect_start import Origin, applicable, far_step, first_step, gradual_entry, hopped
+from analysis.effect_start import Origin, applicable, far_step, first_step, gradual_entry
 from analysis.entry_passes import entries_together
 from analysis.held_out import held_out_errors, pooled, record_error
 from analysis.information import bic, effective_size
+from analysis.pass_count import recounted
+from analysis.scale_hops import hopped
 from analysis.starts import polish
 from analysis.waveform import Fitter, State, WaveformFit
 from testbed.effect import Effect
@@ -103,6 +105,30 @@ def try_candidates(
     return sorted(found, key=lambda candidate: candidate.error_held_out)
 
 
+def with_effect(
+    current: Candidate,
+    name: str,
+    catalogue: Mapping[str, Effect],
+    origins: Sequence[Origin],
+    say: Callable[[str], None],
+) -> Candidate:
+    """The current set and one effect more, fitted from every start that a round of a diagnosis knows."""
+    assert current.fit is not None and current.fitter is not None
+    effect = catalogue[name]
+    entry = _Entry(name, *first_step(current.fitter, effect, current.fit, origins))
+    early = bool({"measure", "speed"} & set(effect.hooks))
+    if early:
+        _from_far(current, entry, effect)
+    if name not in entry.state.model.effects:
+        return current
+    found = entry.fitted = _refitted(current, entry, catalogue, say)
+    if not early and found.error_held_out > ADEQUATE * pooled(current.errors)[1]:
+        say(f"trying {name} from far")
+        _from_far(current, entry, effect, origins)
+        found = entry.fitted or _refitted(current, entry, catalogue, say)
+    return found
+
+
 def _first_steps(
     current: Candidate, catalogue: Mapping[str, Effect], origins: Sequence[Origin], say: Callable[[str], None]
 ) -> list[_Entry]:
@@ -160,8 +186,7 @@ def _refitted(
     say(f"refitting with {entry.name}")
     fit = polish(entry.fitter, entry.state, rounds=3, iterations=iterations)
     effects = (*current.effects, entry.name)
-    if any("engagement" in catalogue[name].hooks for name in effects):
-        fit = entries_together(entry.fitter, fit)
+    fit = recounted(entry.fitter, entries_together(entry.fitter, fit))
     if fit.cost < HELPS * current.fit.cost:
         fit = hopped(entry.fitter, [catalogue[name] for name in effects], fit)
     size = effective_size(fit if fit.cost < 0.5 * current.fit.cost else current.fit)

@@ -16,7 +16,7 @@ from analysis.constancy import COVARIATES, Constancy
 from analysis.force_state import ForceState
 from analysis.inspection_plot import SEGMENT_COLOURS, envelope
 from analysis.lines import amplitude_spectrum
-from analysis.residual_views import CALIBRATED, MapUnits, by_angle, on_chart
+from analysis.residual_views import CALIBRATED, MapUnits, by_angle, map_holds, on_chart
 
 KINDS = tuple(SEGMENT_COLOURS)
 
@@ -184,17 +184,19 @@ def by_amplitude(figure: Any, decays: Sequence[AmplitudeDependence]) -> None:
 
 
 def force_state_map(figure: Any, states: Sequence[ForceState], shown: MapUnits = CALIBRATED) -> None:
-    """The missing force over displacement and velocity, a map beside another, on one scale of colour."""
-    reach = float(np.percentile(np.abs(np.concatenate([one.force for one in states])), 99)) or 1.0
+    """The missing force over displacement and velocity; out of the cut, where it is one of the motion alone, before in the
+    cut, each with a scale of colour of its own, since an error of the chip force is often the larger by far."""
+    states = sorted(states, key=lambda one: "while a tooth cuts" in one.name)
     axes = figure.subplots(1, len(states), squeeze=False)[0]
     across, up, colour = shown
     for axis, one in zip(axes, states, strict=True):
+        reach = (float(np.percentile(np.abs(one.force), 99)) or 1.0) * colour[0]
         points = axis.scatter(one.x * across[0], one.v * up[0], c=one.force * colour[0], s=6, cmap="coolwarm", vmin=-reach,
                               vmax=reach, linewidths=0)
         axis.set_xlabel(f"displacement [{across[1]}]")
         axis.set_ylabel(f"velocity [{up[1]}]")
-        axis.set_title(one.name, fontsize=10)
-    figure.colorbar(points, ax=axes, label=f"missing force [{colour[1]}]")
+        axis.set_title("\n".join(part for part in (one.name, map_holds(one.name)) if part), fontsize=10)
+        figure.colorbar(points, ax=axis, label=f"missing force [{colour[1]}]")
     figure.suptitle("What does the missing force depend on: displacement or velocity?")
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from analysis.candidate_round import GAIN, candidate_of, try_candidates
 from analysis.diagnosis import ADEQUATE, Candidate, Diagnosis, excess, verdict_of
 from analysis.effect_start import ANCHOR, all_free, origins_of
+from analysis.fine_steps import finely, has_kinks
 from analysis.held_out import pooled
 from analysis.information import bic, effective_size
 from analysis.next_test import next_test
@@ -61,6 +62,14 @@ def _by_noise(one: Candidate) -> Candidate:
     records = [replace(record, weight=None) for record in one.fitter.records]
     fitter = Fitter(one.fitter.plant, records, one.fitter.unknowns)
     return replace(one, fitter=fitter, fit=replace(fitter.fit(one.fit.state, iterations=0), converged=one.fit.converged))
+
+
+def _settled(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
+    """The last set of effects, with finer steps where a law of it has a kink: its parameters are told."""
+    assert one.fit is not None and one.fitter is not None
+    if not has_kinks(list(one.fit.state.model.effects), catalogue):
+        return one
+    return replace(candidate_of(*finely(one.fitter, one.fit, catalogue), one.effects, None, 1.0), delta_bic=one.delta_bic)
 
 
 def _nesting_guard(current: Candidate, tried: Sequence[Candidate]) -> Candidate:
@@ -216,7 +225,9 @@ def _search(
         if current is not first:
             seen.append(_told(current))
     current = _weighed(current)
-    steps = [*map(_by_noise, steps[:-1]), _by_noise(current)]
+    current = _settled(_by_noise(current), catalogue)
+    steps = [*map(_by_noise, steps[:-1]), current]
+    seen = [_told(current) if one.effects == current.effects else one for one in seen]
     seen.sort(key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))
     return verdict_of(steps[0], steps[-1], steps, tuple(seen), noise, tied)
 

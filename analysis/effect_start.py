@@ -19,11 +19,11 @@ from testbed.machine import Model
 ANCHOR = 1.5  # error over noise floor above which candidates also start from the small-amplitude structure
 SHARES = (0.1, 0.4, 1.0)  # of an effect's example strength, tried as starts
 SLIGHT = (0.01,)  # of it: from so close to nothing one step leads to the best strength, as far as the effect is linear
+BESIDE = 0.25  # of the step between angles tried: at quarter turns an effect may do nothing (runout square to two teeth)
 SMALL = 1e-3  # relative gain of a first step below which a sensor effect is fitted a little further
 TOGETHER = 24  # passes by which the entries of all records are moved at the most
 SETTLING, SETTLED = 10, 0.98  # rounds of placing entries and fitting at the most, and the share of the cost one must beat
 CORNER = 8  # iterations of a fit that only has to find its valley
-HOPS = (0.4, 2.5, 0.8, 1.25)  # factors by which a scale is moved to get out of a valley beside the deepest, far and near
 GROWTH = (0.006, 0.02, 0.06, 0.2, 0.6, 1.0)  # shares of free decays that are fitted one after the other
 
 
@@ -66,7 +66,8 @@ def starting_points(
         elif parameter.each_record:
             choices.append([parameter.start or 0.0])  # every record is turned to where it fits
         elif not parameter.vanishes and parameter.unit == "rad":
-            choices.append([low + (high - low) * (k + 0.5) / 4 for k in range(4)])
+            turn = min(high - low, 2 * math.pi)  # wider bounds would only bring the same angles again
+            choices.append([low + turn * (k + BESIDE) / 4 for k in range(4)])
         elif parameter.vanishes:
             away = [share * (parameter.example - parameter.neutral) for share in shares]
             signed = [parameter.neutral + sign * size for size in away for sign in (1.0, -1.0)]
@@ -225,34 +226,6 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
         found = wider.fit(best[1] if effect.name in best[1].model.effects else tried[0][1], iterations=CORNER)
         best = min(best, (found.cost, found.state), key=lambda one: one[0])
     return best[0], best[1], wider
-
-
-def hopped(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -> WaveformFit:
-    """The fit, started again with every scale of these laws some way off, as long as that leads to a deeper valley.
-
-    A scale at which a law bends (where friction breaks away, how fast a speed falls) has valleys of its own beside the true
-    one, and what else the model lacked when it was first fitted has often led into one of them.
-    """
-    for effect in effects:
-        for parameter in effect.parameters:
-            low, high = parameter.bounds
-            if parameter.vanishes or parameter.each_record or parameter.unit in ("Hz", "rad") or not low > 0.0:
-                continue
-            path = f"{effect.name}.{parameter.name}"
-            for factor in HOPS:
-                fit = _hopped_along(fitter, path, factor, parameter.bounds, fit)
-    return fit
-
-
-def _hopped_along(fitter: Fitter, path: str, factor: float, bounds: tuple[float, float], fit: WaveformFit) -> WaveformFit:
-    """The fit with one scale multiplied by a factor again and again, and all else fitted, while that costs less."""
-    while bounds[0] <= factor * fit.state.model.value(path) <= bounds[1]:
-        moved = fit.state.model.with_values({path: factor * fit.state.model.value(path)})
-        trial = fitter.fit(replace(fit.state, model=moved), iterations=CORNER)
-        if not trial.cost < fit.cost * (1.0 - 1e-5) - 1.0:
-            return fit
-        fit = trial if trial.converged else fitter.fit(trial.state, iterations=4 * CORNER)
-    return fit
 
 
 def gradual_entry(fitter: Fitter, effect: Effect, fit: WaveformFit, scanned: State) -> tuple[float, State, Fitter]:

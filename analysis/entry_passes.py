@@ -8,7 +8,6 @@ and the best passes of all records are found by changing one or two of them at a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -78,7 +77,7 @@ def _descended(squares: np.ndarray, pulls: np.ndarray, places: np.ndarray) -> tu
     """(least squares, places) from given places on, changing the one or the two that help most until none does."""
     rows = np.arange(len(squares))
 
-    def left(changes: Sequence[int]) -> np.ndarray:
+    def left(changes: tuple[int, ...]) -> np.ndarray:
         """Squares over all places of the records that change, the others held; one axis for each."""
         held = np.setdiff1d(rows, changes)
         fixed, total = squares[held, places[held]].sum(), pulls[held, places[held]].sum(axis=0)
@@ -88,7 +87,7 @@ def _descended(squares: np.ndarray, pulls: np.ndarray, places: np.ndarray) -> tu
         both = total + pulls[one][:, None] + pulls[two][None]
         return fixed + squares[one][:, None] + squares[two][None] - np.sum(both**2, axis=2)
 
-    pairs = [(int(one), int(two)) for one in rows for two in rows if one < two] or [(0,)]
+    pairs: list[tuple[int, ...]] = [(int(one), int(two)) for one in rows for two in rows if one < two] or [(0,)]
     best = float(squares[rows, places].sum() - np.sum(pulls[rows, places].sum(axis=0) ** 2))
     while True:
         tried = [(left(pair), pair) for pair in pairs]

@@ -39,7 +39,10 @@ def turned_by(nuisances: Nuisances, path: str, angle: float) -> Nuisances:
 
 
 def other_teeth(nuisances: Nuisances, flutes: int) -> list[Nuisances]:
-    """The same course with another tooth the first to cut: unequal teeth tell which it was."""
+    """The same course with another tooth the first to cut: unequal teeth tell which it was.
+
+    A simulation counts teeth from a pass that stays; the angle turns back by a pitch, and the passes that are meant move on.
+    """
     found = []
     for tooth in range(1, flutes):
         angle = nuisances.angle - 2 * math.pi * tooth / flutes

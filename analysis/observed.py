@@ -29,7 +29,7 @@ SWING = 8  # samples at the least in which a free decay's first large swing is l
 OPENING = 12  # revolutions from the entry that an opening holds at the least
 MARK_SHARE = 0.1  # of a sample: how well an edge between two samples is placed
 STIFF = 100.0  # stiffness over K b from which forces are those of a rigid machine
-WARM_UP = 120  # passes simulated before a record that starts in the cut
+WARM_UP = 60  # revolutions simulated before a record that starts in the cut
 AWAKE = 0.05  # s before such a record from which its sensor is followed: one that lags remembers
 
 
@@ -94,8 +94,11 @@ class Observed:
 
     @property
     def first_pass(self) -> int:
-        """Index of the pass a simulation starts with: well before the record, and the same at any tooth angle."""
-        return math.floor((self.start - self.anchor) / self.period * self.flutes) - self.flutes - 1
+        """Index of the pass a simulation starts with: well before the record, the same at any tooth angle, a whole turn.
+
+        Teeth are counted from there; so the same tooth follows the mark in every record.
+        """
+        return (math.floor((self.start - self.anchor) / self.period) - 2) * self.flutes
 
     def pass_start(self, index: int, angle: float, nuisances: Nuisances) -> float:
         """Time (s) of the start of a pass; index 0 belongs to the anchor."""
@@ -142,7 +145,7 @@ class Observed:
         """The cut and the sampling that simulate this record."""
         assert self.cut is not None
         pitch = self.period / nuisances.speed / self.flutes
-        index = self.first_pass - (WARM_UP if self.starts_in_cut else 0)
+        index = self.first_pass - (WARM_UP * self.flutes if self.starts_in_cut else 0)
         first = self.pass_start(index, angle, nuisances)
         end = self.start + self.samples / self.rate
         total = math.ceil((end - self.pass_start(index, 0.0, Nuisances())) / pitch) + self.flutes
@@ -317,7 +320,7 @@ def first_nuisances(observed: Observed, angle: float) -> Nuisances:
         if leave >= end - pitch
         else math.ceil((leave - zero) / pitch - 0.1)
     )
-    return Nuisances(entry=observed.first_pass - WARM_UP if observed.starts_in_cut else entry, exit=exit_pass)
+    return Nuisances(entry=observed.first_pass - WARM_UP * observed.flutes if observed.starts_in_cut else entry, exit=exit_pass)
 
 
 def last_tooth(observed: Observed, ring_down: float) -> float:
@@ -381,7 +384,7 @@ def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, fl
     durations = [observed.pass_durations(cut, sampling) for cut, sampling in lines]
     kept = None if any(d is None for d in durations) else durations
     lead = math.ceil(AWAKE * observed.rate) if observed.starts_in_cut else 0
-    lead = min(lead, *(math.floor(sampling.start * observed.rate) for _, sampling in lines), lead)
+    lead = max(0, min(lead, *(math.floor(sampling.start * observed.rate) for _, sampling in lines)))  # an angle far off
     samplings = [replace(one, count=one.count + lead, start=one.start - lead / one.rate) for _, one in lines]
     models, cuts = [model for model, _, _ in variants], [cut for cut, _ in lines]
     return plant.predict_cuts(models, cuts, samplings, observed.channels, durations=kept)[..., lead:]

@@ -43,6 +43,13 @@ def map_units(units: Mapping[str, str]) -> MapUnits:
     return ((1.0, own), (1.0, f"{own}/s"), unknown) if own else (unknown, unknown, unknown)
 
 
+def map_holds(name: str) -> str:
+    """What the force of a force-state map holds, by the map's name (analysis/force_state.py)."""
+    if "while a tooth cuts" in name:
+        return "it holds the error of the chip force, too"
+    return "no tooth cuts there: a force of the motion alone" if "out of the cut" in name else ""
+
+
 @dataclass(frozen=True)
 class AngleView:
     """Mean residual by the angle since a tooth's entry, over one turn of the spindle, while cutting.

@@ -10,10 +10,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import csd
 
+from analysis.entry_passes import entries_together
 from analysis.free_decay import fit_free_decay, spectral_peak
 from analysis.held_out import own_refit
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, Plant, first_nuisances, predict
+from analysis.pass_count import recounted
 from analysis.waveform import WORKERS, Fitter, Free, State, WaveformFit
 from testbed.machine import Model
 
@@ -226,7 +228,8 @@ def base_fit(
     soft = Fitter(plant, [softened(record) for record in records], free)
     best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
     fitter = Fitter(plant, records, free)
-    return fitter, from_the_best_half(fitter, polish(fitter, fitter.place_exits(best.state)))
+    fit = from_the_best_half(fitter, polish(fitter, fitter.place_exits(best.state)))
+    return fitter, recounted(fitter, entries_together(fitter, fit))
 
 
 def with_exits(fitter: Fitter, state: State) -> State:

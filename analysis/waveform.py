@@ -192,6 +192,12 @@ class Fitter:
         rest = self._residuals(record, [(state.model, state.angle, one) for one in own])
         return np.hstack([rest, np.array([self._held(record, one) for one in own])])
 
+    def residuals_of(self, index: int, state: State, models: Sequence[Model]) -> np.ndarray:
+        """One record's residuals with other models (variants, values), and what its marks say."""
+        rest = self._residuals(self.records[index], [(one, state.angle, state.nuisances[index]) for one in models])
+        held = self._held(self.records[index], state.nuisances[index])
+        return np.hstack([rest, np.tile(held, (len(models), 1))])
+
     def residuals(self, state: State, indices: Sequence[int] | None = None) -> tuple[np.ndarray, ...]:
         """Every record's residual, or some records', in units of the noise."""
         places = range(len(self.records)) if indices is None else indices

@@ -12,7 +12,8 @@ class Cut:
 
     spindle_speed (rad/s), axial_depth_of_cut (m), feed_per_tooth (m). The timeline is counted in tooth passes:
     `idle_passes` before the entry, `passes` in the cut, `ring_down_passes` after the exit; entry and exit fall on
-    the start of a pass. initial_displacement (m) and initial_velocity (m/s) are the structure's state at time 0.
+    the start of a pass. Teeth are counted from time 0, so that the tooth that cuts first is number `idle_passes` modulo
+    the flutes. initial_displacement (m) and initial_velocity (m/s) are the structure's state at time 0.
     length_cut_before (m) is the feed length the tool has already cut.
     """
 

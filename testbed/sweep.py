@@ -31,8 +31,8 @@ from testbed.shards import INDEX, NOTE, Span, fault, find, gaps, kept, overlaps,
 from testbed.store import Header, truth_units
 from testbed.verification import note_text
 
-LARGEST_BATCH = {"fast": 1024, "mujoco": 64}
-BATCH_BYTES = 64_000_000
+LARGEST_BATCH = {"fast": 2048, "mujoco": 64}
+BATCH_BYTES = 128_000_000
 Progress = Callable[[int, int], None]
 Work = Callable[[Job, list[Span]], Iterator[Span]]
 

@@ -8,7 +8,7 @@ import pytest
 from testbed import file_cache
 from testbed.seal import state, write_sealed
 
-pytestmark = pytest.mark.skipif(not hasattr(os, "posix_fadvise"), reason="the system has no such thing as a file cache's advice")
+pytestmark = pytest.mark.skipif(not hasattr(os, "posix_fadvise"), reason="the system takes no advice on its file cache")
 
 
 def _settled():

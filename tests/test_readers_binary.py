@@ -115,6 +115,47 @@ def test_a_wav_that_was_cut_or_hits_full_scale_is_noted(tmp_path: Path) -> None:
     assert any("clipped" in note for note in notes)
 
 
+def test_a_wav_header_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
+    path = write("wav", tmp_path)
+    sound = path.read_bytes()
+    at = sound.find(b"fmt ") + 12  # the sampling rate, as if one of its bits had flipped
+    for rate in (12801, 29184, 4608):
+        path.write_bytes(sound[:at] + rate.to_bytes(4, "little") + sound[at + 4 :])
+        with pytest.raises(InputProblem, match="header is invalid"):
+            read_table(path)
+
+
+def test_a_parquet_page_is_held_against_its_checksum_and_its_statistics(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path = write("parquet", tmp_path)
+    table = parquet.read_table(path)
+    for checksum in (True, False):
+        parquet.write_table(table, path, write_page_checksum=checksum, use_dictionary=False, compression="none")
+        assert not any("damaged" in note for note in read_table(path).notes)
+        raw, largest = path.read_bytes(), np.float64(table["disp"].to_numpy().max())
+        column = raw.find(table["disp"].to_numpy().tobytes())
+        place = column + 8 * int(np.argmax(table["disp"].to_numpy()))
+        assert column > 0 and raw[place : place + 8] == largest.tobytes()
+        path.write_bytes(raw[:place] + np.float64(0.99 * largest).tobytes() + raw[place + 8 :])
+        if checksum:
+            with pytest.raises(InputProblem, match=r"checksum|CRC"):
+                read_table(path)
+        else:
+            assert any("'disp' runs from" in note and "damaged" in note for note in read_table(path).notes)
+
+
+def test_parquet_statistics_of_sound_files_raise_no_note(tmp_path: Path) -> None:
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    values = np.random.default_rng(2).normal(size=300)
+    gaps = np.where(np.arange(300) % 7 == 0, np.nan, values)
+    columns = {"a": values, "b": gaps, "c": values.astype("f4"), "d": np.arange(300) - 150, "e": np.full(300, -0.0),
+               "f": [None if k % 5 == 0 else float(k) for k in range(300)], "g": np.full(300, np.nan),
+               "h": np.arange(300).astype("u8") + 2**63}  # fmt: skip
+    for rows in (7, 300):
+        parquet.write_table(arrow.table(columns), tmp_path / "a.parquet", row_group_size=rows)
+        assert [note for note in read_table(tmp_path / "a.parquet").notes if "damaged" in note] == []
+
+
 def test_a_library_that_crashes_or_hangs_on_a_file_is_an_input_problem(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

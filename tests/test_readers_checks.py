@@ -77,6 +77,19 @@ def test_blows_teeth_and_loud_noise_are_no_jumps() -> None:
         assert checks.jumps(values) == []
 
 
+def test_numbers_that_lost_bytes_are_seen_and_small_ones_are_not() -> None:
+    values = np.random.default_rng(6).normal(size=200)
+    raw = bytearray(values.tobytes())
+    raw[80 * 8 + 4 : 82 * 8] = bytes(12)  # a hole: half of one number and the whole of the next
+    broken = np.frombuffer(bytes(raw))
+    assert list(checks.broken_numbers(broken)) == [80]
+    assert any("sample 81 is" in note and "lost" in note for note in checks.channel_notes("force", broken))
+    fading = np.exp(-np.arange(8000) / 10.0) * np.cos(np.arange(8000))  # down to the smallest numbers there are, and to zero
+    idle = np.where(np.arange(200) < 100, 0.0, values)
+    for sound in (values, fading, idle, values.astype("f4") * np.float32(1e-37)):
+        assert len(checks.broken_numbers(np.asarray(sound, dtype=float))) == 0
+
+
 def test_a_quantised_signal_is_neither_clipped_nor_stuck() -> None:
     _, notes = _assemble({"disp": np.round(_signal() / 0.5) * 0.5})
     assert not any("clipped" in note or "still" in note for note in notes), notes

@@ -165,3 +165,12 @@ def test_a_missing_column_lists_those_there_are(tmp_path: Path) -> None:
     with pytest.raises(InputProblem, match=r"'time \[s\]', 'disp \(um\)'"):
         table.find("dsip")
     assert table.find("disp") == table.find("DISP") == table.find(2) == "disp (um)"
+
+
+@pytest.mark.parametrize("rest", ["0.5", "0.5,", "0.5,3", "0.5,3,"])
+def test_a_last_line_that_was_cut_off_is_dropped_and_said(rest: str, tmp_path: Path) -> None:
+    path = tmp_path / "cut.csv"
+    path.write_text("t [s],x [um],y [V]\n" + "".join(f"{k / 100:.2f},{k},{k % 3}.5\n" for k in range(50)) + rest)
+    table = read_table(path)
+    assert all(len(values) == 50 and np.isfinite(values).all() for values in table.columns.values())
+    assert any("cut off and was dropped" in note for note in table.notes)

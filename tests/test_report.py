@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 import report_pages as pages
 from campaign_files import BELIEVED, TRUE
+from matplotlib.figure import Figure
 
+from analysis.compare_plots import force_state_map
+from analysis.force_state import ForceState
 from analysis.report.compare_page import compare_page, verdict_of
 from analysis.report.force_map import add_force_map, force_map_says
 from analysis.report.packed import packed, thinned
@@ -189,7 +192,22 @@ def test_the_force_map_says_what_the_force_goes_with():
     assert "goes with neither" in force_map_says(x, v, random.normal(size=5000))
     page = Page("map")
     add_force_map(page, "cut 1", x, v, 50.0 * v)
-    assert "velocity" in page.html()
+    assert "velocity" in page.html() and "chip force" not in page.html()
+    add_force_map(page, "cut 1, while a tooth cuts", x, v, 50.0 * v)
+    assert "it holds the error of the chip force, too" in page.html() and "no tooth cuts there" not in page.html()
+
+
+def test_maps_in_and_out_of_the_cut_are_drawn_apart():
+    random = np.random.default_rng(3)
+    maps = [ForceState(f"cut 1, {where}", *random.normal(size=(2, 300)), size * random.normal(size=300))
+            for where, size in (("while a tooth cuts", 100.0), ("out of the cut", 1.0))]  # fmt: skip
+    figure = Figure()
+    force_state_map(figure, maps)
+    panels = [axis for axis in figure.axes if axis.get_title()]
+    assert [axis.get_title().split("\n")[0] for axis in panels] == ["cut 1, out of the cut", "cut 1, while a tooth cuts"]
+    assert "chip force" not in panels[0].get_title() and "chip force" in panels[1].get_title()
+    scales = [axis.collections[0].get_clim()[1] for axis in panels]
+    assert 1 < scales[0] < 5 and 100 < scales[1] < 500  # the small force is seen beside the large one
 
 
 def test_diagnose_maps_what_its_best_model_still_lacks():

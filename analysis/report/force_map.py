@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.report.packed import listed
 from analysis.report.page import Page, Panel
-from analysis.residual_views import CALIBRATED, MapUnits
+from analysis.residual_views import CALIBRATED, MapUnits, map_holds
 
 
 def add_force_map(
@@ -24,6 +24,8 @@ def add_force_map(
     """
     page.heading(f"What does the missing force depend on: displacement or velocity? ({name})")
     page.answer(says or force_map_says(x, v, force))
+    if map_holds(name):
+        page.text(f"{name}: {map_holds(name)}.", small=True)
     some = np.linspace(0, len(x) - 1, min(len(x), 6000)).astype(int)
     reach = float(np.percentile(np.abs(force), 99)) or 1.0
     across, up, colour = shown

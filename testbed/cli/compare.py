@@ -10,6 +10,8 @@ import click
 from testbed.cli._answer import Answer, output_folder, shown
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
 
+NOTHING = 0.9  # noise over what was measured from which a record says nothing
+
 
 @click.command(short_help="Predict each record and show where the model fails.",
                epilog="Example: testbed compare campaign.yaml -m model.yaml -o pictures")
@@ -41,13 +43,14 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
         from analysis.compare_plots import save
         from analysis.constancy import constancy
         from analysis.force_state import force_states
+        from analysis.latent_force import motion_channels
         from analysis.report.compare_page import compare_page
         from analysis.residual_views import map_units
 
         with sign_of_life("fitting test by test, drawing", quiet):
             tested, units = constancy(found.fitter, found.fit, catalogue), channel_units(read)
             states = []
-            if not found.adequate:  # of noise there is nothing to map
+            if not found.adequate and any(motion_channels(one) for one in found.fitter.records):  # of noise there is no map
                 states = force_states(plant_of(catalogue), found.fitter, found.fit, found.errors, catalogue)
             paths = save(found, pictures, tested, states, map_units(units))
             page = compare_page(found, model, catalogue, units, tested=tested,
@@ -71,12 +74,17 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
     answer.table(("parameter", "believed", "found", "low", "high"),
                  [(path, shown(before.value(path), one.unit), *(shown(getattr(one, part), one.unit)
                    for part in ("value", "low", "high"))) for path, one in found.parameters.items()])
-    stuck = [path for path, one in found.parameters.items() if one.high - one.low <= 1e-9 * abs(one.value)]
+    bounds = {one.path: one.bounds for one in found.fitter.free}
+    stuck = [path for path, one in found.parameters.items() if one.high - one.low <= 1e-9 * abs(one.value)
+             or any(math.isclose(one.value, end, rel_tol=1e-6) for end in bounds.get(path, ()))]
     if stuck:
         answer.say(f"{', '.join(stuck)} at the end of the range searched: these records do not determine it with this model")
     _nuisances(answer, found)
     if not found.fit.converged:
         answer.say("the fit did not converge: the figures above are those of its last step")
+    silent = [one.name for one in found.records if one.noise_floor > NOTHING]
+    if silent:
+        answer.say(f"{', '.join(silent)}: hardly anything but noise was measured, which says nothing about the model")
     answer.say("the model explains every record down to its noise" if found.adequate
                else "the model leaves more than noise: testbed diagnose says which effect it lacks")
 

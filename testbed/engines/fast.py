@@ -22,6 +22,7 @@ from testbed.recording import Outcome, Recording
 
 _NO_EFFECTS: Mapping[str, Effect] = MappingProxyType({})
 STIFFER = 1.05  # a structure stiffened beyond this, in frequency, is run again with finer steps
+STIFFEST = 6.0  # in frequency: what seems stiffer diverged, by its steps or by itself, and would take for ever
 REFINEMENTS = 4  # how often: after a coarse run the motion itself may still change
 LIMIT = 1.0  # m; a displacement beyond it is a run that has diverged
 CHANNELS = {
@@ -114,16 +115,21 @@ def simulate_batch(
     durations: Sequence[np.ndarray] | None = None,
     general: bool = False,
     displacement_only: bool = False,
+    refinement: int = 1,
 ) -> BatchResult:
     """Simulate runs side by side; every run's samples and passes are padded with NaN to the longest.
 
     durations: measured times of the tooth passes (s), one array a run, in place of the nominal speed. general: take the
     general kernel even where the linear one would do. displacement_only: `out` need hold no other
-    channel (and does not, of the linear kernel). Arrays are as the sensor sits on the structure, before any effect of the
+    channel (and does not, of the linear kernel). refinement: how many times as many steps as are chosen, a whole number.
+    Arrays are as the sensor sits on the structure, before any effect of the
     sensor itself.
     """
     effects = known_effects() if catalogue is None else catalogue
-    packed = [pack(model, cut, effects, steps, durations is not None) for model, cut in zip(models, cuts, strict=True)]
+    packed = [
+        pack(model, cut, effects, steps, durations is not None, refinement=refinement)
+        for model, cut in zip(models, cuts, strict=True)
+    ]
     count = max(sampling.count for sampling in samplings)
     passes = max(cut.total_passes for cut in cuts)
     clock = np.array([[sampling.start, sampling.rate] for sampling in samplings])
@@ -136,12 +142,13 @@ def simulate_batch(
     signals = 1 if linear and displacement_only else sk.N_CHANNELS
     result = _run(packed, clock, table, forces, count, passes, effects, linear, signals)
     if steps is None and not linear:
-        _refine(result, models, cuts, packed, effects, clock, table, forces)
+        _refine(result, models, cuts, packed, effects, clock, table, forces, refinement)
     return result
 
 
 def _refine(result: BatchResult, models: Sequence[Model], cuts: Sequence[Cut], packed: Sequence[Packed],
-            effects: Mapping[str, Effect], clock: np.ndarray, table: np.ndarray, forces: bool) -> None:  # fmt: skip
+            effects: Mapping[str, Effect], clock: np.ndarray, table: np.ndarray, forces: bool,
+            refinement: int) -> None:  # fmt: skip
     """Run again, with finer steps, what has moved so far that its structure became stiffer than the steps were made for."""
     assumed = np.ones(len(packed))
     for _ in range(REFINEMENTS):
@@ -149,13 +156,13 @@ def _refine(result: BatchResult, models: Sequence[Model], cuts: Sequence[Cut], p
         for run, model in enumerate(models):
             x, v = result.pass_states[run, :, 0], result.pass_states[run, :, 1]
             amplitude = float(np.nanmax(np.hypot(x, v / model.structure.natural_frequency_rad)))
-            found = stiffening(model, effects, amplitude) if model.effects else 1.0
+            found = min(stiffening(model, effects, amplitude), STIFFEST) if model.effects else 1.0
             if found > STIFFER * assumed[run]:
                 again.append(run)
                 assumed[run] = found
         if not again:
             return
-        finer = [pack(models[run], cuts[run], effects, None, table.shape[1] > 0, assumed[run]) for run in again]
+        finer = [pack(models[run], cuts[run], effects, None, table.shape[1] > 0, assumed[run], refinement) for run in again]
         part = _run(finer, clock[again], table[again], forces, result.out.shape[2], result.pass_times.shape[1] - 1, effects,
                     False, sk.N_CHANNELS)  # fmt: skip
         for name in ("out", "pass_times", "pass_states", "outcome", "outcome_time"):
@@ -210,7 +217,7 @@ def _recording(result: BatchResult, run: int, model: Model, cut: Cut, sampling: 
         units={name: UNITS[name] for name in channels},
         origin="predicted",
         start=sampling.start,
-        marks=once_per_revolution(times, cut, cutter.flutes),
+        marks=times[:: cutter.flutes],
         pass_times=times,
         outcome=_OUTCOMES[int(result.outcome[run])],
         outcome_time=float(result.outcome_time[run]),
@@ -238,9 +245,4 @@ def simulate_together(models: Sequence[Model], cuts: Sequence[Cut], samplings: S
 simulate.__dict__["together"] = simulate_together  # a sweep looks for it there
 
 
-def once_per_revolution(pass_times: np.ndarray, cut: Cut, flutes: int) -> np.ndarray:
-    """Times at which tooth 0 stands at its entry angle, s."""
-    return pass_times[cut.idle_passes % flutes :: flutes]
-
-
-__all__ = ["BatchResult", "lk", "once_per_revolution", "simulate", "simulate_batch", "simulate_together"]
+__all__ = ["BatchResult", "lk", "simulate", "simulate_batch", "simulate_together"]

@@ -264,7 +264,7 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
                 span = (G[CORNERS + segment + 1] - G[CORNERS + segment]) / I[STEPS + segment]
                 set_half_and_whole(O, span / G[OMEGA], maps[segment, 0], maps[segment, 1])
         for edge in range(edges):
-            tooth[edge] = (pass_number - edge // int(G[SLICES])) % int(G[FLUTES])
+            tooth[edge] = (number - edge // int(G[SLICES])) % int(G[FLUTES])
         if pass_number == 0 and I[CUT] > 0:
             enter_cut(A, P, G, I, Y, work[4], S)
         position, impulse, bounded = cross_pitch(A, P, G, I, O, T, S, pass_number, mean_torque, maps, work, left, tooth,

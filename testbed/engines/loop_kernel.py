@@ -27,7 +27,7 @@ from testbed.engines.hooks import (
 )
 
 FLUTES, PITCH, RADIUS, ENTRY, ENGAGED, SLICES, SLICE_LAG, SLICE_DEPTH, KT, KN, FEED, FEED_SPEED, OMEGA, T_ENTRY, \
-    LENGTH_BEFORE, MASS, DAMPING, STIFFNESS, CORNERS = range(19)
+    LENGTH_BEFORE, FIRST_TOOTH, MASS, DAMPING, STIFFNESS, CORNERS = range(20)
 # The pitch is cut into segments at the corners of the force; segment i runs from G[CORNERS + i] to G[CORNERS + i + 1].
 MOST_SEGMENTS = 4
 G_SIZE = CORNERS + MOST_SEGMENTS + 1
@@ -70,7 +70,7 @@ def radius_of_edge(A, P, G, Y, feed, theta, sine, tooth):
 @inner
 def edge_radius(A, P, G, Y, theta, edge, pass_number):
     """Radial position of an edge beyond the nominal circle of a tool that does not feed, m."""
-    tooth = (pass_number - edge // int(G[SLICES])) % int(G[FLUTES])
+    tooth = (pass_number + int(G[FIRST_TOOTH]) - edge // int(G[SLICES])) % int(G[FLUTES])
     return radius_of_edge(A, P, G, Y, G[FEED_SPEED] * (Y[2] - G[T_ENTRY]), theta, math.sin(theta), tooth)
 
 
@@ -129,7 +129,7 @@ def cutting_force(A, P, G, Y, phase, pass_number, teeth, surface):
         cover, turned = piece_of_edge(G, phase, edge)
         theta = G[ENTRY] + turned
         sine, cosine = math.sin(theta), math.cos(theta)
-        tooth = (pass_number - edge // int(G[SLICES])) % int(G[FLUTES])
+        tooth = (pass_number + int(G[FIRST_TOOTH]) - edge // int(G[SLICES])) % int(G[FLUTES])
         tangential, normal, left = force_of_edge(A, P, G, Y, velocity, feed, cover, turned, theta, sine, cosine,
                                                  surface[edge], tooth)
         force_x -= tangential * cosine + normal * sine

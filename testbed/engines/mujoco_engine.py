@@ -247,6 +247,6 @@ def simulate(model: Model, cut: Cut, sampling: Sampling, *, channels: Sequence[s
     return Recording(
         channels=measured_channels(model, effects, signals, channels, sampling), sampling_rate=sampling.rate,
         units={name: UNITS[name] for name in channels}, origin="predicted", start=sampling.start,
-        marks=times[cut.idle_passes % flutes::flutes], pass_times=times, outcome=outcome, outcome_time=run.stopped,
+        marks=times[::flutes], pass_times=times, outcome=outcome, outcome_time=run.stopped,
         conditions={"spindle_speed": cut.spindle_speed, "axial_depth_of_cut": cut.axial_depth_of_cut,
                     "feed_per_tooth": cut.feed_per_tooth})

@@ -235,9 +235,11 @@ def pack(
     steps: int | None = None,
     measured_clock: bool = False,
     stiffening: float = 1.0,
+    refinement: int = 1,
 ) -> Packed:
     """Arrays for one run. `steps`: how many while the leading tooth crosses its cut; None chooses.
 
+    refinement: how many times as many steps as that.
     stiffening: the highest frequency of the structure in this motion over its natural one, for the choice of steps.
     """
     of = _of_model(model, catalogue)
@@ -248,11 +250,13 @@ def pack(
         carried, integrated = motion.rates
         # squared: the frequency grows, and so does the share of the force that is integrated and not carried exactly
         motion = replace(motion, rates=(carried, max(integrated, stiffening**2 * own)))
-    counts = steps_of_segments(steps, tooth.corners, tooth.teeth, tooth.crossing, speed, own, motion, of.steady)
+    chosen = steps_of_segments(steps, tooth.corners, tooth.teeth, tooth.crossing, speed, own, motion, of.steady)
+    counts = [refinement * count for count in chosen]
     G, I = tooth.G.copy(), tooth.I.copy()  # noqa: E741
     G[lk.SLICE_DEPTH] = depth / tooth.slices
     G[lk.FEED], G[lk.FEED_SPEED] = feed, feed / cut.tooth_passing_period(of.cutter.flutes)
     G[lk.OMEGA], G[lk.LENGTH_BEFORE] = speed, cut.length_cut_before
+    G[lk.FIRST_TOOTH] = cut.idle_passes % of.cutter.flutes
     I[fk.IDLE], I[fk.CUT], I[fk.RING_DOWN] = cut.idle_passes, cut.passes, cut.ring_down_passes
     I[fk.STEPS : fk.STEPS + len(counts)] = counts
     Y = np.zeros(3 + len(of.layout.state))

@@ -30,11 +30,16 @@ def predict_cuts(
     *,
     durations: Sequence[np.ndarray] | None = None,
     catalogue: Mapping[str, Effect] | None = None,
+    refinement: int = 1,
 ) -> np.ndarray:
-    """Predicted channels of cuts that share their sampling's count, shape (runs, channels, samples); NaN after divergence."""
+    """Predicted channels of cuts that share their sampling's count, shape (runs, channels, samples); NaN after divergence.
+
+    refinement: how many times as many steps as the engine would choose.
+    """
     effects = known_effects() if catalogue is None else catalogue
     forces = any(name.startswith("force") for name in channels)
-    result = fast.simulate_batch(models, cuts, samplings, forces=forces, catalogue=effects, durations=durations, general=forces)
+    result = fast.simulate_batch(models, cuts, samplings, forces=forces, catalogue=effects, durations=durations, general=forces,
+                                 refinement=refinement)
     return np.stack([_sensed(model, effects, result.out[run], channels, samplings[run]) for run, model in enumerate(models)])
 
 
@@ -47,15 +52,17 @@ def predict_driven(
     *,
     catalogue: Mapping[str, Effect] | None = None,
     limit: float = math.inf,
+    refinement: int = 1,
 ) -> np.ndarray:
     """Predicted channels of a structure under a sampled force (N), from states (x, v) at the first sample.
 
     Shape (runs, channels, samples); zeros for `force` make it a free decay; NaN where a step would have to be absurdly short.
+    refinement: how many times as many steps as the engine would choose.
     """
     effects = known_effects() if catalogue is None else catalogue
     fastest = max(fastest_frequency(model, effects) for model in models)
-    substeps = max(1, math.ceil(fastest / rate / STEP_PHASE)) if any(model.effects for model in models) else 1
-    if substeps > MOST_SUBSTEPS:  # a friction far stiffer than anything these samples could show
+    substeps = refinement * max(1, math.ceil(fastest / rate / STEP_PHASE)) if any(model.effects for model in models) else 1
+    if substeps > refinement * MOST_SUBSTEPS:  # a friction far stiffer than anything these samples could show
         return np.full((len(models), len(channels), len(force)), np.nan)
     packed = [pack(model, _STILL, effects) for model in models]
     A, P, G, integers, O, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIOY")

@@ -92,7 +92,9 @@ def _channels(
         if base_name(name) != "tachometer" and name not in optional:
             checks.usable(table.path, name, values, base.sampling_rate, base.start)
         elif not np.isfinite(values).all() or len(values) < 2 or values.min() == values.max():
-            notes.append(f"channel {name}: no signal, left out")
+            bad = np.flatnonzero(~np.isfinite(values))
+            why = f"sample {bad[0] + 1} is no number ({len(bad)} in all)" if 0 < len(bad) < len(values) else "no signal"
+            notes.append(f"channel {name}: {why}, left out")
             continue
         full_scale = table.full_scale.get(table.find(sources[name].column))
         notes += checks.channel_notes(name, values, full_scale)

@@ -184,6 +184,14 @@ def stuck_stretch(values: np.ndarray) -> tuple[int, int] | None:
     return int(np.concatenate([[-1], places])[longest]) + 1, length
 
 
+def broken_numbers(values: np.ndarray) -> np.ndarray:
+    """Samples that no converter gives, indices: of a size that a float only has when bytes of it were lost (below 1e-300,
+    not zero), beside one 1e250 times as large or more. A free vibration that fades below that does so by small steps."""
+    size = np.abs(values)
+    beside = np.maximum(np.concatenate([[0.0], size[:-1]]), np.concatenate([size[1:], [0.0]]))
+    return np.flatnonzero((size > 0) & (size < 1e-300) & (beside > 1e-50))
+
+
 def channel_notes(name: str, values: np.ndarray, full_scale: float | None = None) -> list[str]:
     """What is doubtful about one usable channel: clipping, spikes, hardly any resolution."""
     notes: list[str] = []
@@ -197,6 +205,12 @@ def channel_notes(name: str, values: np.ndarray, full_scale: float | None = None
         notes.append(
             f"channel {name}: {len(lone)} lone spike{'s' * (len(lone) > 1)}, the first is sample {lone[0] + 1} "
             f"({values[lone[0]]:.6g})"
+        )
+    broken = broken_numbers(values)
+    if len(broken):
+        notes.append(
+            f"channel {name}: sample {broken[0] + 1} is {values[broken[0]]:.3g}, as if bytes of it were lost"
+            + (f", and {len(broken) - 1} more" if len(broken) > 1 else "")
         )
     off = jumps(values) if not name.startswith("spindle_angle") else []
     if off:

@@ -172,11 +172,17 @@ def _body(path: Path, lines: list[str], first: int, layout: _Layout, notes: list
         if line.strip():
             body.append(line)
             numbers.append(number)
-    if len(body) > 1 and len(layout.split(body[-1])) < layout.fields:
+    if len(body) > 1 and _is_cut(layout, *body[-2:]):
         notes.append(f"line {numbers[-1]}, the last, is cut off and was dropped: the file may be incomplete")
         body.pop()
         numbers.pop()
     return body, numbers
+
+
+def _is_cut(layout: _Layout, before: str, last: str) -> bool:
+    """Whether a last line lacks fields, or the number behind its last delimiter where the line before has one."""
+    earlier, fields = layout.split(before), layout.split(last)
+    return len(fields) < layout.fields or (layout.numeric[-1] and not fields[-1].strip() and bool(earlier[-1].strip()))
 
 
 def _parse_fast(body: list[str], layout: _Layout) -> np.ndarray | None:

@@ -11,10 +11,13 @@ from synthetic_campaign import synthetic_campaign
 
 from analysis.candidate_round import candidate_of
 from analysis.diagnose import ROUGH, _by_noise, _weighed
+from analysis.effect_start import starting_points
 from analysis.held_out import pooled
 from analysis.nuisances import Nuisances, other_teeth
-from analysis.observed import observe
+from analysis.observed import Observed, drift_basis, first_nuisances, observe
+from analysis.observed import predict as predicted
 from analysis.starts import base_fit
+from testbed.cut import Cut
 from testbed.effect import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
@@ -33,6 +36,32 @@ def test_teeth_may_change_places_again_and_again(flutes):
         assert -2 * math.pi < own.angle <= 2 * math.pi  # a simulation that starts turns earlier would end turns too early
         assert own.angle + 2 * math.pi * own.entry / flutes == pytest.approx(begin)
         assert own.exit - own.entry == 60
+
+
+def test_another_tooth_is_the_first_where_a_record_starts_in_the_cut():
+    """Unequal teeth that change places must change what is predicted, half a turn apart: entry and angle moved alike do not."""
+    slot = Model(Structure(100.0, 300.0, 0.05), Cutter(flutes=2), Cutting(immersion=0.5))
+    slot = slot.with_effect("runout", offset=8e-6, angle=0.3)
+    record = Observed("slot", "cut", ("force_x",), np.zeros((1, 800)), 1e4, 0.0, np.ones(1), "", drift_basis(800, 0), (), (),
+                      cut=Cut(200 * math.pi, 3e-3, 5e-5), flutes=2, period=0.01, starts_in_cut=True)
+    own = first_nuisances(record, 0.3)
+    (other,) = other_teeth(own, 2)
+    here, there, plain, turned = (
+        predicted(PLANT, record, [(model, 0.3, one)])[0, 0]
+        for model, one in ((slot, own), (slot, other), (slot.without_effect("runout"), own),
+                           (slot.without_effect("runout"), other))
+    )
+    unequal = np.std(here - plain)
+    assert unequal > 0.1 * np.std(plain)
+    assert np.std(plain - turned) < 0.01 * unequal  # equal teeth: nothing has changed
+    assert np.std(here - plain + there - turned) < 0.01 * unequal  # the long one is where the short one was
+
+
+def test_no_angle_that_is_tried_leaves_two_teeth_equal():
+    runout = catalogue()["runout"]
+    angles = {point["angle"] for point in starting_points(runout, (), None)}
+    assert len(angles) == 4
+    assert all(abs(math.cos(angle)) > 0.3 for angle in angles)
 
 
 def test_a_rough_model_is_fitted_to_all_records_alike():
