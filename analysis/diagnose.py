@@ -32,7 +32,8 @@ DELTA_BIC = 10.0
 CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
-ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them
+ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
+STILL_ROUGH = 3.0  # and, once they were, from which they still are: else the quiet records take over half way
 
 
 def _weighed(current: Candidate) -> Candidate:
@@ -41,9 +42,10 @@ def _weighed(current: Candidate) -> Candidate:
     A model that is rough everywhere would otherwise be fitted to the quietest record alone, and candidates with it.
     """
     assert current.fit is not None and current.fitter is not None
-    rough = current.error_held_out > ROUGH * pooled(current.errors)[1]
     records = current.fitter.records
-    if not rough and all(record.weight is None for record in records):
+    plain = all(record.weight is None for record in records)
+    rough = current.error_held_out > (ROUGH if plain else STILL_ROUGH) * pooled(current.errors)[1]
+    if not rough and plain:
         return current
     weighed = []
     for record, rest in zip(records, current.fit.residuals, strict=True):

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.held_out import RecordError
-from analysis.latent_force import RecordForce, missing_force
+from analysis.latent_force import RecordForce, missing_force, motion_channels
 from analysis.observed import Plant
 from analysis.waveform import Fitter, WaveformFit
 from testbed.effect import Effect
@@ -40,6 +40,8 @@ def force_states(
     plant: Plant, fitter: Fitter, fit: WaveformFit, errors: Sequence[RecordError], catalogue: Mapping[str, Effect]
 ) -> list[ForceState]:
     """Maps of the record whose error is largest against its noise; none where the smoother finds no force in it."""
+    if not any(motion_channels(one) for one in fitter.records):  # forces alone: what moves is only predicted
+        return []
     worst = int(np.argmax([one.squares / max(one.noise_squares, 1e-300) for one in errors]))
     state = replace(fit.state, nuisances=(fit.state.nuisances[worst],))
     try:

@@ -43,14 +43,13 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
         from analysis.compare_plots import save
         from analysis.constancy import constancy
         from analysis.force_state import force_states
-        from analysis.latent_force import motion_channels
         from analysis.report.compare_page import compare_page
         from analysis.residual_views import map_units
 
         with sign_of_life("fitting test by test, drawing", quiet):
             tested, units = constancy(found.fitter, found.fit, catalogue), channel_units(read)
             states = []
-            if not found.adequate and any(motion_channels(one) for one in found.fitter.records):  # of noise there is no map
+            if not found.adequate:  # of noise there is no map
                 states = force_states(plant_of(catalogue), found.fitter, found.fit, found.errors, catalogue)
             paths = save(found, pictures, tested, states, map_units(units))
             page = compare_page(found, model, catalogue, units, tested=tested,

@@ -1,0 +1,84 @@
+"""Laws with kinks: finer steps for the last fit, and a profile of a scale that follows the true cost."""
+
+from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from analysis.diagnosis import Candidate, verdict_of
+from analysis.effect_start import effect_parameters
+from analysis.fine_steps import fine, finely, has_kinks
+from analysis.held_out import RecordError, pooled_doubt
+from analysis.observed import observe
+from analysis.scale_hops import profile
+from analysis.starts import base_fit, free_parameters
+from analysis.waveform import Fitter
+from testbed.cut import Cut, Sampling
+from testbed.effect import catalogue
+from testbed.engines import fast, predict
+from testbed.workshop import RPM
+from tests.campaign_files import BELIEVED, TRUE
+from tests.synthetic_campaign import synthetic_campaign
+
+PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+RUBBING = TRUE.with_effect("dry_friction", force=1.0, presliding_displacement=2e-7)
+
+
+@pytest.fixture(scope="module")
+def rubbing():
+    """Two cuts with dry friction by an engine with fine steps, fitted from the truth with steps as the engine chooses."""
+    simulate = partial(fast.simulate, steps=400)
+    records = synthetic_campaign(simulate, RUBBING, seed=2, noise=5e-7, tests=((3500, 0.8), (2600, 1.5)))
+    observed = [observe(record, BELIEVED) for record in records]
+    fitter, fit = base_fit(PLANT, observed, RUBBING, free=[])
+    free = [*free_parameters(observed, RUBBING), *effect_parameters(catalogue()["dry_friction"])]
+    wider = Fitter(PLANT, observed, free)
+    return wider, wider.fit(fit.state, iterations=15)
+
+
+def test_finer_steps_predict_a_law_with_a_kink_closer():
+    cut = Cut(3500 * RPM, 0.8e-3, 1e-4, 15, 40, 30)
+    sampling = Sampling(12800.0, 12000)
+    true = fast.simulate(RUBBING, cut, sampling, steps=3200).channels["displacement"]
+    coarse, finer = (one.predict_cuts([RUBBING], [cut], [sampling], ("displacement",))[0, 0] for one in (PLANT, fine(PLANT)))
+    assert np.std(finer - true) < 0.15 * np.std(coarse - true)
+
+
+def test_the_last_fit_is_no_worse_with_finer_steps(rubbing):
+    fitter, coarse = rubbing
+    finer, settled = finely(fitter, coarse, {})
+    assert settled.cost <= finer.cost(coarse.state)
+    place = settled.names.index("natural_frequency")
+    error = settled.covariance[place, place] ** 0.5
+    assert abs(settled.state.model.structure.natural_frequency - TRUE.structure.natural_frequency) < 4 * error
+
+
+def test_a_profile_at_the_fit_is_its_cost_and_rises_beside_it(rubbing):
+    fitter, fit = rubbing
+    here = fit.state.model.value("dry_friction.force")
+    costs = profile(fitter, "dry_friction.force", here * np.array([0.9, 1.0, 1.1]), fit)
+    assert costs[1] == pytest.approx(fit.cost, rel=1e-3)
+    assert costs[0] > costs[1] < costs[2]
+
+
+def test_kinks_are_told_by_the_catalogue():
+    known = catalogue()
+    assert has_kinks(["runout", "dry_friction"], known) and not has_kinks(["runout", "helix"], known)
+
+
+def _error(doubt):
+    return RecordError("one", 0.107, 0.1, np.zeros(1), 1.145, 100.0, 1.0, doubt)
+
+
+@pytest.mark.parametrize(("doubt", "verdict"), [(0.0, "unexplained"), (0.02, "adequate")])
+def test_a_noise_floor_of_few_samples_widens_the_verdict(doubt, verdict):
+    base = Candidate((), {}, 0.107, 0.107, 0.0, True, errors=(_error(doubt),))
+    assert verdict_of(base, base, [base], (), 0.1, ()).verdict == verdict
+
+
+def test_the_doubt_of_many_records_is_less_than_that_of_one():
+    assert pooled_doubt([_error(0.02)]) == pytest.approx(0.02)
+    assert pooled_doubt([_error(0.02)] * 4) == pytest.approx(0.01)
+    assert pooled_doubt([replace(_error(0.02), noise_squares=0.0), _error(0.0)]) == 0.0

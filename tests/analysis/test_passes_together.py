@@ -1,0 +1,72 @@
+"""Whole numbers of a fit, the passes of entry and exit: put wrong on purpose, they come back."""
+
+import itertools
+from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from analysis.entry_passes import REACH, best_moves, entries_together
+from analysis.observed import observe
+from analysis.pass_count import recounted
+from analysis.starts import base_fit
+from testbed.engines import fast, predict
+from tests.campaign_files import BELIEVED, TRUE
+from tests.synthetic_campaign import synthetic_campaign
+
+PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+STABLE = ((3500, 0.8), (2600, 1.5), (3900, 2.2))
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    records = synthetic_campaign(partial(fast.simulate, steps=37), TRUE, seed=4, tests=STABLE)
+    return base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
+
+
+def _moved(fitter, fit, field, by):
+    """The fit settled with one pass of the records put wrong."""
+    own = tuple(replace(one, **{field: getattr(one, field) + amount})
+                for one, amount in zip(fit.state.nuisances, by, strict=True))
+    return fitter.fit(replace(fit.state, nuisances=own), iterations=10)
+
+
+def test_entries_that_were_moved_together_come_back(fitted):
+    fitter, fit = fitted
+    wrong = _moved(fitter, fit, "entry", (2, 2, 1))
+    assert wrong.cost > 1.5 * fit.cost
+    again = entries_together(fitter, wrong)
+    assert again.cost == pytest.approx(fit.cost, rel=1e-3)
+    assert [one.entry for one in again.state.nuisances] == [one.entry for one in fit.state.nuisances]
+
+
+def test_an_exit_two_passes_late_comes_back(fitted):
+    fitter, fit = fitted
+    wrong = _moved(fitter, fit, "exit", (0, 0, 2))
+    assert wrong.cost > 1.5 * fit.cost
+    again = recounted(fitter, wrong)
+    assert again.cost == pytest.approx(fit.cost, rel=1e-3)
+    assert [one.exit for one in again.state.nuisances] == [one.exit for one in fit.state.nuisances]
+
+
+def test_a_fit_down_to_its_noise_stays_as_it_is(fitted):
+    fitter, fit = fitted
+    assert recounted(fitter, fit) is fit
+    assert entries_together(fitter, fit).cost <= fit.cost
+
+
+def test_the_best_moves_are_those_of_an_exhaustive_search():
+    random = np.random.default_rng(1)
+    for _ in range(20):
+        squares = random.uniform(10.0, 20.0, (3, 2 * REACH + 1))
+        pulls = random.normal(0.0, 1.5, (3, 2 * REACH + 1, 2))
+        squares[2, :3] = np.inf
+
+        def left(places, squares=squares, pulls=pulls):
+            rows = np.arange(3)
+            return squares[rows, places].sum() - np.sum(pulls[rows, places].sum(axis=0) ** 2)
+
+        best = min(left(np.array(places)) for places in itertools.product(range(2 * REACH + 1), repeat=3))
+        assert left(best_moves(squares, pulls) + REACH) == pytest.approx(best, rel=0.02)
