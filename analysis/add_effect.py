@@ -110,13 +110,14 @@ def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect])
         name, _, parameter = path.partition(".")
         low, high = bounds[path]
         half = 0.5 * (one.high - one.low)
-        if parameter:
+        nothing = half <= 0.0 or not math.isfinite(half) or (one.low <= low and one.high >= high)
+        if parameter and not nothing:
             known = catalogue[name].parameter(parameter)
             if known.vanishes and one.low <= known.neutral <= one.high:
                 said.append(f"{path} cannot be told from {known.neutral:g}, where {name} vanishes")
                 continue
-        if half <= 0.0 or not math.isfinite(half):
-            said.append(f"{path} has no influence on these records: its value is a guess")
+        if nothing:
+            said.append(f"{path} has no influence on these records, or only together with others: its value is a guess")
         elif one.low <= low or one.high >= high:
             said.append(f"the interval of {path} reaches the bound of what the law allows")
         elif half > WIDE * abs(one.value):

@@ -32,6 +32,7 @@ SECTORS = 36  # of the tooth's turn, for the test against its angle
 FALSE_DISCOVERIES = 0.05  # share of false alarms among the tests that fail (Benjamini and Hochberg 1995)
 TRIVIAL = 0.02  # of the noise: what the rms may exceed it by before it counts
 Z_95 = 1.959964
+DIRECTED = 1.5  # rad: half an interval of an angle from which the direction is unknown
 
 
 @dataclass(frozen=True)
@@ -107,15 +108,24 @@ def unit_of(path: str, catalogue: Mapping[str, Effect]) -> str:
 def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> dict[str, Estimate]:
     """Every fitted machine parameter with its 95 % interval.
 
-    The interval is that of the linearised fit, widened for residuals that are larger than the noise and correlated.
+    The interval is that of the linearised fit, widened for residuals that are larger than the noise and correlated, within the
+    bounds of the law. A strength whose direction is unknown is at least what it is along the direction found.
     """
     count = sum(rest.size for rest in fit.residuals)
     wider = math.sqrt(max(1.0, count / effective_size(fit)))
     spread = Z_95 * wider * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     found = {}
+    adrift = {one.path.partition(".")[0] for one, half in zip(fitter.free, spread, strict=False)
+              if "." in one.path and unit_of(one.path, catalogue) == "rad" and half > DIRECTED}
     for one, half in zip(fitter.free, spread, strict=False):
-        value = fit.state.model.value(one.path)
-        found[one.path] = Estimate(value, value - float(half), value + float(half), unit_of(one.path, catalogue))
+        value, (least, most) = fit.state.model.value(one.path), one.bounds
+        low, high = value - float(half), value + float(half)
+        name, _, parameter = one.path.partition(".")
+        if name in adrift and catalogue[name].parameter(parameter).vanishes:
+            high = max(high, most)
+        if parameter:
+            low, high = min(max(low, least), value), max(min(high, most), value)
+        found[one.path] = Estimate(value, low, high, unit_of(one.path, catalogue))
     return found
 
 

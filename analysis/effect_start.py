@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.observed import Observed, Plant
+from analysis.pass_search import place_entries, settle_passes, turn_phases
 from analysis.recurring_start import SCREENED, recurring_starts, residual_peaks
 from analysis.starts import anchored_states, free_parameters, softened
 from analysis.waveform import Fitter, Free, Linearised, State, WaveformFit
@@ -198,11 +199,11 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
         for values in (*points, *slight):
             state = replace(origin.state, model=origin.state.model.with_effect(effect.name, **values))
             if gradual:
-                state = wider.place_entries(state)
+                state = place_entries(wider, state)
             elif recurring:
-                state = wider.turn_phases(state)
+                state = turn_phases(wider, state)
             elif unequal:
-                state, _ = wider.settle_passes(state)
+                state, _ = settle_passes(wider, state)
             tried.append((wider.cost(state, worst), state))
         plain, faint = sorted(tried[: len(points)], key=_cost), sorted(tried[len(points) :], key=_cost)
         tried = [(wider.cost(state), state) for _, state in (*plain[:2], *faint[:1])]
@@ -242,11 +243,11 @@ def gradual_entry(fitter: Fitter, effect: Effect, fit: WaveformFit, scanned: Sta
     tried = []
     for values in points:
         state = replace(scanned, model=scanned.model.with_effect(effect.name, **values), nuisances=own)
-        cost, found = math.inf, soft.fit(soft.place_entries(state), iterations=6)
+        cost, found = math.inf, soft.fit(place_entries(soft, state), iterations=6)
         for _ in range(SETTLING):
             if found.cost > SETTLED * cost:
                 break
-            cost, found = found.cost, soft.fit(soft.place_entries(found.state), iterations=6)
+            cost, found = found.cost, soft.fit(place_entries(soft, found.state), iterations=6)
         tried.append((wider.cost(found.state), found.state))
     best = wider.fit(min(tried, key=_cost)[1], iterations=CORNER)
     for passes in (-1, 1):

@@ -24,6 +24,7 @@ TIMES = 4  # as many steps: the error of second order falls to a sixteenth
 SETTLE = 10  # iterations of the last fit
 DISTANCES = (-16.0, -8.0, -4.0, 4.0, 8.0, 16.0)  # standard errors from a fit at which a deeper valley is looked for
 LOWEST = 3  # of these states that are fitted
+UNKNOWN = 10.0  # standard error, in natural steps, from which an unknown is none to look around in
 ROUNDS = 4  # times that is done at the most
 
 
@@ -62,6 +63,8 @@ def _around(fitter: Fitter, fit: WaveformFit) -> list[State]:
     errors = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     found = []
     for place, error in enumerate(errors):
+        if error > UNKNOWN:
+            continue
         for distance in DISTANCES:
             move = distance * covariance[:, place] / error
             own = [-np.linalg.lstsq(part.own, part.shared @ move, rcond=1e-12)[0] for part in fit.parts]

@@ -13,6 +13,7 @@ import numpy as np
 
 from analysis.held_out import own_refit
 from analysis.nuisances import Nuisances
+from analysis.pass_search import place_entries, place_exits
 from analysis.waveform import Fitter, State, WaveformFit
 
 MISFIT = 1.5  # mean square residual, in units of the noise, from which a record's passes are doubted
@@ -59,7 +60,7 @@ def _neighbours(fitter: Fitter, state: State, index: int) -> list[Nuisances]:
         found += [replace(own, exit=own.exit + by) for by in (-1, 1)]
     single = Fitter(fitter.plant, [record], fitter.unknowns)
     alone = replace(state, nuisances=(own,))
-    found += [one.nuisances[0] for one in (single.place_entries(alone), single.place_exits(alone))]
+    found += [one.nuisances[0] for one in (place_entries(single, alone), place_exits(single, alone))]
     return [one for one in found if one.entry < one.exit and one != own]
 
 

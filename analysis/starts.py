@@ -16,6 +16,7 @@ from analysis.held_out import own_refit
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, Plant, first_nuisances, predict
 from analysis.pass_count import recounted
+from analysis.pass_search import place_entries, place_exits, settle_passes
 from analysis.waveform import WORKERS, Fitter, Free, State, WaveformFit
 from testbed.machine import Model
 
@@ -184,10 +185,10 @@ def scan_starts(plant: Plant, records: Sequence[Observed], model: Model, count: 
 
 def polish(fitter: Fitter, state: State, *, rounds: int = 4, iterations: int = 40) -> WaveformFit:
     """Fit and put entry and exit passes right in turn, until they stay."""
-    state, _ = fitter.settle_passes(state)
+    state, _ = settle_passes(fitter, state)
     fit = fitter.fit(state, iterations=iterations)
     for _ in range(rounds - 1):
-        state, moved = fitter.settle_passes(fit.state)
+        state, moved = settle_passes(fitter, fit.state)
         if not moved:
             break
         fit = fitter.fit(state, iterations=iterations)
@@ -224,11 +225,11 @@ def base_fit(
     opening = Fitter(plant, short, free)
     tries = [polish(opening, state, rounds=3, iterations=12) for state in scan_starts(plant, short, started)]
     best = min(tries, key=lambda fit: fit.cost)
-    best = polish(opening, opening.place_entries(best.state), rounds=2, iterations=12)
+    best = polish(opening, place_entries(opening, best.state), rounds=2, iterations=12)
     soft = Fitter(plant, [softened(record) for record in records], free)
     best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
     fitter = Fitter(plant, records, free)
-    fit = from_the_best_half(fitter, polish(fitter, fitter.place_exits(best.state)))
+    fit = from_the_best_half(fitter, polish(fitter, place_exits(fitter, best.state)))
     return fitter, recounted(fitter, entries_together(fitter, fit))
 
 
@@ -238,7 +239,7 @@ def with_exits(fitter: Fitter, state: State) -> State:
     for record, nuisances in zip(fitter.records, state.nuisances, strict=True):
         seen = first_nuisances(record, state.angle + nuisances.angle)
         known.append(replace(nuisances, exit=max(seen.exit, nuisances.entry + 1)))
-    return fitter.place_exits(replace(state, nuisances=tuple(known)))
+    return place_exits(fitter, replace(state, nuisances=tuple(known)))
 
 
 def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2) -> WaveformFit:
@@ -260,7 +261,7 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2) -> Wave
             fresh = first_nuisances(record, found.angle + fit.state.nuisances[place].angle)
             fresh = replace(fresh, angle=fit.state.nuisances[place].angle, speed=fit.state.nuisances[place].speed)
             nuisances.append(found.nuisances[kept.index(place)] if place in kept else fresh)
-        state, _ = fitter.settle_passes(replace(found, nuisances=tuple(nuisances)), reach=2)
+        state, _ = settle_passes(fitter, replace(found, nuisances=tuple(nuisances)), reach=2)
         state = own_refit(fitter, state, [place for place in range(len(ratio)) if place not in kept])
         again = polish(fitter, state)
         if not again.cost < 0.999 * fit.cost:

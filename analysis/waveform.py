@@ -14,16 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from analysis.nuisances import Nuisances, other_teeth, turned_by
+from analysis.nuisances import Nuisances, turned_by
 from analysis.observed import Observed, Plant, predict
 from testbed.machine import Model
 
 WORKERS = 2
-COARSE = 24  # places over a record at which an exit is looked for first
-EARLIER = 5  # passes by which a gentle entry may precede what is seen of it
-TURNS = (0.0, -0.4, -0.25, -0.15, -0.07, 0.07, 0.15, 0.25, 0.4)  # rad: where the angle of a record without marks is tried
-ROUND = 8  # places round the circle at which a record's own phase is looked for
 SLOWEST = 0.8  # of the nominal speed, that a record without marks may turn out to have had
+FAINTEST = 1e-3  # slope by an unknown, in units of the noise over a natural step, below which it is as good as none
+COLLINEAR = 1e-10  # eigenvalue of the unknowns' correlations below which a combination of them is as good as unknown
 BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
 
 
@@ -204,86 +202,6 @@ class Fitter:
         with ThreadPoolExecutor(WORKERS) as pool:
             return tuple(pool.map(lambda index: self.residual_of(index, state), places))
 
-    def settle_passes(self, state: State, reach: int = 1) -> tuple[State, bool]:
-        """The state with every cut's entry and exit pass at the best of their neighbours; and whether any moved.
-
-        Without a tachometer the record's tooth angle is looked for around where it was, too.
-        """
-
-        def one(index: int) -> Nuisances:
-            record, nuisances = self.records[index], state.nuisances[index]
-            nuisances = self._turned(index, state)
-            if record.cut is None:
-                return nuisances
-            if record.first_mark is None:
-                turns = [replace(nuisances, angle=nuisances.angle + turn) for turn in TURNS]
-                nuisances = self._best(index, state, [*turns, *other_teeth(nuisances, record.flutes)])
-            last = record.last_pass(state.angle, nuisances)
-            entries = range(0) if record.starts_in_cut else range(nuisances.entry - EARLIER, nuisances.entry + reach + 1)
-            exits = range(0) if nuisances.exit > last else range(nuisances.exit - reach, nuisances.exit + reach + 1)
-            nuisances = self._best_place(index, state, nuisances, "entry", entries)
-            return self._best_place(index, state, nuisances, "exit", exits)
-
-        with ThreadPoolExecutor(WORKERS) as pool:
-            best = tuple(pool.map(one, range(len(self.records))))
-        return replace(state, nuisances=best), best != state.nuisances
-
-    def turn_phases(self, state: State) -> State:
-        """The state with the phases that every record has for itself at the best of places all round."""
-        with ThreadPoolExecutor(WORKERS) as pool:
-            found = pool.map(lambda index: self._turned(index, state), range(len(self.records)))
-            return replace(state, nuisances=tuple(found))
-
-    def _turned(self, index: int, state: State) -> Nuisances:
-        nuisances = state.nuisances[index]
-        for free in self.shifting:
-            turns = [turned_by(nuisances, free.path, 2 * math.pi * part / ROUND) for part in range(ROUND)]
-            nuisances = self._best(index, state, turns)
-        return nuisances
-
-    def place_entries(self, state: State) -> State:
-        """The state with every cut's entry looked for from the record's start to the exit, coarse first."""
-        return self._placed(state, "entry")
-
-    def place_exits(self, state: State) -> State:
-        """The state with every cut's exit looked for from the entry to the record's end, coarse first.
-
-        No segment is believed. The cost falls towards the true exit from both sides: too early, the model rings down while
-        the teeth still cut; too late, it cuts where the structure rings down.
-        """
-        return self._placed(state, "exit")
-
-    def _placed(self, state: State, field: str) -> State:
-        def one(index: int) -> Nuisances:
-            record, nuisances = self.records[index], state.nuisances[index]
-            if record.cut is None or (field == "entry" and record.starts_in_cut):
-                return nuisances
-            last = record.last_pass(state.angle, nuisances) + 1
-            first = record.first_pass if field == "entry" else nuisances.entry + 1
-            last = min(last, nuisances.exit - 1) if field == "entry" else last
-            if last <= first:
-                return nuisances
-            now = getattr(nuisances, field)
-            step = max(1, (last - first) // COARSE)
-            nuisances = self._best_place(index, state, nuisances, field, sorted({*range(first, last + 1, step), now, last}))
-            reach = max(step, 2 * EARLIER)  # close to it a few kicks may cancel: no descent, every pass is tried
-            now = getattr(nuisances, field)
-            return self._best_place(index, state, nuisances, field, range(max(first, now - reach), min(last, now + reach) + 1))
-
-        with ThreadPoolExecutor(WORKERS) as pool:
-            return replace(state, nuisances=tuple(pool.map(one, range(len(self.records)))))
-
-    def _best_place(self, index: int, state: State, nuisances: Nuisances, field: str, places: Sequence[int]) -> Nuisances:
-        """The nuisances of one record with `field` (entry or exit) at the place of the smallest residual."""
-        tried = [Nuisances(**{**vars(nuisances), field: place}) for place in places]
-        tried = [other for other in tried if other.entry < other.exit]
-        return self._best(index, state, tried) if tried else nuisances
-
-    def _best(self, index: int, state: State, tried: Sequence[Nuisances]) -> Nuisances:
-        """Those nuisances of one record that leave the smallest residual."""
-        rest = self._residuals(self.records[index], [(state.model, state.angle, other) for other in tried])
-        return tried[int(np.argmin(np.einsum("ij,ij->i", rest, rest)))]
-
     def cost(self, state: State, indices: Sequence[int] | None = None) -> float:
         """Half the sum of squared residuals of all records, or of some, in units of the noise."""
         places = range(len(self.records)) if indices is None else indices
@@ -350,14 +268,20 @@ class Fitter:
         return move, [-inverse @ (pulled + cross @ move) for inverse, cross, pulled in solved]
 
     def covariance(self, parts: Sequence[Linearised], variance: float = 1.0) -> np.ndarray:
-        """Covariance of the shared unknowns in their own units, for residuals of the given variance."""
+        """Covariance of the shared unknowns in their own units, for residuals of the given variance.
+
+        What the records do not tell, alone or only together (the offset and angle of a runout of two teeth), has a large one.
+        """
         shared = len(self.names)
         normal = np.zeros((shared, shared))
         for part in parts:
             own, cross = part.own.T @ part.own, part.own.T @ part.shared
             normal += part.shared.T @ part.shared - (cross.T @ np.linalg.pinv(own) @ cross if len(own) else 0.0)
         scale = np.array([*(one.scale for one in self.free), *((0.1,) if self.fits_angle else ())])
-        return variance * np.linalg.pinv(normal, hermitian=True) * np.outer(scale, scale)
+        size = np.maximum(np.sqrt(np.diag(normal)), FAINTEST)
+        values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+        inverse = (vectors / np.maximum(values, COLLINEAR)) @ vectors.T
+        return variance * inverse * np.outer(scale / size, scale / size)
 
     def with_own(self, state: State, moves: Sequence[np.ndarray]) -> State:
         """The state after a step of the records' own unknowns."""

@@ -2,6 +2,8 @@
 
     R_i = R + e cos(lambda - 2 pi i / N)        tooth i of N
 
+Tooth 0 is the one that stands at its entry angle at time 0, or, in a measured record, comes next after the mark.
+
 A tooth on a larger circle takes a thicker chip and leaves a deeper surface; the next one finds less. The chip changes
 by R_i - R_(i-1); over a revolution the changes add up to nothing, so without contact loss the mean force stays. The
 motion then repeats once a revolution, not once a tooth. **With one flute the offset is constant and has no effect on

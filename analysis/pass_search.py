@@ -1,0 +1,106 @@
+"""Whole numbers and angles of single records looked for at fixed machine parameters: passes of entry and exit, phases."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.nuisances import Nuisances, other_teeth, turned_by
+from analysis.waveform import WORKERS, Fitter, State
+
+COARSE = 24  # places over a record at which an exit is looked for first
+EARLIER = 5  # passes by which a gentle entry may precede what is seen of it
+TURNS = (0.0, -0.4, -0.25, -0.15, -0.07, 0.07, 0.15, 0.25, 0.4)  # rad: where the angle of a record without marks is tried
+ROUND = 8  # places round the circle at which a record's own phase is looked for
+
+
+def settle_passes(fitter: Fitter, state: State, reach: int = 1) -> tuple[State, bool]:
+    """The state with every cut's entry and exit pass at the best of their neighbours; and whether any moved.
+
+    Without a tachometer the record's tooth angle is looked for around where it was, too.
+    """
+
+    def one(index: int) -> Nuisances:
+        record, nuisances = fitter.records[index], state.nuisances[index]
+        nuisances = _turned(fitter, index, state)
+        if record.cut is None:
+            return nuisances
+        if record.first_mark is None:
+            turns = [replace(nuisances, angle=nuisances.angle + turn) for turn in TURNS]
+            nuisances = _best(fitter, index, state, [*turns, *other_teeth(nuisances, record.flutes)])
+        last = record.last_pass(state.angle, nuisances)
+        entries = range(0) if record.starts_in_cut else range(nuisances.entry - EARLIER, nuisances.entry + reach + 1)
+        exits = range(0) if nuisances.exit > last else range(nuisances.exit - reach, nuisances.exit + reach + 1)
+        nuisances = _best_place(fitter, index, state, nuisances, "entry", entries)
+        return _best_place(fitter, index, state, nuisances, "exit", exits)
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        best = tuple(pool.map(one, range(len(fitter.records))))
+    return replace(state, nuisances=best), best != state.nuisances
+
+
+def turn_phases(fitter: Fitter, state: State) -> State:
+    """The state with the phases that every record has for itself at the best of places all round."""
+    with ThreadPoolExecutor(WORKERS) as pool:
+        found = pool.map(lambda index: _turned(fitter, index, state), range(len(fitter.records)))
+        return replace(state, nuisances=tuple(found))
+
+
+def _turned(fitter: Fitter, index: int, state: State) -> Nuisances:
+    nuisances = state.nuisances[index]
+    for free in fitter.shifting:
+        turns = [turned_by(nuisances, free.path, 2 * math.pi * part / ROUND) for part in range(ROUND)]
+        nuisances = _best(fitter, index, state, turns)
+    return nuisances
+
+
+def place_entries(fitter: Fitter, state: State) -> State:
+    """The state with every cut's entry looked for from the record's start to the exit, coarse first."""
+    return _placed(fitter, state, "entry")
+
+
+def place_exits(fitter: Fitter, state: State) -> State:
+    """The state with every cut's exit looked for from the entry to the record's end, coarse first.
+
+    No segment is believed. The cost falls towards the true exit from both sides: too early, the model rings down while
+    the teeth still cut; too late, it cuts where the structure rings down.
+    """
+    return _placed(fitter, state, "exit")
+
+
+def _placed(fitter: Fitter, state: State, field: str) -> State:
+    def one(index: int) -> Nuisances:
+        record, nuisances = fitter.records[index], state.nuisances[index]
+        if record.cut is None or (field == "entry" and record.starts_in_cut):
+            return nuisances
+        last = record.last_pass(state.angle, nuisances) + 1
+        first = record.first_pass if field == "entry" else nuisances.entry + 1
+        last = min(last, nuisances.exit - 1) if field == "entry" else last
+        if last <= first:
+            return nuisances
+        now = getattr(nuisances, field)
+        step = max(1, (last - first) // COARSE)
+        nuisances = _best_place(fitter, index, state, nuisances, field, sorted({*range(first, last + 1, step), now, last}))
+        reach = max(step, 2 * EARLIER)  # close to it a few kicks may cancel: no descent, every pass is tried
+        now = getattr(nuisances, field)
+        return _best_place(fitter, index, state, nuisances, field, range(max(first, now - reach), min(last, now + reach) + 1))
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return replace(state, nuisances=tuple(pool.map(one, range(len(fitter.records)))))
+
+
+def _best_place(fitter: Fitter, index: int, state: State, nuisances: Nuisances, field: str, places: Sequence[int]) -> Nuisances:
+    """The nuisances of one record with `field` (entry or exit) at the place of the smallest residual."""
+    tried = [Nuisances(**{**vars(nuisances), field: place}) for place in places]
+    tried = [other for other in tried if other.entry < other.exit]
+    return _best(fitter, index, state, tried) if tried else nuisances
+
+
+def _best(fitter: Fitter, index: int, state: State, tried: Sequence[Nuisances]) -> Nuisances:
+    """Those nuisances of one record that leave the smallest residual."""
+    rest = fitter.residuals_with(index, state, tried)
+    return tried[int(np.argmin(np.einsum("ij,ij->i", rest, rest)))]
