@@ -168,4 +168,5 @@ def test_a_library_that_crashes_or_hangs_on_a_file_is_an_input_problem(
     monkeypatch.setattr(rehearsal, "_LONGEST", 0.05)
     with pytest.raises(InputProblem, match="does not end"):
         rehearsal.rehearse(tmp_path, lambda: time.sleep(5))
+    monkeypatch.undo()
     rehearsal.rehearse(tmp_path, lambda: 1 / 0)  # the real reading will say it

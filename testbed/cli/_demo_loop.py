@@ -207,4 +207,5 @@ def add_story(page: Any, loop: Loop) -> None:
     shown = worst_first(looks(found.best.fitter.records, loop.units), found.base.errors)
     add_ticks(page, shown, sets, key)
     points = points_for(shown, leading(sets, key))
-    add_before_after(page, shown, found.base.errors, sets[key], found.best.fit.state, points, key)
+    add_before_after(page, shown, found.base.errors, sets[key],
+                     (found.base.fit.state, found.best.fit.state), points, key)
