@@ -187,7 +187,16 @@ def _refitted(
     fit = polish(entry.fitter, entry.state, rounds=3, iterations=iterations)
     effects = (*current.effects, entry.name)
     fit = recounted(entry.fitter, entries_together(entry.fitter, fit))
+    found = _candidate(current, entry.fitter, fit, effects)
     if fit.cost < HELPS * current.fit.cost:
-        fit = hopped(entry.fitter, [catalogue[name] for name in effects], fit)
+        deeper = hopped(entry.fitter, [catalogue[name] for name in effects], fit)
+        other = found if deeper is fit else _candidate(current, entry.fitter, deeper, effects)
+        if other.error_held_out <= found.error_held_out:  # a deeper valley that foretells less is one of this sample alone
+            return other
+    return found
+
+
+def _candidate(current: Candidate, fitter: Fitter, fit: WaveformFit, effects: tuple[str, ...]) -> Candidate:
+    assert current.fit is not None
     size = effective_size(fit if fit.cost < 0.5 * current.fit.cost else current.fit)
-    return candidate_of(entry.fitter, fit, effects, current.fit, size)
+    return candidate_of(fitter, fit, effects, current.fit, size)

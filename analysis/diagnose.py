@@ -31,6 +31,7 @@ MOST_EFFECTS = 3
 DELTA_BIC = 10.0
 CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
+WORSE = 1.02  # times the held-out error that the last fit with finer steps may have: beyond, it went astray
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
 ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
 STILL_ROUGH = 3.0  # and, once they were, from which they still are: else the quiet records take over half way
@@ -71,7 +72,8 @@ def _settled(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
     assert one.fit is not None and one.fitter is not None
     if not has_kinks(list(one.fit.state.model.effects), catalogue):
         return one
-    return replace(candidate_of(*finely(one.fitter, one.fit, catalogue), one.effects, None, 1.0), delta_bic=one.delta_bic)
+    found = candidate_of(*finely(one.fitter, one.fit, catalogue), one.effects, None, 1.0)
+    return replace(found, delta_bic=one.delta_bic) if found.error_held_out <= WORSE * one.error_held_out else one
 
 
 def _nesting_guard(current: Candidate, tried: Sequence[Candidate]) -> Candidate:
