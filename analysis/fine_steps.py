@@ -16,7 +16,7 @@ import numpy as np
 
 from analysis.entry_passes import entries_together
 from analysis.observed import Plant
-from analysis.scale_hops import hopped
+from analysis.scale_hops import hopped, over_the_grid
 from analysis.waveform import Fitter, State, WaveformFit
 from testbed.effect import Effect
 
@@ -46,7 +46,8 @@ def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) ->
     """The fit settled with finer steps in the deepest valley close by, and the fitter that did it."""
     finer = Fitter(fine(fitter.plant), fitter.records, fitter.unknowns)
     fit = entries_together(finer, finer.fit(fit.state, iterations=SETTLE))
-    fit = hopped(finer, [catalogue[name] for name in fit.state.model.effects if name in catalogue], fit)
+    laws = [catalogue[name] for name in fit.state.model.effects if name in catalogue]
+    fit = over_the_grid(finer, laws, hopped(finer, laws, fit))
     for _ in range(ROUNDS):
         states = sorted(_around(finer, fit), key=finer.cost)[:LOWEST]
         best = min((finer.fit(state, iterations=SETTLE) for state in states), key=lambda one: one.cost)

@@ -33,8 +33,15 @@ def hopped(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -> Wavef
             path = f"{effect.name}.{parameter.name}"
             for factor in HOPS:
                 fit = _along(fitter, path, factor, parameter.bounds, fit)
-            if not effect.smooth:
-                fit = _over_the_grid(fitter, path, parameter.bounds, fit)
+    return fit
+
+
+def over_the_grid(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -> WaveformFit:
+    """The fit from the lowest of the close valleys that the scales of laws with kinks have, in a model that is complete."""
+    for effect in effects:
+        for parameter in effect.parameters:
+            if not effect.smooth and _is_scale(parameter):
+                fit = _over_the_grid(fitter, f"{effect.name}.{parameter.name}", parameter.bounds, fit)
     return fit
 
 
