@@ -9,6 +9,7 @@ from typing import Any
 
 from analysis.candidate_round import candidate_of, with_effect
 from analysis.compare import estimates
+from analysis.diagnosis import Candidate
 from analysis.effect_start import ANCHOR, all_free, applicable, effect_parameters, origins_of
 from analysis.fine_steps import finely, has_kinks
 from analysis.held_out import RecordError, conditions_of, held_out_errors, pooled
@@ -54,24 +55,26 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
         raise ValueError(f"no record can show {effect.name}: it acts in the cut, and nothing is cut")
     say("fitting the model as it is")
     fitter, fit = base_fit(plant, records, model, free=all_free(records, model, catalogue))
-    before = held_out_errors(fitter, fit)
+    bare = candidate_of(fitter, fit, (), None, 1.0)
+    before = bare.errors
     say(f"fitting with {effect.name}")
-    wider, with_it = _fit_with(plant, model, {**catalogue, effect.name: effect}, effect, fitter, fit, say)
+    wider, with_it = _fit_with(plant, model, {**catalogue, effect.name: effect}, effect, bare, say)
     say("looking again for a fit without it")
     again = polish(fitter, _without(with_it.state, effect.name), rounds=1, iterations=8)
     if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
-        fit, before = again, held_out_errors(fitter, again)
+        fit, before = again, tuple(held_out_errors(fitter, again))
     after = held_out_errors(wider, with_it)
     found = estimates(wider, with_it, catalogue)
     result = Addition(effect.name, with_it.state.model, pooled(before)[0], pooled(after)[0], pooled(after)[1],
-                      tuple(before), tuple(after), len(conditions_of(records)) > 1, found, with_it.converged, (), with_it, fit)
+                      before, tuple(after), len(conditions_of(records)) > 1, found, with_it.converged, (), with_it, fit)
     return replace(result, warnings=tuple(_warnings(result, wider, catalogue)))
 
 
-def _fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, fitter: Fitter, fit: WaveformFit,
+def _fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
               say: Callable[[str], None]) -> tuple[Fitter, WaveformFit]:
     """The fit with the effect; never worse than without, since at its neutral values it contains that."""
-    bare = candidate_of(fitter, fit, (), None, 1.0)
+    assert bare.fitter is not None and bare.fit is not None
+    fitter, fit = bare.fitter, bare.fit
     error, noise = pooled(bare.errors)
     origins = origins_of(plant, model, fitter, fit, anchored=error > ANCHOR * noise)
     tried = with_effect(bare, effect.name, catalogue, origins, say)

@@ -115,14 +115,11 @@ def with_effect(
     """The current set and one effect more, fitted from every start that a round of a diagnosis knows."""
     assert current.fit is not None and current.fitter is not None
     effect = catalogue[name]
-    entry = _Entry(name, *first_step(current.fitter, effect, current.fit, origins))
-    early = bool({"measure", "speed"} & set(effect.hooks))
-    if early:
-        _from_far(current, entry, effect)
+    entry = _begun(current, effect, origins)
     if name not in entry.state.model.effects:
         return current
     found = entry.fitted = _refitted(current, entry, catalogue, say)
-    if not early and found.error_held_out > ADEQUATE * pooled(current.errors)[1]:
+    if not _shifts_in_time(effect) and found.error_held_out > ADEQUATE * pooled(current.errors)[1]:
         say(f"trying {name} from far")
         _from_far(current, entry, effect, origins)
         found = entry.fitted or _refitted(current, entry, catalogue, say)
@@ -140,12 +137,23 @@ def _first_steps(
         if name in present or not applicable(effect, current.fitter.records, present):
             continue
         say(f"trying {name}")
-        entry = _Entry(name, *first_step(current.fitter, effect, current.fit, origins))
-        if {"measure", "speed"} & set(effect.hooks):
-            _from_far(current, entry, effect)
-        entries.append(entry)
+        entries.append(_begun(current, effect, origins))
     entries.sort(key=lambda entry: entry.cost)
     return entries
+
+
+def _shifts_in_time(effect: Effect) -> bool:
+    """Whether an effect shifts the record in time, so that it is tried from far outside at once."""
+    return bool({"measure", "speed"} & set(effect.hooks))
+
+
+def _begun(current: Candidate, effect: Effect, origins: Sequence[Origin]) -> _Entry:
+    """An effect after its first step."""
+    assert current.fit is not None and current.fitter is not None
+    entry = _Entry(effect.name, *first_step(current.fitter, effect, current.fit, origins))
+    if _shifts_in_time(effect):
+        _from_far(current, entry, effect)
+    return entry
 
 
 def _from_far(current: Candidate, entry: _Entry, effect: Effect, origins: Sequence[Origin] = ()) -> None:
@@ -171,10 +179,10 @@ def _try_from_far(
 ) -> None:
     """Every entry once more from far outside, where no first step led to much."""
     for entry in entries:
-        hooks = set(catalogue[entry.name].hooks)
-        if (entry.fitted is None or "engagement" in hooks) and not {"measure", "speed"} & hooks:
+        effect = catalogue[entry.name]
+        if (entry.fitted is None or "engagement" in effect.hooks) and not _shifts_in_time(effect):
             say(f"trying {entry.name} from far")
-            _from_far(current, entry, catalogue[entry.name], origins)
+            _from_far(current, entry, effect, origins)
     entries.sort(key=lambda entry: entry.reached)
 
 

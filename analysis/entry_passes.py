@@ -48,12 +48,11 @@ def _pulls(fitter: Fitter, fit: WaveformFit) -> tuple[np.ndarray, np.ndarray]:
     gradients = np.zeros((len(fitter.records), len(shifts), len(fitter.names)))
     normal = np.zeros((len(fitter.names),) * 2)
     for index, (record, part, own) in enumerate(zip(fitter.records, fit.parts, fit.state.nuisances, strict=True)):
-        basis = np.linalg.qr(part.own)[0] if part.own.shape[1] else part.own
-        slopes = part.shared - basis @ (basis.T @ part.shared)
+        slopes = part.without_own(part.shared.T).T
         normal += slopes.T @ slopes
         can = [0] if record.cut is None or record.starts_in_cut else [k for k in shifts if own.entry + k < own.exit]
-        rests = fitter.residuals_with(index, fit.state, [replace(own, entry=own.entry + k) for k in can])
-        rests = rests - (rests @ basis) @ basis.T
+        variants = [(fit.state.model, fit.state.angle, replace(own, entry=own.entry + k)) for k in can]
+        rests = part.without_own(fitter.residuals_of(index, variants))
         places = [k + REACH for k in can]
         squares[index, places] = np.einsum("ij,ij->i", rests, rests)
         gradients[index, places] = rests @ slopes

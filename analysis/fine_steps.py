@@ -59,8 +59,7 @@ def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) ->
 
 def _around(fitter: Fitter, fit: WaveformFit) -> list[State]:
     """States some standard errors of each shared unknown away, all others following as the slopes say."""
-    scale = np.array([*(one.scale for one in fitter.free), *((0.1,) if fitter.fits_angle else ())])
-    covariance = fit.covariance / np.outer(scale, scale)
+    covariance = fit.covariance / np.outer(fitter.steps, fitter.steps)
     errors = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     found = []
     for place, error in enumerate(errors):

@@ -102,5 +102,5 @@ def _best_place(fitter: Fitter, index: int, state: State, nuisances: Nuisances, 
 
 def _best(fitter: Fitter, index: int, state: State, tried: Sequence[Nuisances]) -> Nuisances:
     """Those nuisances of one record that leave the smallest residual."""
-    rest = fitter.residuals_with(index, state, tried)
+    rest = fitter.residuals_of(index, [(state.model, state.angle, one) for one in tried])
     return tried[int(np.argmin(np.einsum("ij,ij->i", rest, rest)))]

@@ -92,13 +92,12 @@ def profile(fitter: Fitter, path: str, values: np.ndarray, fit: WaveformFit) -> 
     squares, pulls = np.zeros(len(values)), np.zeros((len(values), len(others)))
     normal = np.zeros((len(others), len(others)))
     models = [fit.state.model.with_values({path: float(value)}) for value in values]
-    for index, part in enumerate(fit.parts):
-        basis = np.linalg.qr(part.own)[0] if part.own.shape[1] else part.own
-        slopes = part.shared[:, others] - basis @ (basis.T @ part.shared[:, others])
+    for index, (part, own) in enumerate(zip(fit.parts, fit.state.nuisances, strict=True)):
+        slopes = part.without_own(part.shared[:, others].T).T
         normal += slopes.T @ slopes
         for first in range(0, len(values), BATCH):
-            rests = fitter.residuals_of(index, fit.state, models[first : first + BATCH])
-            rests = rests - (rests @ basis) @ basis.T
+            variants = [(model, fit.state.angle, own) for model in models[first : first + BATCH]]
+            rests = part.without_own(fitter.residuals_of(index, variants))
             squares[first : first + BATCH] += np.einsum("ij,ij->i", rests, rests)
             pulls[first : first + BATCH] += rests @ slopes
     solved = np.linalg.lstsq(normal, pulls.T, rcond=1e-12)[0].T

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ WORKERS = 2
 SLOWEST = 0.8  # of the nominal speed, that a record without marks may turn out to have had
 FAINTEST = 1e-3  # slope by an unknown, in units of the noise over a natural step, below which it is as good as none
 COLLINEAR = 1e-10  # eigenvalue of the unknowns' correlations below which a combination of them is as good as unknown
+ANGLE_STEP = 0.1  # rad: a natural step of the mark angle
 BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
 
 
@@ -56,6 +58,15 @@ class Linearised:
     residual: np.ndarray
     shared: np.ndarray
     own: np.ndarray
+
+    def without_own(self, residuals: np.ndarray) -> np.ndarray:
+        """Residuals (..., values) less what the record's own unknowns can take of them."""
+        basis = self._own_basis
+        return residuals - (residuals @ basis) @ basis.T
+
+    @cached_property
+    def _own_basis(self) -> np.ndarray:
+        return np.linalg.qr(self.own)[0] if self.own.shape[1] else self.own
 
 
 @dataclass(frozen=True)
@@ -100,6 +111,11 @@ class Fitter:
         self.fits_angle = any(record.cut is not None and record.first_mark is not None for record in records)
         self.names = (*(one.path for one in self.free), *(("mark_angle",) if self.fits_angle else ()))
 
+    @property
+    def steps(self) -> np.ndarray:
+        """Natural steps of the shared unknowns, each in its own unit."""
+        return np.array([*(one.scale for one in self.free), *((ANGLE_STEP,) if self.fits_angle else ())])
+
     # -- variants of a state -------------------------------------------------------------------------------------------
 
     def moved(self, state: State, step: np.ndarray) -> State:
@@ -109,7 +125,7 @@ class Fitter:
             value = state.model.value(one.path) + amount * one.scale
             turned = math.remainder(value, 2 * math.pi) if one.periodic else min(max(value, one.bounds[0]), one.bounds[1])
             values[one.path] = turned
-        angle = state.angle + (step[-1] * 0.1 if self.fits_angle else 0.0)
+        angle = state.angle + (step[-1] * ANGLE_STEP if self.fits_angle else 0.0)
         return replace(state, model=state.model.with_values(values), angle=angle)
 
     def _own_steps(self, record: Observed) -> list[dict[str, float]]:
@@ -184,17 +200,11 @@ class Fitter:
         """One record's residual, in units of the noise."""
         return self._residuals(self.records[index], [(state.model, state.angle, state.nuisances[index])])[0]
 
-    def residuals_with(self, index: int, state: State, own: Sequence[Nuisances]) -> np.ndarray:
-        """One record's residuals with other nuisances (variants, values), and what its marks say of each."""
+    def residuals_of(self, index: int, variants: Sequence[tuple[Model, float, Nuisances]]) -> np.ndarray:
+        """One record's residuals (variants, values) for other models, mark angles and nuisances, and what its marks say."""
         record = self.records[index]
-        rest = self._residuals(record, [(state.model, state.angle, one) for one in own])
-        return np.hstack([rest, np.array([self._held(record, one) for one in own])])
-
-    def residuals_of(self, index: int, state: State, models: Sequence[Model]) -> np.ndarray:
-        """One record's residuals with other models (variants, values), and what its marks say."""
-        rest = self._residuals(self.records[index], [(one, state.angle, state.nuisances[index]) for one in models])
-        held = self._held(self.records[index], state.nuisances[index])
-        return np.hstack([rest, np.tile(held, (len(models), 1))])
+        held = [self._held(record, own) for _, _, own in variants]
+        return np.hstack([self._residuals(record, list(variants)), np.array(held)])
 
     def residuals(self, state: State, indices: Sequence[int] | None = None) -> tuple[np.ndarray, ...]:
         """Every record's residual, or some records', in units of the noise."""
@@ -277,11 +287,10 @@ class Fitter:
         for part in parts:
             own, cross = part.own.T @ part.own, part.own.T @ part.shared
             normal += part.shared.T @ part.shared - (cross.T @ np.linalg.pinv(own) @ cross if len(own) else 0.0)
-        scale = np.array([*(one.scale for one in self.free), *((0.1,) if self.fits_angle else ())])
         size = np.maximum(np.sqrt(np.diag(normal)), FAINTEST)
         values, vectors = np.linalg.eigh(normal / np.outer(size, size))
         inverse = (vectors / np.maximum(values, COLLINEAR)) @ vectors.T
-        return variance * inverse * np.outer(scale / size, scale / size)
+        return variance * inverse * np.outer(self.steps / size, self.steps / size)
 
     def with_own(self, state: State, moves: Sequence[np.ndarray]) -> State:
         """The state after a step of the records' own unknowns."""

@@ -33,22 +33,14 @@ def _moved(fitter, fit, field, by):
     return fitter.fit(replace(fit.state, nuisances=own), iterations=10)
 
 
-def test_entries_that_were_moved_together_come_back(fitted):
+@pytest.mark.parametrize(("field", "by", "search"), [("entry", (2, 2, 1), entries_together), ("exit", (0, 0, 2), recounted)])
+def test_passes_that_were_put_wrong_come_back(fitted, field, by, search):
     fitter, fit = fitted
-    wrong = _moved(fitter, fit, "entry", (2, 2, 1))
+    wrong = _moved(fitter, fit, field, by)
     assert wrong.cost > 1.5 * fit.cost
-    again = entries_together(fitter, wrong)
+    again = search(fitter, wrong)
     assert again.cost == pytest.approx(fit.cost, rel=1e-3)
-    assert [one.entry for one in again.state.nuisances] == [one.entry for one in fit.state.nuisances]
-
-
-def test_an_exit_two_passes_late_comes_back(fitted):
-    fitter, fit = fitted
-    wrong = _moved(fitter, fit, "exit", (0, 0, 2))
-    assert wrong.cost > 1.5 * fit.cost
-    again = recounted(fitter, wrong)
-    assert again.cost == pytest.approx(fit.cost, rel=1e-3)
-    assert [one.exit for one in again.state.nuisances] == [one.exit for one in fit.state.nuisances]
+    assert [getattr(one, field) for one in again.state.nuisances] == [getattr(one, field) for one in fit.state.nuisances]
 
 
 def test_a_fit_down_to_its_noise_stays_as_it_is(fitted):
