@@ -78,7 +78,7 @@ def _fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effec
     error, noise = pooled(bare.errors)
     origins = origins_of(plant, model, fitter, fit, anchored=error > ANCHOR * noise)
     tried = with_effect(bare, effect.name, catalogue, origins, say)
-    wider = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, *effect_parameters(effect)])
+    wider = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, *effect_parameters(effect, fitter.records)])
     if tried.fit is None or effect.name not in tried.fit.state.model.effects:
         found = polish(wider, _with_neutral(fit.state, effect))
     else:

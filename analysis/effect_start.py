@@ -79,10 +79,13 @@ def starting_points(
     return [dict(zip(names, values, strict=True)) for values in itertools.islice(itertools.product(*choices), 24)]
 
 
-def effect_parameters(effect: Effect) -> list[Free]:
-    """The effect's parameters as unknowns of a fit."""
+def effect_parameters(effect: Effect, records: Sequence[Observed]) -> list[Free]:
+    """The effect's parameters as unknowns of a fit, but for those that no channel of these records shows."""
+    recorded = {channel for record in records for channel in record.channels}
     free = []
     for parameter in effect.parameters:
+        if parameter.channels and recorded.isdisjoint(parameter.channels):
+            continue
         size = abs(parameter.example - parameter.neutral) or abs(parameter.example) or 1.0
         low, high = parameter.bounds
         if parameter.unit == "Hz":
@@ -97,7 +100,7 @@ def effect_parameters(effect: Effect) -> list[Free]:
 
 def all_free(records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> list[Free]:
     """The base parameters these records can speak of, and those of the effects the model has."""
-    own = [free for name in model.effects for free in effect_parameters(catalogue[name])]
+    own = [free for name in model.effects for free in effect_parameters(catalogue[name], records)]
     return [*free_parameters(records, model), *own]
 
 
@@ -115,7 +118,7 @@ def applicable(effect: Effect, records: Sequence[Observed], present: Container[s
 
 
 def _extended(fitter: Fitter, effect: Effect) -> Fitter:
-    return Fitter(fitter.plant, fitter.records, [*fitter.unknowns, *effect_parameters(effect)])
+    return Fitter(fitter.plant, fitter.records, [*fitter.unknowns, *effect_parameters(effect, fitter.records)])
 
 
 @dataclass(frozen=True)

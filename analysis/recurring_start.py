@@ -31,8 +31,8 @@ def residual_peaks(records: Sequence[Observed], fit: WaveformFit, count: int = 6
     """Frequencies (Hz) of the strongest lines in the residuals."""
     found: list[tuple[float, float]] = []
     for record, rest in zip(records, fit.residuals, strict=True):
-        values = rest.reshape(record.data.shape)[0]
-        found += [(height, frequency) for frequency, height in find_peaks(values, record.rate, count=count)]
+        for values in rest.reshape(record.data.shape):
+            found += [(height, frequency) for frequency, height in find_peaks(values, record.rate, count=count)]
     kept: list[float] = []
     for _, frequency in sorted(found, reverse=True):
         if frequency > 5.0 and all(abs(frequency / other - 1) > 0.02 for other in kept):

@@ -35,6 +35,7 @@ from testbed.units import is_si_unit, nearest
 
 BUILT_IN = Path(__file__).parent / "effects"
 SENSOR_EFFECTS = Path(__file__).parent / "sensors"
+DECOYS = Path(__file__).parent / "decoys"  # laws that no machine has, in a catalogue only where they are asked for
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,7 @@ class Parameter:
     start: float | None = None
     vanishes: bool = True  # False: the value alone does not switch the effect off (a frequency, an angle)
     each_record: bool = False  # True: every record has a value of its own (a phase at the record's start)
+    channels: tuple[str, ...] = ()  # the only channels that show it: unknown where none is recorded, and may then be left out
 
     def __post_init__(self) -> None:
         low, high = self.bounds
@@ -179,6 +181,11 @@ class Effect:
     def neutral(self) -> dict[str, float]:
         """Parameter values at which the effect vanishes exactly."""
         return {parameter.name: parameter.neutral for parameter in self.parameters}
+
+    def complete(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """The values with those added, neutral, that may be left out."""
+        left_out = {one.name: one.neutral for one in self.parameters if one.channels and one.name not in values}
+        return {**values, **left_out} if left_out else values
 
     def is_neutral(self, values: Mapping[str, float]) -> bool:
         """True where any parameter that switches the effect off stands at its neutral value."""

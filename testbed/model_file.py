@@ -157,7 +157,7 @@ def _effects(document: Document, path: Path_, catalogue: Mapping[str, Effect]) -
 
 
 def _parameters(document: Document, path: Path_, effect: Effect, given: object) -> dict[str, float]:
-    """An effect's parameters in SI; every one must be given, with its unit, and lie within its bounds."""
+    """An effect's parameters in SI; each with its unit, within its bounds, and none missing but what few channels show."""
     if not isinstance(given, (dict, type(None))):
         raise document.problem(path, f"'{given}' is not a mapping", "give the parameters by name")
     names = [parameter.name for parameter in effect.parameters]
@@ -167,6 +167,8 @@ def _parameters(document: Document, path: Path_, effect: Effect, given: object) 
     values = {}
     for parameter in effect.parameters:
         place = (*path, parameter.name)
+        if parameter.channels and parameter.name not in (given or {}):
+            continue
         if not given or parameter.name not in given:
             shown = format_quantity(parameter.example, parameter.unit)
             raise document.problem(place, f"is missing ({parameter.meaning})", f"add it, for example {shown}")
@@ -179,7 +181,7 @@ def _parameters(document: Document, path: Path_, effect: Effect, given: object) 
             allowed = f"{format_quantity(low, parameter.unit)} to {format_quantity(high, parameter.unit)}"
             raise document.problem(place, f"'{given[parameter.name]}' lies outside the law's bounds", f"give {allowed}")
         values[parameter.name] = value
-    return values
+    return dict(effect.complete(values))
 
 
 def model_text(model: Model, catalogue: Mapping[str, Effect] | None = None) -> str:

@@ -44,7 +44,7 @@ def fit_from(model, chosen, effects=()):
     """(fitter, fit) of a model from where the truth is."""
     free = free_parameters(chosen, model)
     for name in effects:
-        free += effect_parameters(CATALOGUE[name])
+        free += effect_parameters(CATALOGUE[name], chosen)
     fitter = Fitter(PLANT, chosen, free)
     state = State(model, MARK_ANGLE, tuple(first_nuisances(record, MARK_ANGLE) for record in chosen))
     return fitter, polish(fitter, state, rounds=1, iterations=4)

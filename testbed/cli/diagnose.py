@@ -25,10 +25,12 @@ MANY = 6  # effects that --until-adequate adds at the most
               "and write it into DIR as an effect file of your own.")
 @click.option("--false-alarms", "alarms", type=click.IntRange(min=1), metavar="N",
               help="Repeat the diagnosis on N campaigns simulated without a hidden effect: how often is one named?")
+@click.option("--decoys", is_flag=True, help="Offer laws that no machine has beside the real ones: none should be named.")
 @effects_option
 @shared
 def command(campaign: str, model_file: str, output: str | None, until_adequate: bool, propose: str | None,
-            alarms: int | None, folders: tuple[str, ...], json_file: str | None, seed: int | None, quiet: bool) -> None:
+            alarms: int | None, decoys: bool, folders: tuple[str, ...], json_file: str | None, seed: int | None,
+            quiet: bool) -> None:
     """Fit MODEL.yaml to the campaign, then with each effect of the catalogue, and compare on records held out of the fit.
 
     An honest "these records cannot tell" is an answer too. Only --false-alarms draws random numbers, from --seed.
@@ -36,10 +38,11 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     from analysis.diagnose import diagnose
     from analysis.diagnosis import as_json
     from testbed.cli._fitting import channel_units, plant_of, read_both, sign_of_life, uncalibrated
+    from testbed.effect import DECOYS
 
     answer = Answer(json_file, quiet)
     folder = output_folder(output) if output else None
-    catalogue = catalogue_of(folders)
+    catalogue = catalogue_of((*folders, str(DECOYS)) if decoys else folders)
     model, records, read = read_both(campaign, model_file, catalogue)
     with sign_of_life("fitting the believed model to all records", quiet) as say:
         found = diagnose(plant_of(catalogue), records, model, catalogue, say=say,
@@ -48,6 +51,8 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         answer.say(note)
     said = as_json(found, model)
     _say(answer, found, said, campaign, model_file)
+    if decoys:
+        said["decoys"] = _decoys(answer, found, catalogue)
     explanation = _propose(answer, found, records, catalogue, propose, campaign, model_file) if propose else None
     if explanation is not None:
         said["proposal"] = explanation
@@ -109,6 +114,16 @@ def _propose(answer: Answer, found: Any, records: Any, catalogue: Any, folder: s
         result["file"] = str(path)
         answer.say(f"next: testbed add {path.stem} -m {model_file} -c {campaign} --effects {folder} -o NEW.yaml")
     return result
+
+
+def _decoys(answer: Answer, found: Any, catalogue: Any) -> dict[str, Any]:
+    from testbed.effect import DECOYS
+
+    offered = [name for name, effect in catalogue.items() if effect.path is not None and effect.path.parent == DECOYS]
+    named = [name for name in found.effects if name in offered]
+    answer.say(f"{', '.join(named)} is a law that no machine has: what this campaign seems to show is not to be trusted"
+               if named else f"of {len(offered)} laws that no machine has, offered beside the real ones, none was named")
+    return {"offered": offered, "named": named}
 
 
 def _false_alarms(answer: Answer, found: Any, catalogue: Any, count: int, seed: int) -> dict[str, Any]:

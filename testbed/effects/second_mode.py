@@ -7,7 +7,8 @@ Source: D. J. Ewins (2000), Modal Testing, 2nd ed., Research Studies Press, chap
     X/F = 1 / (m (w1^2 - w^2 + 2 i zeta1 w1 w)) + p r / (m (w2^2 - w^2 + 2 i zeta2 w2 w)).
 The mode shape is 1 at the tool and p at the sensor; r, the ratio of the modal masses, is 0 where the mode cannot be
 moved. A dynamometer reads the force less the inertia force of the mass p m that shakes on it in this mode,
-    F_read = F + p r (H - 1) F,    H = w2^2 / (s^2 + 2 zeta2 w2 s + w2^2).
+    F_read = F + p r (H - 1) F,    H = w2^2 / (s^2 + 2 zeta2 w2 s + w2^2),
+with rho w2 in place of w2 where it reads across the feed (force_y), for its mount is not as stiff there.
 
 Valid for two modes that stay apart (proportional damping, motion along x). Force channels are filtered as if straight
 between samples. `third_mode` is the same law once more, with parameters and states of its own.
@@ -33,6 +34,8 @@ EFFECT = Effect(
                   neutral=0.01, bounds=(0.0, 0.3), example=0.01, start=0.01, vanishes=False),
         Parameter("participation", "p", "1", "motion of the second mode at the sensor over that at the tool",
                   neutral=1.0, bounds=(-5.0, 5.0), example=1.0, start=1.0, vanishes=False),
+        Parameter("transverse_ratio", "rho", "1", "frequency of the second mode in the reading of force_y over that of force_x",
+                  neutral=1.0, bounds=(0.2, 5.0), example=1.0, start=1.0, vanishes=False, channels=("force_y",)),
     ),
     law="q'' + 2 zeta_2 w_2 q' + w_2^2 q = r F / m; the cut feels x + q, the sensor sees x + p q",
     source="Ewins (2000), Modal Testing, 2nd ed., chapter 2",
@@ -78,12 +81,13 @@ def highest_frequency(frequency):
     return 2.0 * math.pi * frequency
 
 
-def measure(signal, true_signal, quantity, sampling_rate, mass_ratio, frequency, damping_ratio, participation):
+def measure(signal, true_signal, quantity, sampling_rate, mass_ratio, frequency, damping_ratio, participation,
+            transverse_ratio):
     if quantity not in ("force_x", "force_y") or len(signal) == 0:
         return signal
     from scipy.signal import cont2discrete, lfilter, lfilter_zi  # slow to import, wanted by few
 
-    omega = 2.0 * math.pi * frequency
+    omega = 2.0 * math.pi * frequency * (transverse_ratio if quantity == "force_y" else 1.0)
     resonance = [omega**2], [1.0, 2.0 * damping_ratio * omega, omega**2]
     top, bottom, _ = cont2discrete(resonance, 1.0 / sampling_rate, "foh")
     numerator = np.ravel(top)

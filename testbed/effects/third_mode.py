@@ -38,6 +38,8 @@ EFFECT = Effect(
                   neutral=0.01, bounds=(0.0, 0.3), example=0.01, start=0.01, vanishes=False),
         Parameter("participation", "p", "1", "motion of the third mode at the sensor over that at the tool",
                   neutral=1.0, bounds=(-5.0, 5.0), example=1.0, start=1.0, vanishes=False),
+        Parameter("transverse_ratio", "rho", "1", "frequency of the third mode in the reading of force_y over that of force_x",
+                  neutral=1.0, bounds=(0.2, 5.0), example=1.0, start=1.0, vanishes=False, channels=("force_y",)),
     ),
     law="q'' + 2 zeta_3 w_3 q' + w_3^2 q = r F / m; the cut feels x + q, the sensor sees x + p q",
     source="Ewins (2000), Modal Testing, 2nd ed., chapter 2",

@@ -45,9 +45,10 @@ class Packed:
 def active_effects(model: Model, catalogue: Mapping[str, Effect]) -> dict[str, Mapping[str, float]]:
     """The model's effects that are not at their neutral value. KeyError, with the known names, for an unknown one."""
     active = {}
-    for name, values in model.effects.items():
+    for name, given in model.effects.items():
         if name not in catalogue:
             raise KeyError(f"no effect is named '{name}'; known: {', '.join(catalogue)}")
+        values = catalogue[name].complete(given)
         missing = [parameter.name for parameter in catalogue[name].parameters if parameter.name not in values]
         if missing:
             raise KeyError(f"effect {name} lacks {', '.join(missing)}")

@@ -33,7 +33,7 @@ def rubbing():
     records = synthetic_campaign(simulate, RUBBING, seed=2, noise=5e-7, tests=((3500, 0.8), (2600, 1.5)))
     observed = [observe(record, BELIEVED) for record in records]
     fitter, fit = base_fit(PLANT, observed, RUBBING, free=[])
-    free = [*free_parameters(observed, RUBBING), *effect_parameters(catalogue()["dry_friction"])]
+    free = [*free_parameters(observed, RUBBING), *effect_parameters(catalogue()["dry_friction"], observed)]
     wider = Fitter(PLANT, observed, free)
     return wider, wider.fit(fit.state, iterations=15)
 

@@ -1,10 +1,12 @@
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from base_flexure import FEED, FREQUENCY, MASS, ZETA, flexure, stable_cut
 from scipy.integrate import solve_ivp
 
+from analysis.effect_start import effect_parameters
 from testbed.cut import Sampling
 from testbed.effect import catalogue
 from testbed.engines import fast
@@ -66,15 +68,27 @@ def test_first_pass_against_a_direct_integration():
     np.testing.assert_allclose(recording.channels["displacement"], expected, atol=1e-8 * np.abs(expected).max())
 
 
-def test_dynamometer_reads_through_the_resonance():
+@pytest.mark.parametrize(("quantity", "ratio"), [("force_x", 1.7), ("force_y", 1.0), ("force_y", 0.8)])
+def test_dynamometer_reads_through_the_resonance(quantity, ratio):
     hook = catalogue()["second_mode"].hooks["measure"]
-    rate, w, w2 = 51200.0, 2 * math.pi * 300.0, 2 * math.pi * MODE["frequency"]
+    mode = {**MODE, "transverse_ratio": ratio}
+    rate, w, w2 = 51200.0, 2 * math.pi * 300.0, 2 * math.pi * MODE["frequency"] * (ratio if quantity == "force_y" else 1.0)
     time = np.arange(100_000) / rate
     true = np.sin(w * time)
-    read = hook(true, true, "force_x", rate, **MODE)
+    read = hook(true, true, quantity, rate, **mode)
     basis = np.column_stack([np.sin(w * time), np.cos(w * time)])[-20_000:]
     a, b = np.linalg.lstsq(basis, read[-20_000:], rcond=None)[0]
     through = w2**2 / (w2**2 - w**2 + 2j * MODE["damping_ratio"] * w2 * w)
     expected = 1 + MODE["participation"] * MODE["mass_ratio"] * (through - 1)
     assert complex(a, b) == pytest.approx(expected, rel=1e-3)
-    np.testing.assert_array_equal(hook(time, time, "displacement", rate, **MODE), time)
+    np.testing.assert_array_equal(hook(time, time, "displacement", rate, **mode), time)
+
+
+def test_what_only_force_y_shows_may_be_left_out_and_is_unknown_where_it_is_recorded():
+    effect = catalogue()["second_mode"]
+    cut, full = stable_cut(2), flexure(second_mode={**MODE, "transverse_ratio": 1.0})
+    one, other = (fast.simulate(model, cut, Sampling(12800.0, 200)) for model in (flexure(second_mode=MODE), full))
+    np.testing.assert_array_equal(one.channels["displacement"], other.channels["displacement"])
+    names = {channels: {free.path for free in effect_parameters(effect, [SimpleNamespace(channels=channels)])}
+             for channels in (("displacement",), ("force_x", "force_y"))}
+    assert names["force_x", "force_y"] - names["displacement",] == {"second_mode.transverse_ratio"}
