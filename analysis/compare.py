@@ -108,8 +108,9 @@ def unit_of(path: str, catalogue: Mapping[str, Effect]) -> str:
 def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> dict[str, Estimate]:
     """Every fitted machine parameter with its 95 % interval.
 
-    The interval is that of the linearised fit, widened for residuals that are larger than the noise and correlated, within the
-    bounds of the law. A strength whose direction is unknown is at least what it is along the direction found.
+    The interval is that of the linearised fit, widened for residuals that are larger than the noise and correlated, and to
+    hold what other states that explain as much would give, within the bounds of the law. A strength whose direction is unknown
+    is at least what it is along the direction found.
     """
     count = sum(rest.size for rest in fit.residuals)
     wider = math.sqrt(max(1.0, count / effective_size(fit)))
@@ -119,7 +120,8 @@ def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect])
               if "." in one.path and unit_of(one.path, catalogue) == "rad" and half > DIRECTED}
     for one, half in zip(fitter.free, spread, strict=False):
         value, (least, most) = fit.state.model.value(one.path), one.bounds
-        low, high = value - float(half), value + float(half)
+        others = [state.model.value(one.path) for state in fit.alike]
+        low, high = min([value, *others]) - float(half), max([value, *others]) + float(half)
         name, _, parameter = one.path.partition(".")
         if name in adrift and catalogue[name].parameter(parameter).vanishes:
             high = max(high, most)

@@ -22,7 +22,7 @@ from analysis.next_test import next_test
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, Plant
 from analysis.starts import base_fit, polish
-from analysis.waveform import Fitter
+from analysis.waveform import Fitter, WaveformFit
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -33,6 +33,7 @@ CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
 WORSE = 1.02  # times the held-out error that the last fit with finer steps may have: beyond, it went astray
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
+COARSE = 1.2  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
 ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
 STILL_ROUGH = 3.0  # and, once they were, from which they still are: else the quiet records take over half way
 
@@ -72,8 +73,41 @@ def _settled(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
     assert one.fit is not None and one.fitter is not None
     if not has_kinks(list(one.fit.state.model.effects), catalogue):
         return one
-    found = candidate_of(*finely(one.fitter, one.fit, catalogue), one.effects, None, 1.0)
+    fitter, fit = finely(one.fitter, one.fit, catalogue)
+    idle = [name for name in one.effects if _does_nothing(fitter, fit, name)]  # it made up for the error of the steps
+    if idle:
+        model = fit.state.model
+        for name in idle:
+            model = model.without_effect(name)
+            fitter = _without(fitter, name)
+        fit = fitter.fit(replace(fit.state, model=model), iterations=12)
+    effects = tuple(name for name in one.effects if name not in idle)
+    found = candidate_of(fitter, fit, effects, None, 1.0)
     return replace(found, delta_bic=one.delta_bic) if found.error_held_out <= WORSE * one.error_held_out else one
+
+
+def _without(fitter: Fitter, name: str) -> Fitter:
+    """The fitter with an effect's parameters no longer unknown."""
+    free = [one for one in fitter.unknowns if not one.path.startswith(f"{name}.")]
+    return Fitter(fitter.plant, fitter.records, free)
+
+
+def _does_nothing(fitter: Fitter, fit: WaveformFit, name: str) -> bool:
+    """Whether an effect can be taken out as it stands, nothing refitted, and is not missed."""
+    without = replace(fit.state, model=fit.state.model.without_effect(name))
+    variance = fit.squares / sum(rest.size for rest in fit.residuals)
+    return _without(fitter, name).cost(without) <= fit.cost + 0.5 * DELTA_BIC * variance
+
+
+def _complete_with_finer_steps(
+    one: Candidate, noise: float, catalogue: Mapping[str, Effect], say: Callable[[str], None]
+) -> Candidate | None:
+    """The set with finer steps, if what it leaves is but the error of the search's own; else None."""
+    if not ADEQUATE * noise < one.error_held_out < COARSE * noise or not has_kinks(one.effects, catalogue):
+        return None
+    say("taking finer steps")
+    finer = _settled(_by_noise(one), catalogue)
+    return finer if finer.error_held_out <= ADEQUATE * noise else None
 
 
 def _nesting_guard(current: Candidate, tried: Sequence[Candidate]) -> Candidate:
@@ -97,8 +131,7 @@ def _backward(current: Candidate, catalogue: Mapping[str, Effect], say: Callable
             continue
         assert current.fit is not None and current.fitter is not None
         say(f"is {name} still needed?")
-        free = [one for one in current.fitter.unknowns if not one.path.startswith(f"{name}.")]
-        fitter = Fitter(current.fitter.plant, current.fitter.records, free)
+        fitter = _without(current.fitter, name)
         state = replace(current.fit.state, model=current.fit.state.model.without_effect(name))
         fit = polish(fitter, state, rounds=2, iterations=15)
         size = effective_size(current.fit)
@@ -196,6 +229,7 @@ def _search(
     current, steps = base, [base]
     seen: list[Candidate] = []
     tied: tuple[str, ...] = ()
+    settled: Candidate | None = None
     while len(current.effects) < most and current.error_held_out > ADEQUATE * noise:
         current = _weighed(current)
         steps[-1] = current
@@ -228,8 +262,10 @@ def _search(
         steps.append(current)
         if current is not first:
             seen.append(_told(current))
-    current = _weighed(current)
-    current = _settled(_by_noise(current), catalogue)
+        settled = _complete_with_finer_steps(current, noise, catalogue, say)
+        if settled is not None:
+            break
+    current = settled or _settled(_by_noise(_weighed(current)), catalogue)
     steps = [*map(_by_noise, steps[:-1]), current]
     seen = [_told(current) if one.effects == current.effects else one for one in seen]
     seen.sort(key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))

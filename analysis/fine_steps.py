@@ -17,6 +17,7 @@ import numpy as np
 from analysis.entry_passes import entries_together
 from analysis.observed import Plant
 from analysis.scale_hops import hopped, over_the_grid
+from analysis.scale_profile import along_scales
 from analysis.waveform import Fitter, State, WaveformFit
 from testbed.effect import Effect
 
@@ -54,7 +55,7 @@ def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) ->
         if not best.cost < fit.cost - 1.0:
             break
         fit = best
-    return finer, fit
+    return finer, along_scales(finer, laws, fit)
 
 
 def _around(fitter: Fitter, fit: WaveformFit) -> list[State]:

@@ -28,7 +28,7 @@ def hopped(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -> Wavef
     """The fit, started again with every scale of these laws some way off, as long as that leads to a deeper valley."""
     for effect in effects:
         for parameter in effect.parameters:
-            if not _is_scale(parameter):
+            if not is_scale(parameter):
                 continue
             path = f"{effect.name}.{parameter.name}"
             for factor in HOPS:
@@ -40,12 +40,12 @@ def over_the_grid(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -
     """The fit from the lowest of the close valleys that the scales of laws with kinks have, in a model that is complete."""
     for effect in effects:
         for parameter in effect.parameters:
-            if not effect.smooth and _is_scale(parameter):
+            if not effect.smooth and is_scale(parameter):
                 fit = _over_the_grid(fitter, f"{effect.name}.{parameter.name}", parameter.bounds, fit)
     return fit
 
 
-def _is_scale(parameter: Parameter) -> bool:
+def is_scale(parameter: Parameter) -> bool:
     """Whether a parameter says where or how fast a law bends, rather than how strong, at what frequency or angle it is."""
     return not (parameter.vanishes or parameter.each_record or parameter.unit in ("Hz", "rad")) and parameter.bounds[0] > 0.0
 
@@ -54,7 +54,7 @@ def _along(fitter: Fitter, path: str, factor: float, bounds: tuple[float, float]
     """The fit with one scale multiplied by a factor again and again, and all else fitted, while that costs less."""
     while bounds[0] <= factor * fit.state.model.value(path) <= bounds[1]:
         trial = _fitted_at(fitter, path, factor * fit.state.model.value(path), fit, CORNER)
-        if not _deeper(trial, fit):
+        if not deeper(trial, fit):
             return fit
         fit = trial if trial.converged else fitter.fit(trial.state, iterations=4 * CORNER)
     return fit
@@ -72,7 +72,7 @@ def _over_the_grid(fitter: Fitter, path: str, bounds: tuple[float, float], fit: 
         valleys = valleys[costs[valleys] < fit.cost + CLOSE]
         trials = [_fitted_at(fitter, path, float(values[place]), fit, CORNER) for place in valleys]
         best = min(trials, key=lambda one: one.cost, default=fit)
-        if not _deeper(best, fit):
+        if not deeper(best, fit):
             return fit
         fit = best if best.converged else fitter.fit(best.state, iterations=4 * CORNER)
 
@@ -82,7 +82,8 @@ def _fitted_at(fitter: Fitter, path: str, value: float, fit: WaveformFit, iterat
     return fitter.fit(replace(fit.state, model=moved), iterations=iterations)
 
 
-def _deeper(trial: WaveformFit, fit: WaveformFit) -> bool:
+def deeper(trial: WaveformFit, fit: WaveformFit) -> bool:
+    """Whether a valley is deeper by more than what a fit that has converged may still gain."""
     return trial.cost < fit.cost * (1.0 - CHEAPER) - 1.0
 
 

@@ -73,7 +73,8 @@ class Linearised:
 class WaveformFit:
     """A finished fit. cost: half the sum of squared residuals in units of the noise; covariance of the shared unknowns.
 
-    names of the shared unknowns: the free parameters' paths, then `mark_angle` where it was fitted.
+    names of the shared unknowns: the free parameters' paths, then `mark_angle` where it was fitted. alike: states elsewhere,
+    out of reach of the slopes, that explain the records as well.
     """
 
     state: State
@@ -84,6 +85,7 @@ class WaveformFit:
     converged: bool
     iterations: int
     parts: tuple[Linearised, ...]
+    alike: tuple[State, ...] = ()
 
     @property
     def squares(self) -> float:

@@ -1,4 +1,4 @@
-"""Laws with kinks: finer steps for the last fit, and a profile of a scale that follows the true cost."""
+"""Laws with kinks: finer steps for the last fit, and intervals that hold what other scales explain as well."""
 
 from dataclasses import replace
 from functools import partial
@@ -7,12 +7,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from analysis import scale_profile
+from analysis.compare import estimates
 from analysis.diagnosis import Candidate, verdict_of
 from analysis.effect_start import effect_parameters
 from analysis.fine_steps import fine, finely, has_kinks
 from analysis.held_out import RecordError, pooled_doubt
 from analysis.observed import observe
 from analysis.scale_hops import profile
+from analysis.scale_profile import ALIKE, SAME, along_scales
 from analysis.starts import base_fit, free_parameters
 from analysis.waveform import Fitter
 from testbed.cut import Cut, Sampling
@@ -55,12 +58,33 @@ def test_the_last_fit_is_no_worse_with_finer_steps(rubbing):
     assert abs(settled.state.model.structure.natural_frequency - TRUE.structure.natural_frequency) < 4 * error
 
 
+def test_a_scale_that_other_values_explain_as_well_has_an_interval_that_holds_them(rubbing, monkeypatch):
+    monkeypatch.setattr(scale_profile, "FURTHEST", 2)
+    monkeypatch.setattr(scale_profile, "STEP", 0.003)  # this friction is strong: places further away explain far less
+    fitter, fit = rubbing
+    path, known = "dry_friction.presliding_displacement", catalogue()
+    found = along_scales(fitter, [known["dry_friction"]], fit)
+    assert found.cost <= fit.cost and found.alike
+    for state in found.alike:
+        assert fitter.cost(state) <= found.cost + max(1.1 * ALIKE, SAME * found.cost)
+        assert state.model.value(path) != found.state.model.value(path)
+    one = estimates(fitter, found, known)[path]
+    assert all(one.low < state.model.value(path) < one.high for state in found.alike)
+    alone = estimates(fitter, replace(found, alike=()), known)[path]
+    assert one.high - one.low > alone.high - alone.low
+
+
 def test_a_profile_at_the_fit_is_its_cost_and_rises_beside_it(rubbing):
     fitter, fit = rubbing
     here = fit.state.model.value("dry_friction.force")
     costs = profile(fitter, "dry_friction.force", here * np.array([0.9, 1.0, 1.1]), fit)
     assert costs[1] == pytest.approx(fit.cost, rel=1e-3)
     assert costs[0] > costs[1] < costs[2]
+
+
+def test_a_law_without_kinks_is_left_as_it_is(rubbing):
+    fitter, fit = rubbing
+    assert along_scales(fitter, [catalogue()["speed_droop"]], fit) is fit
 
 
 def test_kinks_are_told_by_the_catalogue():

@@ -1,0 +1,64 @@
+"""What else the scale of a law with kinks may be: the cost along it, with everything else fitted at every place.
+
+Where friction breaks away, every value a little off turns the phase with which a stuck motion goes on vibrating, which makes
+the valley round any value narrow; and yet another value, with another frequency and force, may explain the records as well.
+Slopes at the bottom of one valley know nothing of the others. So the scale is held at places further and further away, on
+both sides, as long as the rest can make up for it: an interval from a likelihood ratio instead of one from slopes.
+
+Source: D. M. Bates and D. G. Watts (1988), Nonlinear Regression Analysis and Its Applications, Wiley, chapter 6 (profiles).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from analysis.scale_hops import deeper, is_scale
+from analysis.waveform import Fitter, WaveformFit
+from testbed.effect import Effect
+
+STEP = 0.09  # of the logarithm of the scale, from place to place
+FURTHEST = 10  # places on each side: a factor of 2.5
+ITERATIONS = 10  # of the fit at a place, which starts where that of its neighbour ended
+ALIKE = 4.0  # cost above the least, for residuals of variance 1, that counts as alike: 1.92 is 95 %, and places are not bottoms
+SAME = 5e-4  # share of the cost that does: two engines at the same parameters differ by as much where friction sticks and slips
+ROUNDS = 3  # times a deeper valley is followed
+
+
+def along_scales(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -> WaveformFit:
+    """The fit in the deepest valley along the scales of laws with kinks; `alike` holds the states that explain as much."""
+    for effect in effects:
+        for parameter in effect.parameters:
+            if not effect.smooth and is_scale(parameter):
+                fit = _along(fitter, f"{effect.name}.{parameter.name}", parameter.bounds, fit)
+    return fit
+
+
+def _along(fitter: Fitter, path: str, bounds: tuple[float, float], fit: WaveformFit) -> WaveformFit:
+    held = Fitter(fitter.plant, fitter.records, [one for one in fitter.unknowns if one.path != path])
+    for _ in range(ROUNDS):
+        places = [one for step in (STEP, -STEP) for one in _walk(held, path, math.exp(step), bounds, fit)]
+        best = min(places, key=lambda one: one.cost, default=fit)
+        if not deeper(best, fit):
+            break
+        fit = replace(fitter.fit(best.state, iterations=2 * ITERATIONS), alike=fit.alike)
+    return replace(fit, alike=(*fit.alike, *(one.state for one in places if one.cost <= fit.cost + _margin(fit))))
+
+
+def _walk(held: Fitter, path: str, factor: float, bounds: tuple[float, float], fit: WaveformFit) -> Iterator[WaveformFit]:
+    """Fits with the scale held ever further away, until two in a row explain clearly less."""
+    state, worse = fit.state, 0
+    for _ in range(FURTHEST):
+        value = factor * state.model.value(path)
+        if not bounds[0] <= value <= bounds[1] or worse == 2:
+            return
+        found = held.fit(replace(state, model=state.model.with_values({path: value})), iterations=ITERATIONS)
+        yield found
+        state = found.state
+        worse = worse + 1 if found.cost > fit.cost + 2.0 * _margin(fit) else 0
+
+
+def _margin(fit: WaveformFit) -> float:
+    variance = max(1.0, fit.squares / sum(rest.size for rest in fit.residuals))
+    return max(ALIKE * variance, SAME * fit.cost)
