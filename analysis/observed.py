@@ -14,20 +14,18 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from analysis.free_decay import spectral_peak
 from analysis.noise import noise_floor
 from analysis.nuisances import Nuisances
 from analysis.segments import Segment, find_segments
+from analysis.spindle_clock import clock_error, clock_of
 from testbed.cut import Cut, Sampling
 from testbed.machine import Cutter, Model
 
 DRIFT_ORDER = 3  # offset and slow drift: a polynomial of this many terms, and one more for every
 DRIFT_TIME = 1.0  # s of the record
 MOST_DRIFT = 10  # terms
-STEADY_CLOCK = 2e-4  # scatter of the revolutions, relative, up to which the speed is taken as constant
 SWING = 8  # samples at the least in which a free decay's first large swing is looked for
 OPENING = 12  # revolutions from the entry that an opening holds at the least
-MARK_SHARE = 0.1  # of a sample: how well an edge between two samples is placed
 STIFF = 100.0  # stiffness over K b from which forces are those of a rigid machine
 WARM_UP = 60  # revolutions simulated before a record that starts in the cut
 AWAKE = 0.05  # s before such a record from which its sensor is followed: one that lags remembers
@@ -188,31 +186,6 @@ def _drift_order(duration: float) -> int:
     return min(MOST_DRIFT, DRIFT_ORDER + int(duration / DRIFT_TIME))
 
 
-def clock_of(marks: np.ndarray) -> tuple[float, float, bool]:
-    """(period of a revolution, time of the first mark by regression, whether the speed is constant)."""
-    turns = np.round((marks - marks[0]) / np.median(np.diff(marks)))
-    slope, anchor = np.polyfit(turns, marks, 1)
-    for _ in range(2):  # a lost or false mark must not move the clock
-        rest = marks - anchor - slope * turns
-        good = np.abs(rest) < max(4.0 * 1.4826 * float(np.median(np.abs(rest))), 1e-9)
-        slope, anchor = np.polyfit(turns[good], marks[good], 1)
-    rest = marks - anchor - slope * turns
-    return float(slope), float(anchor), float(np.median(np.abs(rest))) < STEADY_CLOCK * slope
-
-
-def clock_error(marks: np.ndarray, period: float, anchor: float, rate: float) -> tuple[float, float]:
-    """Standard deviations of (angle at the first mark in rad, relative speed) that the marks leave.
-
-    The scatter of the marks says how well their mean is known; what all marks of a record have in common (where the pulse
-    crosses its threshold between two samples) it cannot say: a share of a sample (1 / rate, s) stands for that.
-    """
-    rest = (marks - anchor) / period
-    rest = rest - np.round(rest)
-    scatter = max(1.4826 * float(np.median(np.abs(rest))), 1e-7)
-    share = math.hypot(2.0 * scatter / math.sqrt(len(marks)), MARK_SHARE / (rate * period))
-    return 2 * math.pi * share, math.sqrt(12.0) * scatter / len(marks) ** 1.5
-
-
 _ORDER = ("displacement", "velocity", "acceleration", "force_x", "force_y")
 
 
@@ -297,61 +270,6 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
         clock_error=error,
         starts_in_cut="idle" not in kinds and "entry" not in kinds,
     )
-
-
-def first_nuisances(observed: Observed, angle: float) -> Nuisances:
-    """Entry and exit passes as the segments show them, at a given tooth angle; the rest at its neutral value."""
-    if observed.cut is None:
-        return Nuisances()
-    pitch = observed.period / observed.flutes
-    zero = observed.pass_start(0, angle, Nuisances())
-    starts = [s.start for s in observed.segments if s.kind in ("entry", "steady")]
-    stops = [s.stop for s in observed.segments if s.kind in ("steady", "entry")]
-    downs = [s.start for s in observed.segments if s.kind == "ring-down"]
-    entry = round((min(starts, default=observed.start) - zero) / pitch)
-    end = observed.start + observed.samples / observed.rate
-    leave = (
-        last_tooth(observed, downs[0])
-        if downs
-        else (end if not any(s.kind == "exit" for s in observed.segments) else max(stops, default=end))
-    )
-    exit_pass = (
-        math.ceil((end - zero) / pitch) + observed.flutes + 1
-        if leave >= end - pitch
-        else math.ceil((leave - zero) / pitch - 0.1)
-    )
-    return Nuisances(entry=observed.first_pass - WARM_UP * observed.flutes if observed.starts_in_cut else entry, exit=exit_pass)
-
-
-def last_tooth(observed: Observed, ring_down: float) -> float:
-    """Time (s) at which a tooth last cut, near the segment found as ring-down.
-
-    In free vibration x(t) + x(t + T/2) is the offset alone, whatever the amplitude; under the teeth it is not. So the last
-    revolution in which that sum is as large as in steady cutting still cut, though the frequency may move with amplitude.
-    """
-    first = round((ring_down - observed.start) * observed.rate)
-    tail = observed.data[0, first:] - observed.data[0, first:].mean()
-    if len(tail) < 64 or observed.channels[0].startswith("force"):
-        return ring_down
-    half = round(0.5 / spectral_peak(tail))
-    values = observed.data[0] - observed.drift @ (observed.drift.T @ observed.data[0])
-    pair = values[half:] + values[:-half]
-    turn = round(observed.period * observed.rate)
-    count = len(pair) // turn
-    level = np.array([np.ptp(pair[k * turn : (k + 1) * turn]) for k in range(count)])
-    steady = [
-        k
-        for k in range(count)
-        for s in observed.segments
-        if s.kind == "steady" and s.start < observed.start + k * turn / observed.rate < s.stop - 2 * observed.period
-    ]
-    if len(steady) < 4 or 2 * half >= turn * 4:
-        return ring_down
-    usual = float(np.median(level[steady]))
-    cutting = np.flatnonzero(level > 0.5 * usual)
-    if len(cutting) == 0 or usual < 8.0 * observed.noise[0]:
-        return ring_down
-    return observed.start + (int(cutting[-1]) + 1.0) * turn / observed.rate + 0.5 * observed.period / observed.flutes
 
 
 def immovable(model: Model, observed: Observed) -> Model:

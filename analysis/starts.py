@@ -11,10 +11,11 @@ import numpy as np
 from scipy.signal import csd
 
 from analysis.entry_passes import entries_together
+from analysis.first_passes import first_nuisances
 from analysis.free_decay import fit_free_decay, spectral_peak
 from analysis.held_out import own_refit
 from analysis.nuisances import Nuisances
-from analysis.observed import Observed, Plant, first_nuisances, predict
+from analysis.observed import Observed, Plant, predict
 from analysis.pass_count import recounted
 from analysis.pass_search import place_entries, place_exits, settle_passes
 from analysis.waveform import WORKERS, Fitter, Free, State, WaveformFit

@@ -10,8 +10,9 @@ from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import MARK_ANGLE, synthetic_record
 
 from analysis.constancy import COVARIATES, PARAMETERS, TestFit, constancy, judged
+from analysis.first_passes import first_nuisances
 from analysis.identify import Estimate
-from analysis.observed import first_nuisances, observe
+from analysis.observed import observe
 from analysis.starts import free_parameters, polish
 from analysis.waveform import Fitter, State
 from testbed.effect import catalogue

@@ -11,7 +11,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from analysis.observed import first_nuisances, observe
+from analysis.first_passes import first_nuisances
+from analysis.observed import observe
 from analysis.starts import base_fit, polish
 from analysis.waveform import State
 from testbed.effect import catalogue

@@ -1,0 +1,66 @@
+"""Entry and exit passes of a record as its segments show them: where their search begins."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from analysis.free_decay import spectral_peak
+from analysis.nuisances import Nuisances
+from analysis.observed import WARM_UP, Observed
+
+
+def first_nuisances(observed: Observed, angle: float) -> Nuisances:
+    """Entry and exit passes as the segments show them, at a given tooth angle; the rest at its neutral value."""
+    if observed.cut is None:
+        return Nuisances()
+    pitch = observed.period / observed.flutes
+    zero = observed.pass_start(0, angle, Nuisances())
+    starts = [s.start for s in observed.segments if s.kind in ("entry", "steady")]
+    stops = [s.stop for s in observed.segments if s.kind in ("steady", "entry")]
+    downs = [s.start for s in observed.segments if s.kind == "ring-down"]
+    entry = round((min(starts, default=observed.start) - zero) / pitch)
+    end = observed.start + observed.samples / observed.rate
+    leave = (
+        last_tooth(observed, downs[0])
+        if downs
+        else (end if not any(s.kind == "exit" for s in observed.segments) else max(stops, default=end))
+    )
+    exit_pass = (
+        math.ceil((end - zero) / pitch) + observed.flutes + 1
+        if leave >= end - pitch
+        else math.ceil((leave - zero) / pitch - 0.1)
+    )
+    return Nuisances(entry=observed.first_pass - WARM_UP * observed.flutes if observed.starts_in_cut else entry, exit=exit_pass)
+
+
+def last_tooth(observed: Observed, ring_down: float) -> float:
+    """Time (s) at which a tooth last cut, near the segment found as ring-down.
+
+    In free vibration x(t) + x(t + T/2) is the offset alone, whatever the amplitude; under the teeth it is not. So the last
+    revolution in which that sum is as large as in steady cutting still cut, though the frequency may move with amplitude.
+    """
+    first = round((ring_down - observed.start) * observed.rate)
+    tail = observed.data[0, first:] - observed.data[0, first:].mean()
+    if len(tail) < 64 or observed.channels[0].startswith("force"):
+        return ring_down
+    half = round(0.5 / spectral_peak(tail))
+    values = observed.data[0] - observed.drift @ (observed.drift.T @ observed.data[0])
+    pair = values[half:] + values[:-half]
+    turn = round(observed.period * observed.rate)
+    count = len(pair) // turn
+    level = np.array([np.ptp(pair[k * turn : (k + 1) * turn]) for k in range(count)])
+    steady = [
+        k
+        for k in range(count)
+        for s in observed.segments
+        if s.kind == "steady" and s.start < observed.start + k * turn / observed.rate < s.stop - 2 * observed.period
+    ]
+    if len(steady) < 4 or 2 * half >= turn * 4:
+        return ring_down
+    usual = float(np.median(level[steady]))
+    cutting = np.flatnonzero(level > 0.5 * usual)
+    if len(cutting) == 0 or usual < 8.0 * observed.noise[0]:
+        return ring_down
+    return observed.start + (int(cutting[-1]) + 1.0) * turn / observed.rate + 0.5 * observed.period / observed.flutes
