@@ -8,6 +8,7 @@ stuck, the phase it goes on vibrating with turns fast with every parameter: the 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
@@ -16,15 +17,15 @@ import numpy as np
 
 from analysis.entry_passes import entries_together
 from analysis.observed import Plant
-from analysis.scale_hops import hopped, over_the_grid
-from analysis.scale_profile import along_scales
+from analysis.scale_hops import hopped, is_scale, over_the_grid
+from analysis.scale_profile import along_scales, margin
 from analysis.waveform import Fitter, State, WaveformFit
 from testbed.effect import Effect
 
 TIMES = 4  # as many steps: the error of second order falls to a sixteenth
 SETTLE = 10  # iterations of the last fit
-DISTANCES = (-16.0, -8.0, -4.0, 4.0, 8.0, 16.0)  # standard errors from a fit at which a deeper valley is looked for
-LOWEST = 3  # of these states that are fitted
+DISTANCES = (4.0, 8.0, 16.0)  # standard errors from a fit at which a deeper valley is looked for
+LOWEST = 6  # of these states that are fitted
 UNKNOWN = 10.0  # standard error, in natural steps, from which an unknown is none to look around in
 ROUNDS = 4  # times that is done at the most
 
@@ -48,26 +49,33 @@ def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) ->
     finer = Fitter(fine(fitter.plant), fitter.records, fitter.unknowns)
     fit = entries_together(finer, finer.fit(fit.state, iterations=SETTLE))
     laws = [catalogue[name] for name in fit.state.model.effects if name in catalogue]
+    if not any(is_scale(one) for law in laws if not law.smooth for one in law.parameters):
+        return finer, fit
     fit = over_the_grid(finer, laws, hopped(finer, laws, fit))
+    tried: list[WaveformFit] = []
     for _ in range(ROUNDS):
-        states = sorted(_around(finer, fit), key=finer.cost)[:LOWEST]
-        best = min((finer.fit(state, iterations=SETTLE) for state in states), key=lambda one: one.cost)
+        tried = [finer.fit(state, iterations=SETTLE) for state in _around(finer, fit)]
+        best = min(tried, key=lambda one: one.cost, default=fit)
         if not best.cost < fit.cost - 1.0:
             break
         fit = best
-    return finer, along_scales(finer, laws, fit)
+    alike = tuple(one.state for one in tried if one.cost <= fit.cost + margin(fit))
+    return finer, along_scales(finer, laws, replace(fit, alike=alike))
 
 
 def _around(fitter: Fitter, fit: WaveformFit) -> list[State]:
-    """States some standard errors of each shared unknown away, all others following as the slopes say."""
+    """The best states some standard errors of a shared unknown away on either side, all others following as the slopes say."""
     covariance = fit.covariance / np.outer(fitter.steps, fitter.steps)
     errors = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     found = []
     for place, error in enumerate(errors):
         if error > UNKNOWN:
             continue
-        for distance in DISTANCES:
-            move = distance * covariance[:, place] / error
-            own = [-np.linalg.lstsq(part.own, part.shared @ move, rcond=1e-12)[0] for part in fit.parts]
-            found.append(fitter.with_own(fitter.moved(fit.state, move), own))
-    return found
+        for side in (-1.0, 1.0):
+            states = []
+            for distance in DISTANCES:
+                move = side * distance * covariance[:, place] / error
+                own = [-np.linalg.lstsq(part.own, part.shared @ move, rcond=1e-12)[0] for part in fit.parts]
+                states.append(fitter.with_own(fitter.moved(fit.state, move), own))
+            found.append(min(((fitter.cost(state), state) for state in states), key=lambda pair: pair[0]))
+    return [state for _, state in sorted(found, key=lambda pair: pair[0])[:LOWEST]]

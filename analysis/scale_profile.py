@@ -43,7 +43,7 @@ def _along(fitter: Fitter, path: str, bounds: tuple[float, float], fit: Waveform
         if not deeper(best, fit):
             break
         fit = replace(fitter.fit(best.state, iterations=2 * ITERATIONS), alike=fit.alike)
-    return replace(fit, alike=(*fit.alike, *(one.state for one in places if one.cost <= fit.cost + _margin(fit))))
+    return replace(fit, alike=(*fit.alike, *(one.state for one in places if one.cost <= fit.cost + margin(fit))))
 
 
 def _walk(held: Fitter, path: str, factor: float, bounds: tuple[float, float], fit: WaveformFit) -> Iterator[WaveformFit]:
@@ -56,9 +56,10 @@ def _walk(held: Fitter, path: str, factor: float, bounds: tuple[float, float], f
         found = held.fit(replace(state, model=state.model.with_values({path: value})), iterations=ITERATIONS)
         yield found
         state = found.state
-        worse = worse + 1 if found.cost > fit.cost + 2.0 * _margin(fit) else 0
+        worse = worse + 1 if found.cost > fit.cost + 2.0 * margin(fit) else 0
 
 
-def _margin(fit: WaveformFit) -> float:
+def margin(fit: WaveformFit) -> float:
+    """Cost above that of a fit up to which another state explains the records as well."""
     variance = max(1.0, fit.squares / sum(rest.size for rest in fit.residuals))
     return max(ALIKE * variance, SAME * fit.cost)
