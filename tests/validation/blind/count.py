@@ -53,6 +53,7 @@ def check() -> Section:
     both = [one for one in pairs if set(one["effects"]) == set(one["hidden"])]
     complete = [one for one in pairs if one["effects"] and set(one["effects"]) <= set(one["hidden"])
                 and one["with_effects"] <= VISIBLE * one["noise_floor"]]
+    visible = [one for one in pairs if one in both or one not in complete]
     unknown = [one for one in kinds["unknown"] if misfit(one) > WORTH]
     said = [one for one in unknown if one["verdict"] == "unexplained"]
     closed = [one for one in right if one["with_effects"] <= 1.05 * one["noise_floor"]]
@@ -69,12 +70,22 @@ def check() -> Section:
         _claim("two hidden effects: both named", ">= 85 %", both, pairs, len(both) >= 0.85 * len(pairs)),
         Claim("two hidden effects: both, or one that leaves nothing visible of the other", "told",
               share(complete, pairs), None),
+        _claim("two hidden effects, neither of which explains the records alone: both named", ">= 85 %", both, visible,
+               len(both) >= 0.85 * len(visible)),
         _claim("effect of no catalogue: said so", ">= 80 %", said, unknown, len(said) >= 0.8 * len(unknown)),
         _claim("after a right naming: error within 1.05 noise floors", "all", closed, right, len(closed) == len(right)),
         _claim("true parameters inside their 95 % interval", "90-99 %", inside, values,
                0.90 <= len(inside) / max(1, len(values)) <= 0.99),
+        Claim("those of the machine and of every effect, after all right namings", "told", share(*_calibration(every)), None),
     )
     return Section(title, claims, (_by_effect(worth), _missed(worth + pairs + unknown + kinds["none"], named)))
+
+
+def _calibration(every: Sequence[dict[str, Any]]) -> tuple[list, list]:
+    """(those inside their interval, all) of the parameters of campaigns in which what is hidden was named, nothing else."""
+    right = [one for one in every if one["hidden"] and set(one["effects"]) == set(one["hidden"])]
+    values = [value for one in right for value in one.get("parameters", {}).values() if value["true"]]
+    return [value for value in values if value["low"] <= value["true"] <= value["high"]], values
 
 
 def _by_effect(worth: Sequence[dict[str, Any]]) -> tuple[str, tuple[str, ...], tuple[tuple[str, ...], ...]]:
