@@ -17,7 +17,7 @@ import numpy as np
 
 from analysis.entry_passes import entries_together
 from analysis.observed import Plant
-from analysis.scale_hops import hopped, is_scale, over_the_grid
+from analysis.scale_hops import is_scale
 from analysis.scale_profile import along_scales, margin
 from analysis.waveform import Fitter, State, WaveformFit
 from testbed.effect import Effect
@@ -25,9 +25,11 @@ from testbed.effect import Effect
 TIMES = 4  # as many steps: the error of second order falls to a sixteenth
 SETTLE = 10  # iterations of the last fit
 DISTANCES = (4.0, 8.0, 16.0)  # standard errors from a fit at which a deeper valley is looked for
-LOWEST = 6  # of these states that are fitted
+LOWEST = 6  # of these states from which a fit begins, for
+BEGUN = 3  # iterations, and
+KEPT = 3  # that are followed to the end
 UNKNOWN = 10.0  # standard error, in natural steps, from which an unknown is none to look around in
-ROUNDS = 4  # times that is done at the most
+ROUNDS = 3  # times that is done at the most
 
 
 def fine(plant: Plant) -> Plant:
@@ -51,10 +53,10 @@ def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) ->
     laws = [catalogue[name] for name in fit.state.model.effects if name in catalogue]
     if not any(is_scale(one) for law in laws if not law.smooth for one in law.parameters):
         return finer, fit
-    fit = over_the_grid(finer, laws, hopped(finer, laws, fit))
     tried: list[WaveformFit] = []
     for _ in range(ROUNDS):
-        tried = [finer.fit(state, iterations=SETTLE) for state in _around(finer, fit)]
+        begun = sorted((finer.fit(state, iterations=BEGUN) for state in _around(finer, fit)), key=lambda one: one.cost)
+        tried = [finer.fit(one.state, iterations=SETTLE) for one in begun[:KEPT]]
         best = min(tried, key=lambda one: one.cost, default=fit)
         if not best.cost < fit.cost - 1.0:
             break

@@ -20,7 +20,7 @@ from testbed.effect import Effect
 
 STEP = 0.09  # of the logarithm of the scale, from place to place
 FURTHEST = 10  # places on each side: a factor of 2.5
-ITERATIONS = 10  # of the fit at a place, which starts where that of its neighbour ended
+ITERATIONS = 6  # of the fit at a place, which starts where that of its neighbour ended
 ALIKE = 4.0  # cost above the least, for residuals of variance 1, that counts as alike: 1.92 is 95 %, and places are not bottoms
 SAME = 5e-4  # share of the cost that does: two engines at the same parameters differ by as much where friction sticks and slips
 ROUNDS = 3  # times a deeper valley is followed
@@ -42,7 +42,7 @@ def _along(fitter: Fitter, path: str, bounds: tuple[float, float], fit: Waveform
         best = min(places, key=lambda one: one.cost, default=fit)
         if not deeper(best, fit):
             break
-        fit = replace(fitter.fit(best.state, iterations=2 * ITERATIONS), alike=fit.alike)
+        fit = replace(fitter.fit(best.state, iterations=3 * ITERATIONS), alike=fit.alike)
     return replace(fit, alike=(*fit.alike, *(one.state for one in places if one.cost <= fit.cost + margin(fit))))
 
 

@@ -14,7 +14,6 @@ from analysis.effect_start import effect_parameters
 from analysis.fine_steps import fine, finely, has_kinks
 from analysis.held_out import RecordError, pooled_doubt
 from analysis.observed import observe
-from analysis.scale_hops import profile
 from analysis.scale_profile import ALIKE, SAME, along_scales
 from analysis.starts import base_fit, free_parameters
 from analysis.waveform import Fitter
@@ -72,14 +71,6 @@ def test_a_scale_that_other_values_explain_as_well_has_an_interval_that_holds_th
     assert all(one.low < state.model.value(path) < one.high for state in found.alike)
     alone = estimates(fitter, replace(found, alike=()), known)[path]
     assert one.high - one.low > alone.high - alone.low
-
-
-def test_a_profile_at_the_fit_is_its_cost_and_rises_beside_it(rubbing):
-    fitter, fit = rubbing
-    here = fit.state.model.value("dry_friction.force")
-    costs = profile(fitter, "dry_friction.force", here * np.array([0.9, 1.0, 1.1]), fit)
-    assert costs[1] == pytest.approx(fit.cost, rel=1e-3)
-    assert costs[0] > costs[1] < costs[2]
 
 
 def test_a_law_without_kinks_is_left_as_it_is(rubbing):
