@@ -37,6 +37,11 @@ def test_every_card_says_law_parameters_and_confusions_and_draws_a_live_picture(
         assert len({line.split("|")[1] for line in change.splitlines() if "|" in line}) > 1, name
 
 
+def test_a_card_says_what_a_model_file_may_leave_out():
+    line = "transverse_ratio: shown by force_y alone; a model file may leave it out"
+    assert line in run("second_mode").output and "may leave it out" not in run("runout").output
+
+
 def test_a_card_as_json():
     card = json.loads(run("runout", "--json", "-", "--quiet").output)
     assert card["name"] == "runout" and [one["name"] for one in card["parameters"]] == ["offset", "angle"]

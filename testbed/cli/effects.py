@@ -59,6 +59,9 @@ def _show(name: str, catalogue: Any, answer: Answer, quiet: bool) -> None:
              f"{one.example:g}") for one in effect.parameters]
     if rows:
         answer.table(("  parameter", "symbol", "unit", "neutral", "bounds", "example"), rows)
+    for one in effect.parameters:
+        if one.channels:
+            answer.say(f"  {one.name}: shown by {' and '.join(one.channels)} alone; a model file may leave it out")
     answer.say("  in model.yaml: " + _as_yaml(effect))
     if not quiet:
         _draw(effect, catalogue, answer)
