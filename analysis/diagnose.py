@@ -33,7 +33,7 @@ CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
 WORSE = 1.02  # times the held-out error that the last fit with finer steps may have: beyond, it went astray
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
-COARSE = 1.2  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
+COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
 ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
 STILL_ROUGH = 3.0  # and, once they were, from which they still are: else the quiet records take over half way
 
