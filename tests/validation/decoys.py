@@ -6,11 +6,11 @@ hidden; the diagnosis is given the catalogue and the decoys. And each decoy hidd
 
 from __future__ import annotations
 
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from types import SimpleNamespace
 
 from analysis.diagnose import diagnose
-from analysis.diagnosis import Diagnosis
 from analysis.observed import observe
 from testbed.effect import DECOYS, catalogue
 from testbed.engines import predict
@@ -23,33 +23,34 @@ NAMES = tuple(sorted(set(EVERY) - set(catalogue())))
 PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=EVERY),
                         predict_driven=partial(predict.predict_driven, catalogue=EVERY))
 FIRST, EMPTY = 7000, 4  # the first seed, and campaigns with nothing hidden
+WORKERS = 2
 
 
-def told(seed: int, names: tuple[str, ...]) -> Diagnosis:
-    """The diagnosis, with decoys offered, of the campaign of a seed."""
+def told(job: tuple[int, tuple[str, ...]]) -> tuple[str, tuple[str, ...], float, float]:
+    """(verdict, named, error / noise before, after) of the campaign of a seed with these effects hidden, decoys offered."""
+    seed, names = job
     truth = draw(seed, EVERY, kind=None if names else "none", names=names or None)
     records = [observe(record, truth.believed) for record in records_of(truth, EVERY)]
-    return diagnose(PLANT, records, truth.believed, EVERY)
+    found = diagnose(PLANT, records, truth.believed, EVERY)
+    print(f"decoys: {seed} {' + '.join(names) or 'nothing'} -> {found.verdict} {' + '.join(found.effects)}", flush=True)
+    return found.verdict, found.effects, found.baseline / found.noise_floor, found.with_effects / found.noise_floor
 
 
 def check() -> Section:
     """One campaign of each real effect, some of none, one of each decoy."""
-    rows, named, real, found_decoys = [], 0, 0, 0
     hidden = [*((name,) for name in SINGLES), *((),) * EMPTY, *((name,) for name in NAMES)]
-    for number, names in enumerate(hidden):
-        found = told(FIRST + number, names)
-        decoy = bool(names) and names[0] in NAMES
-        caught = [name for name in found.effects if name in NAMES]
-        if decoy:
-            found_decoys += found.effects == names
-        else:
-            real += 1
-            named += bool(caught)
-        rows.append((str(FIRST + number), " + ".join(names) or "nothing", found.verdict, " + ".join(found.effects) or "none",
-                     f"{found.baseline / found.noise_floor:.3f}", f"{found.with_effects / found.noise_floor:.3f}"))
+    with ProcessPoolExecutor(WORKERS) as pool:
+        answers = list(pool.map(told, list(enumerate(hidden, FIRST))))
+    both = list(zip(hidden, answers, strict=True))
+    real = [named for names, (_, named, *_) in both if not set(names) & set(NAMES)]
+    decoys = [named == names for names, (_, named, *_) in both if set(names) & set(NAMES)]
+    fooled = [named for named in real if set(named) & set(NAMES)]
+    rows = tuple((str(seed), " + ".join(names) or "nothing", verdict, " + ".join(named) or "none", f"{before:.3f}", f"{after:.3f}")
+                 for seed, (names, (verdict, named, before, after)) in enumerate(both, FIRST))
     return Section(
         "Decoys: laws that no machine has, offered beside the real ones",
-        (Claim("campaigns of real effects, or of none, in which a decoy is named", "0", f"{named} of {real}", not named),
-         Claim("a decoy that is hidden is found", "told", f"{found_decoys} of {len(NAMES)}", None)),
-        (("Campaign by campaign", ("seed", "hidden", "verdict", "named", "error / noise before", "after"), tuple(rows)),),
+        (Claim("campaigns of real effects, or of none, in which a decoy is named", "0", f"{len(fooled)} of {len(real)}",
+               not fooled),
+         Claim("a decoy that is hidden is found", "told", f"{sum(decoys)} of {len(decoys)}", None)),
+        (("Campaign by campaign", ("seed", "hidden", "verdict", "named", "error / noise before", "after"), rows),),
     )
