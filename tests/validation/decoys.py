@@ -45,8 +45,8 @@ def check() -> Section:
     real = [named for names, (_, named, *_) in both if not set(names) & set(NAMES)]
     decoys = [named == names for names, (_, named, *_) in both if set(names) & set(NAMES)]
     fooled = [named for named in real if set(named) & set(NAMES)]
-    rows = tuple((str(seed), " + ".join(names) or "nothing", verdict, " + ".join(named) or "none", f"{before:.3f}", f"{after:.3f}")
-                 for seed, (names, (verdict, named, before, after)) in enumerate(both, FIRST))
+    rows = tuple((str(seed), " + ".join(names) or "nothing", verdict, " + ".join(named) or "none", f"{before:.3f}",
+                  f"{after:.3f}") for seed, (names, (verdict, named, before, after)) in enumerate(both, FIRST))
     return Section(
         "Decoys: laws that no machine has, offered beside the real ones",
         (Claim("campaigns of real effects, or of none, in which a decoy is named", "0", f"{len(fooled)} of {len(real)}",
