@@ -34,6 +34,7 @@ MATERIAL = 0.02  # share of the base model's excess from which a further effect 
 WORSE = 1.02  # times the held-out error that the last fit with finer steps may have: beyond, it went astray
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
 COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
+ANEW = 0.7  # times the cost that a fit from the believed machine must have
 ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
 STILL_ROUGH = 3.0  # and, once they were, from which they still are: else the quiet records take over half way
 
@@ -97,6 +98,28 @@ def _does_nothing(fitter: Fitter, fit: WaveformFit, name: str) -> bool:
     without = replace(fit.state, model=fit.state.model.without_effect(name))
     variance = fit.squares / sum(rest.size for rest in fit.residuals)
     return _without(fitter, name).cost(without) <= fit.cost + 0.5 * DELTA_BIC * variance
+
+
+def _begun_anew(
+    first: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None]
+) -> Candidate:
+    """The set of effects, or, where it leaves much, a fit of it from the believed machine, if that explains clearly more.
+
+    What the base model made up for (an immersion far off, by angle and coefficients) leads every start from it astray.
+    """
+    assert first.fit is not None and first.fitter is not None
+    if first.error_held_out < ANCHOR * noise:
+        return first
+    say(f"fitting {first.effects[-1]} anew from the believed machine")
+    believed = model
+    for name in first.effects:
+        believed = believed.with_effect(name, **first.fit.state.model.effects[name])
+    believed = believed.with_effect(first.effects[-1], **catalogue[first.effects[-1]].example())
+    fitter, fit = base_fit(first.fitter.plant, first.fitter.records, believed, free=first.fitter.unknowns)
+    if fit.cost > ANEW * first.fit.cost:
+        return first
+    found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
+    return found if found.error_held_out < first.error_held_out else first
 
 
 def _complete_with_finer_steps(
@@ -258,10 +281,10 @@ def _search(
                 current = first
                 steps.append(first)
             break
-        current = _backward(first, catalogue, say)
+        current = _backward(_begun_anew(first, model, catalogue, noise, say), catalogue, say)
         steps.append(current)
         if current is not first:
-            seen.append(_told(current))
+            seen = [*(one for one in seen if one.effects != current.effects), _told(current)]
         settled = _complete_with_finer_steps(current, noise, catalogue, say)
         if settled is not None:
             break
