@@ -60,7 +60,7 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     say(f"fitting with {effect.name}")
     wider, with_it = _fit_with(plant, model, {**catalogue, effect.name: effect}, effect, bare, say)
     say("looking again for a fit without it")
-    again = polish(fitter, _without(with_it.state, effect.name), rounds=1, iterations=8)
+    again = polish(fitter, with_it.state.without_effect(effect.name), rounds=1, iterations=8)
     if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
         fit, before = again, tuple(held_out_errors(fitter, again))
     after = held_out_errors(wider, with_it)
@@ -95,10 +95,6 @@ def _with_neutral(state: State, effect: Effect) -> State:
     values = {one.name: one.neutral if one.vanishes else (one.example if one.start is None else one.start)
               for one in effect.parameters}
     return replace(state, model=state.model.with_effect(effect.name, **values))
-
-
-def _without(state: State, name: str) -> State:
-    return replace(state, model=state.model.without_effect(name))
 
 
 def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect]) -> list[str]:

@@ -15,23 +15,22 @@ import numpy as np
 from analysis.candidate_round import GAIN, candidate_of, try_candidates
 from analysis.diagnosis import ADEQUATE, Candidate, Diagnosis, excess, verdict_of
 from analysis.effect_start import ANCHOR, all_free, origins_of
-from analysis.fine_steps import finely, has_kinks
+from analysis.fine_steps import has_kinks
 from analysis.held_out import pooled
-from analysis.information import bic, effective_size
+from analysis.information import DELTA_BIC, bic, effective_size
 from analysis.next_test import next_test
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, Plant
+from analysis.settled import settled
 from analysis.starts import base_fit, polish
-from analysis.waveform import Fitter, WaveformFit
+from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
 
 LONG = 16384  # samples of an excited record that are searched
 MOST_EFFECTS = 3
-DELTA_BIC = 10.0
 CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
-WORSE = 1.02  # times the held-out error that the last fit with finer steps may have: beyond, it went astray
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
 COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
 ANEW = 0.7  # times the cost that a fit from the believed machine must have
@@ -69,37 +68,6 @@ def _by_noise(one: Candidate) -> Candidate:
     return replace(one, fitter=fitter, fit=replace(fitter.fit(one.fit.state, iterations=0), converged=one.fit.converged))
 
 
-def _settled(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
-    """The last set of effects, with finer steps where a law of it has a kink: its parameters are told."""
-    assert one.fit is not None and one.fitter is not None
-    if not has_kinks(list(one.fit.state.model.effects), catalogue):
-        return one
-    fitter, fit = finely(one.fitter, one.fit, catalogue)
-    idle = [name for name in one.effects if _does_nothing(fitter, fit, name)]  # it made up for the error of the steps
-    if idle:
-        model = fit.state.model
-        for name in idle:
-            model = model.without_effect(name)
-            fitter = _without(fitter, name)
-        fit = fitter.fit(replace(fit.state, model=model), iterations=12)
-    effects = tuple(name for name in one.effects if name not in idle)
-    found = candidate_of(fitter, fit, effects, None, 1.0)
-    return replace(found, delta_bic=one.delta_bic) if found.error_held_out <= WORSE * one.error_held_out else one
-
-
-def _without(fitter: Fitter, name: str) -> Fitter:
-    """The fitter with an effect's parameters no longer unknown."""
-    free = [one for one in fitter.unknowns if not one.path.startswith(f"{name}.")]
-    return Fitter(fitter.plant, fitter.records, free)
-
-
-def _does_nothing(fitter: Fitter, fit: WaveformFit, name: str) -> bool:
-    """Whether an effect can be taken out as it stands, nothing refitted, and is not missed."""
-    without = replace(fit.state, model=fit.state.model.without_effect(name))
-    variance = fit.squares / sum(rest.size for rest in fit.residuals)
-    return _without(fitter, name).cost(without) <= fit.cost + 0.5 * DELTA_BIC * variance
-
-
 def _begun_anew(
     first: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None]
 ) -> Candidate:
@@ -110,11 +78,12 @@ def _begun_anew(
     assert first.fit is not None and first.fitter is not None
     if first.error_held_out < ANCHOR * noise:
         return first
-    say(f"fitting {first.effects[-1]} anew from the believed machine")
+    *others, last = first.effects
+    say(f"fitting {last} anew from the believed machine")
     believed = model
-    for name in first.effects:
+    for name in others:
         believed = believed.with_effect(name, **first.fit.state.model.effects[name])
-    believed = believed.with_effect(first.effects[-1], **catalogue[first.effects[-1]].example())
+    believed = believed.with_effect(last, **catalogue[last].example())
     fitter, fit = base_fit(first.fitter.plant, first.fitter.records, believed, free=first.fitter.unknowns)
     if fit.cost > ANEW * first.fit.cost:
         return first
@@ -129,7 +98,7 @@ def _complete_with_finer_steps(
     if not ADEQUATE * noise < one.error_held_out < COARSE * noise or not has_kinks(one.effects, catalogue):
         return None
     say("taking finer steps")
-    finer = _settled(_by_noise(one), catalogue)
+    finer = settled(_by_noise(one), catalogue)
     return finer if finer.error_held_out <= ADEQUATE * noise else None
 
 
@@ -139,8 +108,7 @@ def _nesting_guard(current: Candidate, tried: Sequence[Candidate]) -> Candidate:
     best = current
     for one in sorted((one for one in tried if one.fit is not None), key=lambda one: one.error_fit)[:2]:
         assert one.fit is not None
-        state = replace(one.fit.state, model=one.fit.state.model.without_effect(one.effects[-1]))
-        fit = current.fitter.fit(state, iterations=12)
+        fit = current.fitter.fit(one.fit.state.without_effect(one.effects[-1]), iterations=12)
         assert best.fit is not None
         if fit.cost < best.fit.cost * (1.0 - 1e-4):
             best = candidate_of(current.fitter, fit, current.effects, best.fit, effective_size(fit))
@@ -154,9 +122,8 @@ def _backward(current: Candidate, catalogue: Mapping[str, Effect], say: Callable
             continue
         assert current.fit is not None and current.fitter is not None
         say(f"is {name} still needed?")
-        fitter = _without(current.fitter, name)
-        state = replace(current.fit.state, model=current.fit.state.model.without_effect(name))
-        fit = polish(fitter, state, rounds=2, iterations=15)
+        fitter = current.fitter.without(name)
+        fit = polish(fitter, current.fit.state.without_effect(name), rounds=2, iterations=15)
         size = effective_size(current.fit)
         if bic(fit, size) <= bic(current.fit, size) + DELTA_BIC:
             effects = tuple(other for other in current.effects if other != name)
@@ -252,7 +219,7 @@ def _search(
     current, steps = base, [base]
     seen: list[Candidate] = []
     tied: tuple[str, ...] = ()
-    settled: Candidate | None = None
+    complete: Candidate | None = None
     while len(current.effects) < most and current.error_held_out > ADEQUATE * noise:
         current = _weighed(current)
         steps[-1] = current
@@ -285,10 +252,10 @@ def _search(
         steps.append(current)
         if current is not first:
             seen = [*(one for one in seen if one.effects != current.effects), _told(current)]
-        settled = _complete_with_finer_steps(current, noise, catalogue, say)
-        if settled is not None:
+        complete = _complete_with_finer_steps(current, noise, catalogue, say)
+        if complete is not None:
             break
-    current = settled or _settled(_by_noise(_weighed(current)), catalogue)
+    current = complete or settled(_by_noise(_weighed(current)), catalogue)
     steps = [*map(_by_noise, steps[:-1]), current]
     seen = [_told(current) if one.effects == current.effects else one for one in seen]
     seen.sort(key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))

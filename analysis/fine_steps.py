@@ -17,8 +17,7 @@ import numpy as np
 
 from analysis.entry_passes import entries_together
 from analysis.observed import Plant
-from analysis.scale_hops import is_scale
-from analysis.scale_profile import along_scales, margin
+from analysis.scale_profile import along_scales, kinked_scales, margin
 from analysis.waveform import Fitter, State, WaveformFit
 from testbed.effect import Effect
 
@@ -51,7 +50,7 @@ def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) ->
     finer = Fitter(fine(fitter.plant), fitter.records, fitter.unknowns)
     fit = entries_together(finer, finer.fit(fit.state, iterations=SETTLE))
     laws = [catalogue[name] for name in fit.state.model.effects if name in catalogue]
-    if not any(is_scale(one) for law in laws if not law.smooth for one in law.parameters):
+    if not kinked_scales(laws):
         return finer, fit
     tried: list[WaveformFit] = []
     for _ in range(ROUNDS):

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.force_regression import Products
+from analysis.information import DELTA_BIC
 from testbed.proposal import Coefficient
 
 MOST_TERMS = 4
@@ -22,7 +23,6 @@ WORTH = 0.04  # share of the excess that one term more must take away
 NEAR = 1e-3  # share of the excess within which the simpler of two formulas is taken
 REACH = 0.035  # rad, how far from each of them the linear change by the angle is believed
 RIDGE = 1e-11
-DELTA_BIC = 10.0
 BEAM = 12  # subsets that are extended by one term more
 Z95 = 1.959964
 

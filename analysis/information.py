@@ -8,6 +8,8 @@ import numpy as np
 
 from analysis.waveform import WaveformFit
 
+DELTA_BIC = 10.0  # gain in the criterion from which something is worth having: very strong evidence
+
 
 def effective_size(fit: WaveformFit) -> float:
     """Number of independent residuals, from their autocorrelation up to where it first dies away."""

@@ -6,7 +6,7 @@ model lacked when it was first fitted has often led into one of them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from analysis.waveform import Fitter, WaveformFit
@@ -19,17 +19,21 @@ CHEAPER = 1e-5  # share of the cost, and one unit more, that another valley must
 
 def hopped(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -> WaveformFit:
     """The fit, started again with every scale of these laws some way off, as long as that leads to a deeper valley."""
-    for effect in effects:
-        for parameter in effect.parameters:
-            if not is_scale(parameter):
-                continue
-            path = f"{effect.name}.{parameter.name}"
-            for factor in HOPS:
-                fit = _along(fitter, path, factor, parameter.bounds, fit)
+    for path, bounds in scales(effects):
+        for factor in HOPS:
+            fit = _along(fitter, path, factor, bounds, fit)
     return fit
 
 
-def is_scale(parameter: Parameter) -> bool:
+def scales(effects: Sequence[Effect]) -> Iterator[tuple[str, tuple[float, float]]]:
+    """(path, bounds) of every scale of these laws."""
+    for effect in effects:
+        for parameter in effect.parameters:
+            if _is_scale(parameter):
+                yield f"{effect.name}.{parameter.name}", parameter.bounds
+
+
+def _is_scale(parameter: Parameter) -> bool:
     """Whether a parameter says where or how fast a law bends, rather than how strong, at what frequency or angle it is."""
     return not (parameter.vanishes or parameter.each_record or parameter.unit in ("Hz", "rad")) and parameter.bounds[0] > 0.0
 

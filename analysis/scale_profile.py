@@ -14,7 +14,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from analysis.scale_hops import deeper, is_scale
+from analysis.scale_hops import deeper, scales
 from analysis.waveform import Fitter, WaveformFit
 from testbed.effect import Effect
 
@@ -28,15 +28,18 @@ ROUNDS = 3  # times a deeper valley is followed
 
 def along_scales(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -> WaveformFit:
     """The fit in the deepest valley along the scales of laws with kinks; `alike` holds the states that explain as much."""
-    for effect in effects:
-        for parameter in effect.parameters:
-            if not effect.smooth and is_scale(parameter):
-                fit = _along(fitter, f"{effect.name}.{parameter.name}", parameter.bounds, fit)
+    for path, bounds in kinked_scales(effects):
+        fit = _along(fitter, path, bounds, fit)
     return fit
 
 
+def kinked_scales(effects: Sequence[Effect]) -> list[tuple[str, tuple[float, float]]]:
+    """(path, bounds) of every scale of those laws that have a kink."""
+    return list(scales([effect for effect in effects if not effect.smooth]))
+
+
 def _along(fitter: Fitter, path: str, bounds: tuple[float, float], fit: WaveformFit) -> WaveformFit:
-    held = Fitter(fitter.plant, fitter.records, [one for one in fitter.unknowns if one.path != path])
+    held = fitter.without(path)
     for _ in range(ROUNDS):
         places = [one for step in (STEP, -STEP) for one in _walk(held, path, math.exp(step), bounds, fit)]
         best = min(places, key=lambda one: one.cost, default=fit)
@@ -61,5 +64,4 @@ def _walk(held: Fitter, path: str, factor: float, bounds: tuple[float, float], f
 
 def margin(fit: WaveformFit) -> float:
     """Cost above that of a fit up to which another state explains the records as well."""
-    variance = max(1.0, fit.squares / sum(rest.size for rest in fit.residuals))
-    return max(ALIKE * variance, SAME * fit.cost)
+    return max(ALIKE * max(1.0, fit.variance), SAME * fit.cost)

@@ -50,6 +50,10 @@ class State:
     angle: float
     nuisances: tuple[Nuisances, ...]
 
+    def without_effect(self, name: str) -> State:
+        """The state whose model lacks one effect, all else as it is."""
+        return replace(self, model=self.model.without_effect(name))
+
 
 @dataclass(frozen=True)
 class Linearised:
@@ -92,6 +96,11 @@ class WaveformFit:
         """Sum of squared residuals over all records, in units of the noise."""
         return 2.0 * self.cost
 
+    @property
+    def variance(self) -> float:
+        """Mean of the squared residuals, in units of the noise's variance."""
+        return self.squares / sum(rest.size for rest in self.residuals)
+
     def worst(self, count: int) -> list[int]:
         """Places of the records fitted worst, the worst first."""
         return [int(place) for place in np.argsort([-float(np.mean(rest**2)) for rest in self.residuals])[:count]]
@@ -112,6 +121,11 @@ class Fitter:
         self.shifting = tuple(one for one in free if one.each_record)
         self.fits_angle = any(record.cut is not None and record.first_mark is not None for record in records)
         self.names = (*(one.path for one in self.free), *(("mark_angle",) if self.fits_angle else ()))
+
+    def without(self, path: str) -> Fitter:
+        """The same fit with a parameter, or all of an effect, no longer unknown."""
+        known = [one for one in self.unknowns if path not in (one.path, one.path.partition(".")[0])]
+        return Fitter(self.plant, self.records, known)
 
     @property
     def steps(self) -> np.ndarray:

@@ -160,16 +160,17 @@ def _parameters(document: Document, path: Path_, effect: Effect, given: object) 
     """An effect's parameters in SI; each with its unit, within its bounds, and none missing but what few channels show."""
     if not isinstance(given, (dict, type(None))):
         raise document.problem(path, f"'{given}' is not a mapping", "give the parameters by name")
+    given = given or {}
     names = [parameter.name for parameter in effect.parameters]
-    for name in given or {}:
+    for name in given:
         if name not in names:
             raise document.problem((*path, name), "unknown parameter", did_you_mean(name, names))
     values = {}
     for parameter in effect.parameters:
         place = (*path, parameter.name)
-        if parameter.channels and parameter.name not in (given or {}):
-            continue
-        if not given or parameter.name not in given:
+        if parameter.name not in given:
+            if parameter.channels:
+                continue
             shown = format_quantity(parameter.example, parameter.unit)
             raise document.problem(place, f"is missing ({parameter.meaning})", f"add it, for example {shown}")
         try:
