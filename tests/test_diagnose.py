@@ -1,5 +1,6 @@
 """Does the diagnosis name what was hidden, and nothing where nothing was? The data come from another step size than the fit."""
 
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -7,9 +8,14 @@ import pytest
 from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
-from analysis.diagnose import diagnose
+from analysis.candidate_round import candidate_of
+from analysis.diagnose import _begun_anew, diagnose
 from analysis.diagnosis import as_json
+from analysis.effect_start import all_free
+from analysis.held_out import pooled
 from analysis.observed import observe
+from analysis.starts import base_fit
+from analysis.waveform import Fitter
 from testbed.effect import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
@@ -40,3 +46,22 @@ def test_a_hidden_effect_is_named_and_its_strength_found():
     assert answer["error"]["with_effects"] < 1.03 * answer["error"]["noise_floor"]
     best = next(one for one in answer["candidates"] if one["effects"] == [name])
     assert best["parameters"][f"{name}.{parameter}"] == pytest.approx(value, rel=0.03)
+
+
+def test_an_effect_led_astray_by_what_the_base_model_made_up_for_is_fitted_anew():
+    """An immersion 45 % off: the base fit shifts angle and coefficients so far that no descent from there finds it."""
+    name, known = "immersion_error", catalogue()
+    records = synthetic_campaign(partial(fast.simulate, steps=37), TRUE.with_effect(name, error=0.45), seed=6,
+                                 tests=((3500, 0.8), (2850, 2.9), (3900, 2.2)), course=(10, 30, 10))
+    observed = [observe(record, BELIEVED) for record in records]
+    _, base = base_fit(PLANT, observed, BELIEVED)
+    fitter = Fitter(PLANT, observed, all_free(observed, BELIEVED.with_effect(name, error=0.1), known))
+    fit = fitter.fit(replace(base.state, model=base.state.model.with_effect(name, error=0.1)))
+    astray = candidate_of(fitter, fit, (name,), None, 1.0)
+    noise = pooled(astray.errors)[1]
+    assert astray.error_held_out > 5 * noise
+
+    found = _begun_anew(astray, BELIEVED, known, noise, lambda line: None)
+    assert found.error_held_out < 1.05 * noise
+    assert found.fit.state.model.value(f"{name}.error") == pytest.approx(0.45, abs=0.005)
+    assert _begun_anew(found, BELIEVED, known, noise, pytest.fail) is found  # nothing is left to look for
