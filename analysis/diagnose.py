@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.begun_anew import begun_anew
 from analysis.candidate_round import GAIN, candidate_of, try_candidates
 from analysis.diagnosis import ADEQUATE, Candidate, Diagnosis, excess, verdict_of
 from analysis.effect_start import ANCHOR, all_free, origins_of
@@ -33,7 +34,6 @@ CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
 COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
-ANEW = 0.7  # times the cost that a fit from the believed machine must have
 ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
 STILL_ROUGH = 3.0  # and, once they were, from which they still are: else the quiet records take over half way
 
@@ -66,29 +66,6 @@ def _by_noise(one: Candidate) -> Candidate:
     records = [replace(record, weight=None) for record in one.fitter.records]
     fitter = Fitter(one.fitter.plant, records, one.fitter.unknowns)
     return replace(one, fitter=fitter, fit=replace(fitter.fit(one.fit.state, iterations=0), converged=one.fit.converged))
-
-
-def _begun_anew(
-    first: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None]
-) -> Candidate:
-    """The set of effects, or, where it leaves much, a fit of it from the believed machine, if that explains clearly more.
-
-    What the base model made up for (an immersion far off, by angle and coefficients) leads every start from it astray.
-    """
-    assert first.fit is not None and first.fitter is not None
-    if first.error_held_out < ANCHOR * noise:
-        return first
-    *others, last = first.effects
-    say(f"fitting {last} anew from the believed machine")
-    believed = model
-    for name in others:
-        believed = believed.with_effect(name, **first.fit.state.model.effects[name])
-    believed = believed.with_effect(last, **catalogue[last].example())
-    fitter, fit = base_fit(first.fitter.plant, first.fitter.records, believed, free=first.fitter.unknowns)
-    if fit.cost > ANEW * first.fit.cost:
-        return first
-    found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
-    return found if found.error_held_out < first.error_held_out else first
 
 
 def _complete_with_finer_steps(
@@ -248,7 +225,7 @@ def _search(
                 current = first
                 steps.append(first)
             break
-        current = _backward(_begun_anew(first, model, catalogue, noise, say), catalogue, say)
+        current = _backward(begun_anew(first, model, catalogue, noise, say), catalogue, say)
         steps.append(current)
         if current is not first:
             seen = [*(one for one in seen if one.effects != current.effects), _told(current)]

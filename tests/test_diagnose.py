@@ -8,8 +8,9 @@ import pytest
 from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
+from analysis.begun_anew import begun_anew
 from analysis.candidate_round import candidate_of
-from analysis.diagnose import _begun_anew, diagnose
+from analysis.diagnose import diagnose
 from analysis.diagnosis import as_json
 from analysis.effect_start import all_free
 from analysis.held_out import pooled
@@ -61,7 +62,7 @@ def test_an_effect_led_astray_by_what_the_base_model_made_up_for_is_fitted_anew(
     noise = pooled(astray.errors)[1]
     assert astray.error_held_out > 5 * noise
 
-    found = _begun_anew(astray, BELIEVED, known, noise, lambda line: None)
+    found = begun_anew(astray, BELIEVED, known, noise, lambda line: None)
     assert found.error_held_out < 1.05 * noise
     assert found.fit.state.model.value(f"{name}.error") == pytest.approx(0.45, abs=0.005)
-    assert _begun_anew(found, BELIEVED, known, noise, pytest.fail) is found  # nothing is left to look for
+    assert begun_anew(found, BELIEVED, known, found.error_held_out, pytest.fail) is found  # noise alone is left

@@ -1,0 +1,52 @@
+"""A named effect fitted anew from the believed machine, where a search that began at the base fit may have gone astray.
+
+What the base model made up for (an immersion far off by the tooth's angle, an exponent by turning the force) can lead every
+start from it into a valley from which no descent returns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from analysis.candidate_round import candidate_of
+from analysis.diagnosis import ADEQUATE, Candidate
+from analysis.effect_start import ANCHOR
+from analysis.fine_steps import has_kinks
+from analysis.information import DELTA_BIC
+from analysis.starts import base_fit
+from analysis.waveform import WaveformFit
+from testbed.effect import Effect
+from testbed.machine import Model
+
+CLEAN = 1.01  # error over noise floor up to which nothing is left that another valley could explain
+MUCH_CHEAPER = 0.7  # times the cost that the new fit must have where it, too, leaves more than noise
+
+
+def begun_anew(
+    first: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None]
+) -> Candidate:
+    """The set of effects, or, where it leaves more than noise, its fit from the believed `model`, if that explains more.
+
+    noise: the noise floor, as the errors. The effect that was found last starts at its example, the others as found. With
+    laws that have kinks, what is left may be the error of the engine's steps; then only much calls for another fit.
+    """
+    assert first.fit is not None and first.fitter is not None
+    if first.error_held_out <= (ANCHOR if has_kinks(first.effects, catalogue) else CLEAN) * noise:
+        return first
+    *others, last = first.effects
+    say(f"fitting {last} anew from the believed machine")
+    believed = model
+    for name in others:
+        believed = believed.with_effect(name, **first.fit.state.model.effects[name])
+    believed = believed.with_effect(last, **catalogue[last].example())
+    fitter, fit = base_fit(first.fitter.plant, first.fitter.records, believed, free=first.fitter.unknowns)
+    found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
+    return found if _better(found, first.fit, fit, noise) and found.error_held_out < first.error_held_out else first
+
+
+def _better(found: Candidate, before: WaveformFit, after: WaveformFit, noise: float) -> bool:
+    """Whether the new fit is to be believed: of models that leave much, the deeper valley need not be the truer one."""
+    if found.error_held_out <= ADEQUATE * noise:
+        return after.cost < before.cost - 0.5 * DELTA_BIC * after.variance
+    return after.cost <= MUCH_CHEAPER * before.cost
