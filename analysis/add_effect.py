@@ -9,7 +9,7 @@ from typing import Any
 
 from analysis.candidate_round import candidate_of, with_effect
 from analysis.compare import estimates
-from analysis.diagnosis import Candidate
+from analysis.diagnosis import Candidate, judged_on
 from analysis.effect_start import ANCHOR, all_free, applicable, effect_parameters, origins_of
 from analysis.fine_steps import finely, has_kinks
 from analysis.held_out import RecordError, conditions_of, held_out_errors, pooled
@@ -103,7 +103,7 @@ def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect])
     if not result.converged:
         said.append("the fit did not converge: the values are those of its last step")
     if result.after > result.before * (1 - 1e-3):
-        said.append(f"{result.effect} does not lower the error on records held out of the fit: nothing speaks for it")
+        said.append(f"{result.effect} does not lower the error {judged_on(result.held_out)}: nothing speaks for it")
     bounds = {one.path: one.bounds for one in fitter.free}
     for path, one in result.parameters.items():
         name, _, parameter = path.partition(".")

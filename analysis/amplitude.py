@@ -68,7 +68,6 @@ class AmplitudeDependence:
     damping_error: np.ndarray
     small_frequency: float
     bend: float
-    bend_error: float
     viscous: float
     friction: float
     quadratic: float
@@ -178,8 +177,8 @@ def _straightened(seen: Course, friction: float) -> Course:
     return replace(seen, phase=seen.phase + friction / (math.pi * frequency * seen.amplitude))
 
 
-def _bend(seen: Course, kind: str, parameters: np.ndarray) -> tuple[float, float, float, float]:
-    """(f0 in Hz, f2 in Hz/unit^2, its standard error, p value) from the phase's course."""
+def _bend(seen: Course, kind: str, parameters: np.ndarray) -> tuple[float, float, float]:
+    """(f0 in Hz, f2 in Hz/unit^2, its p value) from the phase's course."""
     time = seen.time - seen.time[0]
     fine = np.linspace(0.0, time[-1], 2000)
     square = _envelope(kind, parameters, fine) ** 2
@@ -194,7 +193,7 @@ def _bend(seen: Course, kind: str, parameters: np.ndarray) -> tuple[float, float
     normal = (columns * weight[:, None]).T @ (columns * weight[:, None])
     error = math.sqrt(float(np.linalg.pinv(normal)[2, 2]) * variance)
     p_value = float(2.0 * stats.t.sf(abs(values[2]) / max(error, 1e-300), freedom))
-    return float(values[1]), float(values[2] / size), error / size, p_value
+    return float(values[1]), float(values[2] / size), p_value
 
 
 def amplitude_dependence(
@@ -208,7 +207,7 @@ def amplitude_dependence(
     kind, law, p_damping = _damping(seen)
     if kind == "dry friction":
         seen = _straightened(seen, float(law[2]))
-    small, bend, bend_error, p_frequency = _bend(seen, kind, law)
+    small, bend, p_frequency = _bend(seen, kind, law)
     step = np.diff(seen.time)
     frequency = np.diff(seen.phase) / (2 * math.pi * step)
     frequency_error = np.hypot(seen.phase_error[1:], seen.phase_error[:-1]) / (2 * math.pi * step)
@@ -228,7 +227,6 @@ def amplitude_dependence(
         damping_error,
         small,
         bend,
-        bend_error,
         float(law[1]),
         extra if kind == "dry friction" else 0.0,
         extra if kind == "quadratic damping" else 0.0,

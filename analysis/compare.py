@@ -16,7 +16,7 @@ import numpy as np
 from scipy import stats
 
 from analysis.effect_start import all_free
-from analysis.held_out import RecordError, conditions_of, held_out_errors, pooled
+from analysis.held_out import RecordError, conditions_of, held_out_errors, pooled, record_error
 from analysis.identify import Estimate
 from analysis.information import effective_size
 from analysis.nuisances import Nuisances
@@ -157,10 +157,7 @@ def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
 
 def _record(plant: Plant, record: Observed, error: RecordError, fit: WaveformFit, index: int,
             held_out: bool) -> RecordComparison:
-    in_fit = fit.residuals[index].reshape(record.data.shape) * record.noise[:, None]
-    size = record.data - record.data.mean(axis=1, keepdims=True)
-    weight = 1.0 / (size.std(axis=1) if len(record.channels) > 1 else np.ones(1))[:, None]
-    error_fit = float(np.sqrt(np.sum((in_fit * weight) ** 2) / np.sum((size * weight) ** 2)))
+    error_fit = record_error(record, fit.residuals[index]).error
     segments = tuple(found for segment in record.segments if (found := segment_error(record, error.residual, segment)))
     chi_square = float(np.mean((error.residual / record.noise[:, None]) ** 2))
     nuisances = _nuisances(plant, record, fit.state.model, fit.state.angle, fit.state.nuisances[index])
@@ -217,8 +214,17 @@ def tooth_angle(record: Observed, angle: float, own: Nuisances) -> np.ndarray:
 
 
 def adequacy_tests(record: Observed, error: RecordError, angle: float, own: Nuisances) -> list[Adequacy]:
-    """rms against the noise (an F test), Ljung-Box on the effective sample size, and dependence on the tooth's angle."""
-    rest = error.residual[0] / record.noise[0]
+    """Every channel's rms against its noise (an F test), Ljung-Box on the effective sample size, dependence on tooth angle.
+
+    Of several channels the tests of the second and further ones are named with theirs.
+    """
+    return [replace(test, test=test.test if place == 0 else f"{test.test}, {channel}")
+            for place, channel in enumerate(record.channels)
+            for test in _channel_tests(record, error.residual[place] / record.noise[place], angle, own)]
+
+
+def _channel_tests(record: Observed, rest: np.ndarray, angle: float, own: Nuisances) -> list[Adequacy]:
+    """The tests of one channel's residual (samples,) in units of its noise."""
     rest = rest - rest.mean()
     size, correlation = _independent(rest)
     idle = max((s.stop - s.start for s in record.segments if s.kind == "idle"), default=0.0) * record.rate

@@ -4,7 +4,7 @@ speed and depth; whether the machine's constants are constant, and whether its f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +14,18 @@ from analysis.amplitude import AmplitudeDependence, free_decays
 from analysis.compare import Comparison
 from analysis.constancy import COVARIATES, Constancy
 from analysis.force_state import ForceState
+from analysis.information import Z_95
 from analysis.inspection_plot import SEGMENT_COLOURS, envelope
 from analysis.lines import amplitude_spectrum
-from analysis.residual_views import CALIBRATED, MapUnits, by_angle, map_holds, on_chart
+from analysis.residual_views import CALIBRATED, MapUnits, by_angle, drawn_units, map_holds, on_chart
 
 KINDS = tuple(SEGMENT_COLOURS)
 
 
 def save(found: Comparison, folder: Path, tested: Constancy | None = None, states: Sequence[ForceState] = (),
-         shown: MapUnits = CALIBRATED) -> list[Path]:
+         shown: MapUnits = CALIBRATED, units: Mapping[str, str] | None = None) -> list[Path]:
     """Every picture as PNG and SVG in an existing folder. tested: the base parameters test by test, where known; states:
-    force-state maps, drawn in the units `shown`."""
+    force-state maps, drawn in the units `shown`; units: SI or own, by channel, of the records as read."""
     from matplotlib.figure import Figure
 
     pictures: dict[str, Callable[[Any], None]] = {
@@ -42,7 +43,7 @@ def save(found: Comparison, folder: Path, tested: Constancy | None = None, state
         pictures["force_state_map"] = lambda figure: force_state_map(figure, states, shown)
     decays = free_decays(records)
     if decays:
-        pictures["amplitude_dependence"] = lambda figure: by_amplitude(figure, decays)
+        pictures["amplitude_dependence"] = lambda figure: by_amplitude(figure, decays, units or {})
     paths = []
     for name, draw in pictures.items():
         figure = Figure(figsize=(10, 5), layout="constrained")
@@ -94,7 +95,8 @@ def worst_record(figure: Any, found: Comparison) -> None:
     for segment in record.segments:
         for axis in (above, below):
             axis.axvspan(segment.start, segment.stop, color=SEGMENT_COLOURS[segment.kind], alpha=0.5, linewidth=0)
-    above.set_title(f"How far is {record.name} from its prediction? (the worst record, held out of the fit)")
+    how = "held out of" if found.records[index].held_out else "in"
+    above.set_title(f"How far is {record.name} from its prediction? (the worst record, {how} the fit)")
     above.set_ylabel(f"{record.channels[0]} [SI]")
     below.set_ylabel("measured - predicted; dashed: 2 x noise")
     below.set_xlabel("time [s]")
@@ -159,17 +161,17 @@ def by_test(figure: Any, tested: Constancy) -> None:
     figure.suptitle("Are the machine's constants constant, fitted test by test? (95 % intervals)")
 
 
-def by_amplitude(figure: Any, decays: Sequence[AmplitudeDependence]) -> None:
-    """Frequency and damping ratio of the free decays against their amplitude."""
+def by_amplitude(figure: Any, decays: Sequence[AmplitudeDependence], units: Mapping[str, str]) -> None:
+    """Frequency and damping ratio of the free decays against their amplitude; units: SI or own, by channel."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     left, right = figure.subplots(1, 2)
-    factor, unit = (1e6, "um") if decays[0].unit == "m" else (1.0, decays[0].unit)
-    for one in decays:
+    factors, labels, unit = drawn_units(decays, units)
+    for one, factor, label in zip(decays, factors, labels, strict=True):
         fine = np.geomspace(one.amplitude.min(), one.amplitude.max(), 50)
         for axis, values, errors, law in ((left, one.frequency, one.frequency_error, one.frequency_at(fine)),
                                           (right, one.damping, one.damping_error, one.damping_at(fine))):
-            drawn = axis.errorbar(one.amplitude * factor, values, 1.96 * errors, fmt=".", linewidth=0.7, label=one.name)
+            drawn = axis.errorbar(one.amplitude * factor, values, Z_95 * errors, fmt=".", linewidth=0.7, label=label)
             axis.plot(fine * factor, law, color=drawn[0].get_color(), linewidth=0.8)
     for axis, name in ((left, "frequency [Hz]"), (right, "damping ratio [1]")):
         axis.set_xscale("log")

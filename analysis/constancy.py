@@ -20,6 +20,7 @@ from scipy import stats
 
 from analysis.compare import Adequacy, controlled, estimates
 from analysis.identify import Estimate
+from analysis.information import Z_95
 from analysis.observed import Observed
 from analysis.starts import free_parameters
 from analysis.waveform import WORKERS, Fitter, Free, WaveformFit
@@ -181,7 +182,7 @@ def _of(tests: Sequence[TestFit], parameter: str) -> tuple[np.ndarray, np.ndarra
     kept = [test for test in tests if parameter in test.parameters]
     values = np.array([test.parameters[parameter].value for test in kept])
     spread = np.array([test.parameters[parameter].high - test.parameters[parameter].low for test in kept])
-    errors = np.maximum(spread / (2 * 1.959964), ERROR_FLOOR * np.abs(values))
+    errors = np.maximum(spread / (2 * Z_95), ERROR_FLOOR * np.abs(values))
     sure = np.isfinite(errors) & (errors > 0)
     return values[sure], errors[sure], [test for test, fine in zip(kept, sure, strict=True) if fine]
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from analysis.held_out import RecordError, pooled_doubt
+from analysis.held_out import RecordError, conditions_of, pooled_doubt
 from analysis.next_test import NextTest
 from analysis.waveform import Fitter, WaveformFit
 from testbed.machine import BASE_UNITS, Model
@@ -33,6 +33,11 @@ class Candidate:
     fitter: Fitter | None = None
     errors: tuple[RecordError, ...] = ()
 
+    @property
+    def held_out(self) -> bool:
+        """Whether a condition could be left out of the fit; of one condition alone, error_held_out is that in the fit."""
+        return self.fitter is not None and len(conditions_of(self.fitter.records)) > 1
+
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -50,6 +55,16 @@ class Diagnosis:
     steps: tuple[Candidate, ...] = field(default_factory=tuple)
     next_test: NextTest | None = None
     separates: tuple[str, ...] = ()
+
+    @property
+    def held_out(self) -> bool:
+        """Whether the errors are on records left out of the fit: not where there is one operating condition only."""
+        return self.base.held_out
+
+
+def judged_on(held_out: bool) -> str:
+    """In words, what an error is measured on."""
+    return "on records left out of the fit" if held_out else "in the fit (one condition only, nothing held out)"
 
 
 def excess(error: float, noise: float) -> float:
@@ -105,8 +120,8 @@ def verdict_of(
         return answer(
             "missing_effect",
             best.effects,
-            f"The model lacks {' and '.join(best.effects)}: the error on records "
-            f"left out of the fit falls from {base.error_held_out:.3g} to {best.error_held_out:.3g}.{rest}",
+            f"The model lacks {' and '.join(best.effects)}: the error {judged_on(base.held_out)} "
+            f"falls from {base.error_held_out:.3g} to {best.error_held_out:.3g}.{rest}",
         )
     if ratio <= FAINT_REST + SURE * pooled_doubt(base.errors) and not best.effects:
         return answer(
@@ -130,13 +145,17 @@ def verdict_of(
 
 
 def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
-    """The answer of `testbed diagnose --json` (contract); `history` follows the error from step to step."""
+    """The answer of `testbed diagnose --json` (contract); `history` follows the error from step to step.
+
+    Without `held_out` every error is that in the fit.
+    """
     after = result.best.fit.state.model if result.best.fit is not None else before
     names = [name for name in (result.base.fit.names if result.base.fit else ()) if name in BASE_UNITS]
     return {
         "verdict": result.verdict,
         "effects": list(result.effects),
         "sentence": result.sentence,
+        "held_out": result.held_out,
         "error": {"baseline": result.baseline, "with_effects": result.with_effects, "noise_floor": result.noise_floor},
         "candidates": [
             {

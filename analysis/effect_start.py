@@ -169,12 +169,20 @@ def _released(fitter: Fitter, state: State) -> State:
     """The state with every decay started where its record starts: displacement and velocity as the samples show them."""
     own = []
     for record, nuisances in zip(fitter.records, state.nuisances, strict=True):
-        if record.channels[0].startswith("displacement"):
-            values = record.data[0] - record.data[0].mean()
-            slope = float(np.polyfit(np.arange(5) / record.rate, values[:5], 1)[0])
-            nuisances = replace(nuisances, displacement=float(values[0]), velocity=slope)
+        if record.motion is not None:
+            displacement, velocity = _first_state(record, *record.motion)
+            nuisances = replace(nuisances, displacement=displacement, velocity=velocity)
         own.append(nuisances)
     return replace(state, nuisances=tuple(own))
+
+
+def _first_state(record: Observed, place: int, order: int, omega: float) -> tuple[float, float]:
+    """Displacement (m) and velocity (m/s) at the first sample, of a vibration at `omega` of which a derivative is measured."""
+    values = record.data[place] - record.data[place].mean()
+    level, slope = float(values[0]), float(np.polyfit(np.arange(5) / record.rate, values[:5], 1)[0])
+    for _ in range(order):  # integrated once: the slope of what is measured is -omega^2 times what is wanted
+        level, slope = -slope / omega**2, level
+    return level, slope
 
 
 def _cost(pair: tuple[float, State]) -> float:

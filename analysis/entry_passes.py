@@ -17,6 +17,7 @@ from analysis.waveform import Fitter, WaveformFit
 REACH = 4  # passes to either side that are tried
 ROUNDS = 6  # times the search is begun anew from where a fit ended
 WORTH = 1e-4  # share of the cost that new passes must save
+PAIRED = 24  # records up to which two are moved at a time: of more there are too many pairs
 STEPS = 12  # iterations of the fit that follows
 
 
@@ -75,19 +76,22 @@ def best_moves(squares: np.ndarray, pulls: np.ndarray) -> np.ndarray:
 def _descended(squares: np.ndarray, pulls: np.ndarray, places: np.ndarray) -> tuple[float, np.ndarray]:
     """(least squares, places) from given places on, changing the one or the two that help most until none does."""
     rows = np.arange(len(squares))
+    whole, drawn = squares[rows, places].sum(), pulls[rows, places].sum(axis=0)
 
     def left(changes: tuple[int, ...]) -> np.ndarray:
         """Squares over all places of the records that change, the others held; one axis for each."""
-        held = np.setdiff1d(rows, changes)
-        fixed, total = squares[held, places[held]].sum(), pulls[held, places[held]].sum(axis=0)
+        some = list(changes)
+        fixed, total = whole - squares[some, places[some]].sum(), drawn - pulls[some, places[some]].sum(axis=0)
         if len(changes) == 1:
             return fixed + squares[changes[0]] - np.sum((total + pulls[changes[0]]) ** 2, axis=1)
         one, two = changes
         both = total + pulls[one][:, None] + pulls[two][None]
         return fixed + squares[one][:, None] + squares[two][None] - np.sum(both**2, axis=2)
 
-    pairs: list[tuple[int, ...]] = [(int(one), int(two)) for one in rows for two in rows if one < two] or [(0,)]
-    best = float(squares[rows, places].sum() - np.sum(pulls[rows, places].sum(axis=0) ** 2))
+    pairs: list[tuple[int, ...]] = [(int(one), int(two)) for one in rows for two in rows if one < two]
+    if not 2 <= len(rows) <= PAIRED:
+        pairs = [(int(one),) for one in rows]
+    best = float(whole - np.sum(drawn**2))
     while True:
         tried = [(left(pair), pair) for pair in pairs]
         costs, pair = min(tried, key=lambda one: float(np.min(one[0])))
@@ -96,3 +100,4 @@ def _descended(squares: np.ndarray, pulls: np.ndarray, places: np.ndarray) -> tu
             return best, places
         best, places = lowest, places.copy()
         places[list(pair)] = np.unravel_index(int(np.argmin(costs)), costs.shape)
+        whole, drawn = squares[rows, places].sum(), pulls[rows, places].sum(axis=0)

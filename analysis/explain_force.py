@@ -37,7 +37,6 @@ class Explanation:
     sentence: str
     formula: tuple[Coefficient, ...]
     share: float
-    excess: float
     in_cut: tuple[Ranked, ...]
     out_of_cut: tuple[Ranked, ...]
     alternatives: tuple[tuple[tuple[str, ...], float], ...]
@@ -110,8 +109,8 @@ def explain(missing: MissingForce, say: Callable[[str], None] = lambda text: Non
     maps = _maps(with_force(missing, state))
     in_cut, out = (rank(maps[name]) for name in ("in_cut", "out_of_cut"))
     sentence = _sentence(written, only_named, share, in_cut, out, significant)
-    return Explanation(sentence, written, share if significant else 0.0, excess / max(chooser.rows, 1), in_cut, out,
-                       alternatives, corrections, only_named, state, maps)  # fmt: skip
+    return Explanation(sentence, written, share if significant else 0.0, in_cut, out, alternatives, corrections, only_named,
+                       state, maps)  # fmt: skip
 
 
 def _settled(

@@ -25,12 +25,16 @@ from analysis.belief import held_modes, mode_columns, mode_strength, significant
 from analysis.multiplier_fit import MultiplierFit, best_fit, delay_embedding_multipliers, fit_multipliers
 from testbed.recording import Recording
 
-__all__ = ["EmpiricalMultipliers", "delay_embedding_multipliers", "empirical_multipliers", "once_per_period_samples",
-           "revolution_period", "tooth_period"]
+__all__ = ["EmpiricalMultipliers", "TooFewPeriods", "delay_embedding_multipliers", "empirical_multipliers",
+           "once_per_period_samples", "revolution_period", "tooth_period"]
 
 _MOST_PERIODS, _LEAST_PERIODS, _MOST_RANK, _MOST_SKIPPED = 60, 6, 5, 4
 _SPLINE_POWER = 0.87  # white noise left by cubic spline interpolation, mean over positions between samples
 _DRIFT_PERIODS = 12  # in fewer periods a drift cannot be told from a slow mode
+
+
+class TooFewPeriods(ValueError):
+    """A cut too short for any multiplier."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,13 @@ class EmpiricalMultipliers:
     drift: float
     believed: bool
     reason: str
+
+    @classmethod
+    def none(cls, period: float, reason: str) -> EmpiricalMultipliers:
+        """No multipliers, and in words why."""
+        empty = np.zeros(0)
+        return cls(empty.astype(complex), np.zeros((0, 0)), empty, empty, math.nan, empty, np.zeros((0, 0)), period, 0, 0.0,
+                   False, reason)
 
     @property
     def rank(self) -> int:
@@ -159,14 +170,14 @@ def empirical_multipliers(recording: Recording, *, flutes: int = 1, period: floa
     `entry_time` and `exit_time`, or all of it. delays: phases per period; by default as many as there are samples (the
     more, the better: 32 double the error). drift: allow for a slow drift of the sensor. bootstrap: replicates of a
     parametric bootstrap for the covariance instead of its linearisation, seeded. The covariance is widened by what a
-    later first period changes. Raises ValueError when fewer than 6 periods are in the cut.
+    later first period changes. Raises TooFewPeriods, a ValueError, when fewer than 6 periods are in the cut.
     """
     period = tooth_period(recording, flutes) if period is None else period
     start, stop = _bounds(recording, start, stop)
     count = max(4, int(round(recording.sampling_rate * period))) if delays is None else delays
     whole = once_per_period_samples(recording, period, start, stop, count, channel)
     if whole.shape[0] < _LEAST_PERIODS:
-        raise ValueError(f"{whole.shape[0]} periods in the cut; at least {_LEAST_PERIODS} are needed")
+        raise TooFewPeriods(f"{whole.shape[0]} tooth periods in the cut; at least {_LEAST_PERIODS} are needed")
     usable = whole[:_usable_periods(whole, drift)]
     fit, first = None, 0
     for first in range(_MOST_SKIPPED + 1):

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.force_regression import Products
-from analysis.information import DELTA_BIC
+from analysis.information import DELTA_BIC, Z_95, independent
 from testbed.proposal import Coefficient
 
 MOST_TERMS = 4
@@ -24,7 +24,6 @@ NEAR = 1e-3  # share of the excess within which the simpler of two formulas is t
 REACH = 0.035  # rad, how far from each of them the linear change by the angle is believed
 RIDGE = 1e-11
 BEAM = 12  # subsets that are extended by one term more
-Z95 = 1.959964
 
 
 @dataclass(frozen=True)
@@ -94,18 +93,9 @@ class Chooser:
         return [block[:, -1] - block[:, columns] @ values for block in found.blocks]
 
     def whiteness(self, subset: Subset) -> float:
-        """Independent values over values, from the residuals' autocorrelation up to where it dies away."""
-        independent = 0.0
-        for rest in self.residual(subset):
-            if len(rest) < 16:
-                continue
-            power = np.abs(np.fft.rfft(rest - rest.mean(), 2 * len(rest))) ** 2
-            correlation = np.fft.irfft(power)[: len(rest)]
-            correlation = correlation / max(float(correlation[0]), 1e-300)
-            low = np.flatnonzero(correlation <= 0.05)
-            last = int(low[0]) if len(low) else len(rest)
-            independent += len(rest) / (1.0 + 2.0 * float(correlation[1:last].sum()))
-        return max(independent, 10.0) / max(self.rows, 1)
+        """Independent values over values; records of a few values alone do not count."""
+        found = sum(independent(rest) for rest in self.residual(subset) if len(rest) >= 16)
+        return max(found, 10.0) / max(self.rows, 1)
 
 
 def _best(chooser: Chooser, tried: Sequence[Subset], excess: float) -> Subset:
@@ -165,7 +155,7 @@ def coefficients(chooser: Chooser, subset: Subset) -> tuple[tuple[Coefficient, .
     spread = np.linalg.pinv(chooser.stacks[subset.at][0][np.ix_(columns, columns)], hermitian=True)
     variance = max(1.0, subset.squares / max(chooser.rows, 1)) / min(1.0, chooser.whiteness(subset))
     scale = chooser.found[subset.at].scale[columns]
-    half = Z95 * np.sqrt(np.maximum(np.diag(spread), 0.0) * variance) / scale
+    half = Z_95 * np.sqrt(np.maximum(np.diag(spread), 0.0) * variance) / scale
     values = values / scale
     found = []
     for place, value, reach in zip(subset.places, values[first:], half[first:], strict=True):

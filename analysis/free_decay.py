@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 _SAMPLES = 6000  # at most this many samples enter one fit
+_OFFSET_LINES = 6  # first lines of a fourfold padded spectrum, in which what is left of offset and drift lies
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def spectral_peak(values: np.ndarray) -> float:
     flat = values - np.polynomial.Polynomial.fit(time, values, 1)(time)
     size = 4 * len(values)
     power = np.abs(np.fft.rfft(flat * window, size)) ** 2
-    power[: max(2, 6)] = 0.0
+    power[:_OFFSET_LINES] = 0.0
     top = int(np.argmax(power))
     return top / size
 

@@ -21,9 +21,11 @@ REFIT = 4  # iterations of that fit
 
 @dataclass(frozen=True)
 class RecordError:
-    """rms(measured - predicted) and rms(measured about its mean), both in the channel's unit over all channels, per record.
+    """How far the prediction of one record is off.
 
-    noise_doubt: standard error of the noise floor over itself.
+    error: rms(measured - predicted) over rms(measured about its mean); noise_floor: rms of the noise over the same; residual:
+    measured - predicted (channels, samples) in the channels' units. squares, size, noise_squares: the sums of squares that
+    those ratios are made of, in the unit of `quantity` squared. noise_doubt: standard error of the noise floor over itself.
     """
 
     name: str
@@ -34,6 +36,7 @@ class RecordError:
     size: float
     noise_squares: float
     noise_doubt: float = 0.0
+    quantity: str = ""
 
 
 def conditions_of(records: Sequence[Observed]) -> list[list[int]]:
@@ -47,33 +50,46 @@ def conditions_of(records: Sequence[Observed]) -> list[list[int]]:
 def record_error(record: Observed, residual: np.ndarray) -> RecordError:
     """The error of one record from its residual (channels * samples,) in units of its scale.
 
-    Several channels are weighed by their own size, so that the error is the rms of the channels' relative errors.
+    Channels of several quantities are weighed by their own size, so that the error is the rms of their relative errors.
     """
     rest = residual.reshape(record.data.shape) * record.scale[:, None]
     size = record.data - record.data.mean(axis=1, keepdims=True)
-    scale = np.ones(len(record.channels)) if len(set(_units(record))) == 1 else 1.0 / np.maximum(size.std(axis=1), 1e-300)
+    quantities = sorted({"force" if name.startswith("force") else name.split("_")[0] for name in record.channels})
+    scale = np.ones(len(record.channels)) if len(quantities) == 1 else 1.0 / np.maximum(size.std(axis=1), 1e-300)
     squares = float(np.sum((rest * scale[:, None]) ** 2))
     total = float(np.sum((size * scale[:, None]) ** 2))
     noise = float(np.sum((record.noise * scale) ** 2) * record.samples)
-    return RecordError(
-        record.name, (squares / total) ** 0.5, (noise / total) ** 0.5, rest, squares, total, noise, record.noise_doubt
-    )
-
-
-def _units(record: Observed) -> list[str]:
-    return ["force" if name.startswith("force") else name.split("_")[0] for name in record.channels]
+    return RecordError(record.name, (squares / total) ** 0.5, (noise / total) ** 0.5, rest, squares, total, noise,
+                       record.noise_doubt, " and ".join(quantities))
 
 
 def pooled(errors: Sequence[RecordError]) -> tuple[float, float]:
-    """(error, noise floor) over records: root of summed squares over summed squares."""
-    total = sum(one.size for one in errors)
-    return (sum(one.squares for one in errors) / total) ** 0.5, (sum(one.noise_squares for one in errors) / total) ** 0.5
+    """(error, noise floor) over records: root of summed squares over summed squares.
+
+    Newtons and metres cannot be summed: records of different quantities count by their samples, each relative to the size of
+    all that measure the same.
+    """
+    shares = _shares(errors)
+    error = sum(share * one.squares for share, one in zip(shares, errors, strict=True))
+    return error**0.5, sum(share * one.noise_squares for share, one in zip(shares, errors, strict=True)) ** 0.5
 
 
 def pooled_doubt(errors: Sequence[RecordError]) -> float:
     """Standard error of the pooled noise floor over itself: how well the records' noise is known, each from its own samples."""
-    total = sum(one.noise_squares for one in errors)
-    return sum((one.noise_doubt * one.noise_squares) ** 2 for one in errors) ** 0.5 / max(total, 1e-300)
+    parts = [share * one.noise_squares for share, one in zip(_shares(errors), errors, strict=True)]
+    doubt = sum((one.noise_doubt * part) ** 2 for part, one in zip(parts, errors, strict=True)) ** 0.5
+    return doubt / max(sum(parts), 1e-300)
+
+
+def _shares(errors: Sequence[RecordError]) -> list[float]:
+    """What every record's squares are multiplied by where they are pooled."""
+    sizes: dict[str, float] = {}
+    counts: dict[str, int] = {}
+    for one in errors:
+        sizes[one.quantity] = sizes.get(one.quantity, 0.0) + one.size
+        counts[one.quantity] = counts.get(one.quantity, 0) + one.residual.size
+    whole = sum(counts.values())
+    return [counts[one.quantity] / whole / sizes[one.quantity] for one in errors]
 
 
 def own_refit(fitter: Fitter, state: State, indices: Sequence[int], rounds: int = 2) -> State:

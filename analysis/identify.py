@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares, linear_sum_assignment
 
 from analysis.delay_equation import milling_equation
-from analysis.floquet import EmpiricalMultipliers, empirical_multipliers
+from analysis.floquet import EmpiricalMultipliers, TooFewPeriods, empirical_multipliers, tooth_period
 from analysis.ring_down import ring_down
 from analysis.temporal_elements import characteristic_multipliers
 from testbed.cut import Cut
@@ -28,6 +28,7 @@ _SCALES = (1e-3, 0.2, 0.05)  # of the logarithms of frequency, damping and coeff
 # a faster mode stands, in a fit of few modes, for several that die with it: its multiplier is nobody's
 _SLOWEST_SHARE = 0.3
 _CANDIDATES = 6  # model multipliers a measured one may be paired with
+_MOST_NAMED = 6  # tests that an error names
 
 
 @dataclass(frozen=True)
@@ -141,10 +142,11 @@ def _starts(start: Model, targets: Sequence[_Target], seed: int, count: int) -> 
 
 
 def identify_multipliers(model: Model, cuts: Sequence[Cut], measured: Sequence[EmpiricalMultipliers], *,
-                         elements: int = 12, starts: int = 5, seed: int = 0) -> Identification:
+                         names: Sequence[str] = (), elements: int = 12, starts: int = 5, seed: int = 0) -> Identification:
     """Fit natural frequency, damping ratio and cutting coefficient to empirical multipliers of these cuts.
 
-    Tests that are not believed are left out. ValueError if those that remain hold fewer numbers than parameters.
+    Tests that are not believed are left out. ValueError if those that remain hold fewer numbers than parameters; it calls
+    the tests by `names`, or by their number.
     """
     if model.cutting is None:
         raise ValueError("the model has no cutting coefficients to identify")
@@ -152,8 +154,11 @@ def identify_multipliers(model: Model, cuts: Sequence[Cut], measured: Sequence[E
     targets = [_target(found, cut) for found, cut, use in zip(measured, cuts, used, strict=True) if use]
     numbers = sum(target.whiten.shape[0] for target in targets)
     if numbers < 3:
-        reasons = "; ".join(found.reason for found, use in zip(measured, used, strict=True) if not use)
-        raise ValueError(f"only {numbers} numbers for 3 parameters; tests left out: {reasons or 'none'}")
+        called = names or [f"test {number}" for number in range(1, len(cuts) + 1)]
+        reasons = [f"{name} ({found.reason})" for name, found, use in zip(called, measured, used, strict=True) if not use]
+        more = [f"and {len(reasons) - _MOST_NAMED} more"] if len(reasons) > _MOST_NAMED else []
+        raise ValueError(f"only {numbers} numbers for 3 parameters; tests left out: "
+                         + (", ".join(reasons[:_MOST_NAMED] + more) or "none"))
     lower, upper = np.log([0.8, 1e-3, 1e-2]), np.log([1.25, 0.9 / _damping(model), 1e2])
     fits = []
     for point in _starts(model, targets, seed, starts):  # robust and coarse: a far start may pair multipliers wrongly
@@ -197,13 +202,13 @@ def _answer(start, cuts, measured, used, best, numbers, elements) -> Identificat
     return Identification(model, parameters, tuple(tests), chi_square, bool(best.success))
 
 
-def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, elements: int = 12, starts: int = 5,
-             seed: int = 0, channel: str = "displacement", delays: int | None = None) -> Identification:
+def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, names: Sequence[str] = (), elements: int = 12,
+             starts: int = 5, seed: int = 0, channel: str = "displacement", delays: int | None = None) -> Identification:
     """Identify the machine from recorded cuts; `model` is the starting guess.
 
     Where free decay follows a cut, natural frequency and damping start from it. Each test is a recording and its cut;
     entry and exit come from the recording's conditions `entry_time` and `exit_time`, else from its pass times, else
-    the whole recording is taken as the cut. ValueError as above, or when a recording holds too few periods.
+    the whole recording is taken as the cut. A cut of too few periods is left out. names and ValueError as above.
     """
     if model.cutter is None:
         raise ValueError("the model has no cutter: multipliers need cuts")
@@ -212,10 +217,15 @@ def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, elements: 
     measured = []
     for recording, cut in tests:
         start, stop = cut_bounds(recording, cut)
-        period = None if recording.marks.size >= 3 else cut.tooth_passing_period(flutes)
-        measured.append(empirical_multipliers(recording, flutes=flutes, period=period, start=start, stop=stop,
-                                              channel=channel, delays=delays))
-    return identify_multipliers(model, [cut for _, cut in tests], measured, elements=elements, starts=starts, seed=seed)
+        period = tooth_period(recording, flutes) if recording.marks.size >= 3 else cut.tooth_passing_period(flutes)
+        try:
+            found = empirical_multipliers(recording, flutes=flutes, period=period, start=start, stop=stop, channel=channel,
+                                          delays=delays)
+        except TooFewPeriods as problem:
+            found = EmpiricalMultipliers.none(period, str(problem))
+        measured.append(found)
+    return identify_multipliers(model, [cut for _, cut in tests], measured, names=names, elements=elements, starts=starts,
+                                seed=seed)
 
 
 def started_from_ring_down(model: Model, tests: Sequence[tuple[Recording, Cut]],

@@ -1,28 +1,34 @@
-"""How much a set of residuals says: the number of independent values in them, and the Bayesian information criterion."""
+"""How much a set of residuals says: the number of independent values in them, the Bayesian information criterion, and how
+many standard errors an interval reaches.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.waveform import WaveformFit
+if TYPE_CHECKING:
+    from analysis.waveform import WaveformFit
 
+Z_95 = 1.959964  # standard errors to either side within which 95 % of a normal distribution lie
 DELTA_BIC = 10.0  # gain in the criterion from which something is worth having: very strong evidence
 
 
+def independent(values: np.ndarray) -> float:
+    """Number of independent values among `values` (samples,), from their autocorrelation up to where it first dies away."""
+    power = np.abs(np.fft.rfft(values - values.mean(), 2 * len(values))) ** 2
+    correlation = np.fft.irfft(power)[: len(values)]
+    correlation = correlation / max(float(correlation[0]), 1e-300)
+    low = np.flatnonzero(correlation <= 0.05)
+    last = int(low[0]) if len(low) else len(values)
+    return len(values) / (1.0 + 2.0 * float(correlation[1:last].sum()))
+
+
 def effective_size(fit: WaveformFit) -> float:
-    """Number of independent residuals, from their autocorrelation up to where it first dies away."""
-    total = 0.0
-    for rest in fit.residuals:
-        values = rest - rest.mean()
-        power = np.abs(np.fft.rfft(values, 2 * len(values))) ** 2
-        correlation = np.fft.irfft(power)[: len(values)]
-        correlation = correlation / correlation[0] if correlation[0] > 0 else correlation
-        negative = np.flatnonzero(correlation <= 0.05)
-        last = int(negative[0]) if len(negative) else len(values)
-        total += len(values) / (1.0 + 2.0 * float(correlation[1:last].sum()))
-    return max(total, 10.0)
+    """Number of independent residuals of all records."""
+    return max(sum(independent(rest) for rest in fit.residuals), 10.0)
 
 
 def bic(fit: WaveformFit, size: float) -> float:

@@ -61,11 +61,6 @@ class LinearisedMotion:
     motion: np.ndarray
     mismatch: float
 
-    @property
-    def growth_a_pass(self) -> float:
-        """Largest modulus, per tooth pass."""
-        return float(np.abs(self.multipliers[0]) ** (1.0 / self.passes))
-
 
 @lru_cache(maxsize=4)
 def _gauss(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -24,10 +24,9 @@ class SpectralLine:
 
 @dataclass(frozen=True)
 class CombSpeed:
-    """A spindle speed (rad/s) from the spacing of spectral lines, how far it stands out (1: not at all), and why."""
+    """A spindle speed (rad/s) from the spacing of spectral lines, and why."""
 
     spindle_speed: float
-    prominence: float
     basis: Literal["tooth-passing lines", "side bands"]
 
 
@@ -157,9 +156,7 @@ def comb_speed(
         sure = strong if teeth else found.share > 0.2 and found.lead > 1.95
         if sure:
             basis: Literal["tooth-passing lines", "side bands"] = "tooth-passing lines" if teeth else "side bands"
-            candidates.append(
-                (found.even_share, CombSpeed(2 * np.pi * found.spacing / flutes, min(found.lead, 100.0), basis))
-            )
+            candidates.append((found.even_share, CombSpeed(2 * np.pi * found.spacing / flutes, basis)))
     return max(candidates, key=lambda candidate: candidate[0], default=(0.0, None))[1]
 
 

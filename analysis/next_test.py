@@ -76,7 +76,7 @@ def _difference(plant: Plant, like: Observed, first: Model, other: Model, speed:
     idle, turns, ringing = (part * like.flutes for part in COURSE)
     cut = Cut(speed, depth, like.cut.feed_per_tooth, idle, turns, ringing)
     period = 2 * math.pi / speed
-    count = int(sum(COURSE[:3]) * period * like.rate) - 2
+    count = int(sum(COURSE) * period * like.rate) - 2
     late = TURN / speed
     samplings = [Sampling(like.rate, count, start) for start in (0.5 / like.rate, 0.5 / like.rate, 0.5 / like.rate + late)]
     predicted = plant.predict_cuts([first, other, first], [cut] * 3, samplings, like.channels)

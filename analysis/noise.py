@@ -15,6 +15,7 @@ from analysis.segments import Segment, main_channel, revolution_period, white_no
 from testbed.recording import Recording
 
 PAIRED = 1.5  # samples that count as one: of changes between neighbours, which are correlated by -1/2
+SAME_VALUE = 1e-9  # of a channel's range, within which two values are one step of its converter
 FOURTH = 2.63  # of fourth differences: the sum of their squared autocorrelations, (70, -56, 28, -8, 1) / 70
 Basis = Literal["idle", "repeated periods", "high-frequency residual"]
 
@@ -68,6 +69,13 @@ def noise_floor(recording: Recording, segments: Sequence[Segment], channel: str 
     return Noise(white, "high-frequency residual", name, _doubt(len(values), FOURTH))
 
 
+def rounding(values: np.ndarray) -> float:
+    """rms error of rounding to the converter's step, its own unit: what noise cannot be below, however quiet the idle."""
+    steps = np.diff(np.unique(values))
+    steps = steps[steps > SAME_VALUE * float(np.ptp(values))]
+    return float(steps.min()) / math.sqrt(12.0) if len(steps) else 0.0
+
+
 def _doubt(samples: int, lost: float = 1.0) -> float:
     """Standard error of an rms over itself, from white samples; `lost` of them count as one."""
     return math.sqrt(lost / (2.0 * max(samples, 1)))
@@ -79,7 +87,7 @@ def _beside_ringing(values: np.ndarray, rate: float, rms: float) -> float:
     A structure that was pushed before the record still rings while idling: that is motion, not noise. Hum stays.
     """
     fit = fit_free_decay(values, 0, spectral_peak(values))
-    if fit is None or fit.rest > 0.98 * rms or fit.rest > 1.3 * white_noise(values):
+    if fit is None or fit.rest > 0.98 * rms or fit.rest > 1.3 * max(white_noise(values), rounding(values)):
         return rms
     frequency = fit.frequency * rate
     mains = any(abs(frequency - base * round(frequency / base)) < 1.5 * rate / len(values) for base in (50.0, 60.0))

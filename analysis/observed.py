@@ -10,14 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 
-from analysis.noise import noise_floor
+from analysis.free_decay import spectral_peak
+from analysis.noise import noise_floor, rounding
 from analysis.nuisances import Nuisances
 from analysis.segments import Segment, find_segments
-from analysis.spindle_clock import clock_error, clock_of
+from analysis.spindle_clock import clock_error, clock_of, digital, smoothed, turns_of
 from testbed.cut import Cut, Sampling
 from testbed.machine import Cutter, Model
 
@@ -26,6 +28,7 @@ DRIFT_TIME = 1.0  # s of the record
 MOST_DRIFT = 10  # terms
 SWING = 8  # samples at the least in which a free decay's first large swing is looked for
 OPENING = 12  # revolutions from the entry that an opening holds at the least
+UNRESOLVED = 1e-4  # of a channel's rms: the engines' own error, which in data without noise would be a missing effect
 STIFF = 100.0  # stiffness over K b from which forces are those of a rigid machine
 WARM_UP = 60  # revolutions simulated before a record that starts in the cut
 AWAKE = 0.05  # s before such a record from which its sensor is followed: one that lags remembers
@@ -79,6 +82,23 @@ class Observed:
     def samples(self) -> int:
         """Number of samples a channel."""
         return self.data.shape[1]
+
+    @cached_property
+    def motion(self) -> tuple[int, int, float] | None:
+        """(place of the first channel of motion, how often the displacement is differentiated in it, its main rad/s)."""
+        for place, name in enumerate(self.channels):
+            if name in DERIVATIVES:
+                values = self.data[place] - self.data[place].mean()
+                return place, DERIVATIVES[name], 2 * math.pi * max(spectral_peak(values), 1.0 / self.samples) * self.rate
+        return None
+
+    @cached_property
+    def motion_size(self) -> float:
+        """Standard deviation (m) of the displacement, as the first channel of motion shows it; by forces alone, the feed."""
+        if self.motion is None:
+            return self.cut.feed_per_tooth if self.cut is not None else 1e-4
+        place, order, omega = self.motion
+        return float(np.std(self.data[place])) / omega**order or 1.0
 
     def project(self, values: np.ndarray) -> np.ndarray:
         """Values (..., channels, samples) in units of the scale, without what offset and drift could explain."""
@@ -166,7 +186,7 @@ class Observed:
             return None
         first = self.start - sampling.start
         nominal = first + np.arange(cut.total_passes + 1) * self.period / self.flutes
-        turn = np.arange(len(self.marks))
+        turn = turns_of(self.marks)
         inside = np.interp(nominal, self.first_mark + turn * self.period, self.marks)
         before, after = nominal < self.marks[0], nominal > self.first_mark + turn[-1] * self.period
         inside[before] = self.marks[0] + nominal[before] - self.first_mark
@@ -186,7 +206,8 @@ def _drift_order(duration: float) -> int:
     return min(MOST_DRIFT, DRIFT_ORDER + int(duration / DRIFT_TIME))
 
 
-_ORDER = ("displacement", "velocity", "acceleration", "force_x", "force_y")
+DERIVATIVES = {"displacement": 0, "velocity": 1, "acceleration": 2}
+_ORDER = (*DERIVATIVES, "force_x", "force_y")
 
 
 def observe(record: Any, model: Model) -> Observed:
@@ -203,7 +224,8 @@ def observe(record: Any, model: Model) -> Observed:
     first, last = _used(record.kind, segments, recording, names[0])
     data = data[:, first:last]
     floors = [noise_floor(recording, segments, name) for name in names]
-    noise = np.array([max(floor.rms, 1e-6 * float(np.ptp(row)), 1e-300) for floor, row in zip(floors, data, strict=True)])
+    noise = np.array([max(floor.rms, rounding(row), UNRESOLVED * float(np.std(row)), 1e-300)
+                      for floor, row in zip(floors, data, strict=True)])
     conditions = record.conditions
     known = ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth", "feed_per_revolution")
     condition = (record.kind, *(round(float(conditions[key]), 9) for key in known if key in conditions))
@@ -246,7 +268,7 @@ def _used(kind: str, segments: Sequence[Segment], recording: Any, name: str) -> 
             first = max(0, min(count - 64, round((segment.start - recording.start) * recording.sampling_rate)))
             values = np.asarray(recording.channels[name], dtype=float)
             opening = np.abs(values[first : first + max(SWING, (count - first) // 50)] - float(np.median(values)))
-            return min(count - 64, first + int(np.argmax(opening))), count
+            return max(0, min(count - 64, first + int(np.argmax(opening)))), count
     return 0, count
 
 
@@ -255,10 +277,16 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
     marks = np.asarray(record.recording.marks)
     period, anchor, kept, error = 2 * math.pi / cut.spindle_speed, None, None, None
     if len(marks) >= 3:
-        period, anchor, steady = clock_of(marks)
-        kept = None if steady else marks
-        anchor = anchor if steady else float(marks[0])  # passes are then laid between the marks themselves
-        error = clock_error(marks, period, anchor, base.rate) if steady else None
+        halfway = digital(marks, base.rate, record.recording.start)
+        sample = 1.0 / base.rate if halfway else 0.0
+        period, anchor, steady = clock_of(marks, sample)
+        if flutes % record.recording.pulses_per_revolution:  # which pulse came first is open: the marks tell the speed alone
+            anchor = None
+        elif steady:
+            error = clock_error(marks, period, anchor, base.rate, halfway=halfway)
+        else:  # passes are then laid between the marks themselves
+            kept = smoothed(marks, sample) if halfway else marks
+            anchor = float(kept[0])
     kinds = {segment.kind for segment in base.segments}
     return replace(
         base,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from analysis.amplitude import AmplitudeDependence
 from analysis.compare import tooth_angle
 from analysis.held_out import RecordError
 from analysis.lines import amplitude_spectrum
@@ -29,6 +30,17 @@ _SHOWN = {"m": (1e6, "µm"), "m/s": (1e3, "mm/s"), "m/s^2": (1.0, "m/s²")}
 def shown_unit(unit: str) -> tuple[float, str]:
     """(factor, name) of the unit in which a channel of an SI unit is drawn."""
     return _SHOWN.get(unit, (1.0, unit))
+
+
+def drawn_units(decays: Sequence[AmplitudeDependence], units: Mapping[str, str]) -> tuple[list[float], list[str], str]:
+    """How amplitudes are drawn: each decay's factor and label, which names its unit where they differ, and the axis's unit.
+
+    units: SI or own, by channel; a channel not in it is taken to be calibrated.
+    """
+    drawn = [shown_unit(units.get(one.channel, one.unit)) for one in decays]
+    different = list(dict.fromkeys(unit for _, unit in drawn))
+    labels = [one.name if len(different) == 1 else f"{one.name} [{unit}]" for one, (_, unit) in zip(decays, drawn, strict=True)]
+    return [factor for factor, _ in drawn], labels, ", ".join(different)
 
 
 def map_units(units: Mapping[str, str]) -> MapUnits:

@@ -15,6 +15,7 @@ from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
 from scipy.signal import find_peaks
 
+from analysis.information import Z_95
 from testbed.recording import Recording
 
 
@@ -133,7 +134,7 @@ def fit_ring_down(data: np.ndarray, rate: float, n_modes: int = 1, start: float 
     order = np.argsort(-amplitude)
     both = np.concatenate([order, order + n_modes])
     values, covariance = parameters[both], covariance[np.ix_(both, both)]
-    spread = 1.96 * np.sqrt(np.diag(covariance))
+    spread = Z_95 * np.sqrt(np.diag(covariance))
     low, high = values - spread, values + spread
     return RingDown(values[:n_modes], values[n_modes:], low[:n_modes], high[:n_modes], low[n_modes:], high[n_modes:],
                     covariance, amplitude[order] * scale, noise * scale, start, start + time[-1])
@@ -159,13 +160,11 @@ def ring_down(recording: Recording, *, start: float | None = None, stop: float |
 
 @dataclass(frozen=True)
 class ImpactMode:
-    """A mode found in a frequency response: undamped frequency (Hz), damping ratio, their 95 % intervals, and the
-    modal mass (kg where force and response are calibrated); band (Hz) used; misfit relative to the response."""
+    """A mode found in a frequency response: undamped frequency (Hz), damping ratio, and the modal mass (kg where force
+    and response are calibrated); band (Hz) used; misfit relative to the response."""
 
     natural_frequency: float
     damping_ratio: float
-    natural_frequency_interval: tuple[float, float]
-    damping_ratio_interval: tuple[float, float]
     modal_mass: float
     band: tuple[float, float]
     misfit: float
@@ -236,10 +235,6 @@ def fit_receptance(frequency: np.ndarray, response: np.ndarray, band: tuple[floa
     found = fits[int(np.argmin([fit.cost for fit in fits]))]
     natural, zeta = float(found.x[0]), float(abs(found.x[1]))
     weights = solved(found.x)[1]
-    noise = 2.0 * found.cost / max(1, 2 * f.size - 5)
-    slopes = np.asarray(found.jac)
-    wide, broad = (1.96 * np.sqrt(np.diag(np.linalg.pinv(slopes.T @ slopes)) * noise)).tolist()
     mass = 1.0 / (weights[0] * scale * (2.0 * math.pi * natural) ** 2)
     misfit = math.sqrt(2.0 * found.cost) / float(np.linalg.norm(h) / scale)
-    return ImpactMode(natural, zeta, (natural - wide, natural + wide), (zeta - broad, zeta + broad),
-                      float(mass), band, misfit)
+    return ImpactMode(natural, zeta, float(mass), band, misfit)

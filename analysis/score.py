@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.information import Z_95
 from testbed.machine import Model
 
 PARAMETERS = ("natural_frequency", "damping_ratio", "tangential_coefficient")
@@ -20,7 +21,7 @@ class ParameterScore:
 
     bias: mean error; spread: standard deviation of the estimates; rms: of the error; all in the parameter's unit.
     coverage: fraction of 95 % intervals that hold the truth, NaN where the method gives none. stated: the standard
-    deviation that the intervals claim (their mean half width over 1.96), in the parameter's unit. count:
+    deviation that the intervals claim (their mean half width over `Z_95`), in the parameter's unit. count:
     identifications; failures: those that gave no value. method, tests: which method, from how many tests. All numbers
     are NaN where every identification failed.
     """
@@ -79,7 +80,7 @@ def _one_score(parameter: str, truth: float, estimates: Sequence[tuple[float, fl
     values, low, high = (np.array(column, float) for column in zip(*estimates, strict=True))
     given = np.isfinite(low) & np.isfinite(high)
     coverage = float(np.mean((low[given] <= truth) & (truth <= high[given]))) if given.any() else nan
-    stated = float(np.mean(high[given] - low[given])) / (2 * 1.96) if given.any() else nan
+    stated = float(np.mean(high[given] - low[given])) / (2 * Z_95) if given.any() else nan
     spread = float(np.std(values, ddof=1)) if values.size > 1 else 0.0
     return ParameterScore(parameter, case.noise, truth, float(values.mean() - truth), spread,
                           float(np.sqrt(np.mean((values - truth) ** 2))), coverage, count, failures, reasons, stated,
@@ -150,6 +151,6 @@ def binomial_interval(share: float, count: int) -> tuple[float, float]:
     """95 % interval of a probability from a share of `count` trials (Wilson 1927, J. Am. Stat. Assoc. 22, 209)."""
     if count < 1 or not math.isfinite(share):
         return math.nan, math.nan
-    z2 = 1.96**2 / count
-    middle, half = share + z2 / 2, 1.96 * math.sqrt(share * (1 - share) / count + z2 / (4 * count))
+    z2 = Z_95**2 / count
+    middle, half = share + z2 / 2, Z_95 * math.sqrt(share * (1 - share) / count + z2 / (4 * count))
     return max(0.0, (middle - half) / (1 + z2)), min(1.0, (middle + half) / (1 + z2))

@@ -78,6 +78,9 @@ def decay_start(records: Sequence[Observed], model: Model) -> Model:
         return model
     frequency, damping, weight = np.array(found).T
     near = np.abs(frequency / np.median(frequency) - 1) < 0.05
+    if not near.any():  # of two modes that ring, half of the decays each: the one that is believed in
+        believed = frequency[np.argmin(np.abs(frequency / model.structure.natural_frequency - 1))]
+        near = np.abs(frequency / believed - 1) < 0.05
     weight = np.minimum(weight, 20 * np.median(weight)) * near
     return model.with_values(
         {

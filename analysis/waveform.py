@@ -19,7 +19,7 @@ from analysis.nuisances import Nuisances, turned_by
 from analysis.observed import Observed, Plant, predict
 from testbed.machine import Model
 
-WORKERS = 2
+WORKERS = 2  # threads over a campaign's records; each record is computed alone, so that their number changes no digit
 SLOWEST = 0.8  # of the nominal speed, that a record without marks may turn out to have had
 FAINTEST = 1e-3  # slope by an unknown, in units of the noise over a natural step, below which it is as good as none
 COLLINEAR = 1e-10  # eigenvalue of the unknowns' correlations below which a combination of them is as good as unknown
@@ -75,10 +75,10 @@ class Linearised:
 
 @dataclass(frozen=True)
 class WaveformFit:
-    """A finished fit. cost: half the sum of squared residuals in units of the noise; covariance of the shared unknowns.
+    """A finished fit. cost: half the sum of squared residuals in units of the records' scale.
 
-    names of the shared unknowns: the free parameters' paths, then `mark_angle` where it was fitted. alike: states elsewhere,
-    out of reach of the slopes, that explain the records as well.
+    names of the shared unknowns: the free parameters' paths, then `mark_angle` where it was fitted; covariance of the same.
+    alike: states elsewhere, out of reach of the slopes, that explain the records as well.
     """
 
     state: State
@@ -93,12 +93,12 @@ class WaveformFit:
 
     @property
     def squares(self) -> float:
-        """Sum of squared residuals over all records, in units of the noise."""
+        """Sum of squared residuals over all records, in units of their scale."""
         return 2.0 * self.cost
 
     @property
     def variance(self) -> float:
-        """Mean of the squared residuals, in units of the noise's variance."""
+        """Mean of the squared residuals, in units of the records' scale squared: near 1 where noise alone is left."""
         return self.squares / sum(rest.size for rest in self.residuals)
 
     def worst(self, count: int) -> list[int]:
@@ -114,8 +114,8 @@ def _padded(rows: np.ndarray, count: int) -> np.ndarray:
 class Fitter:
     """Records, an engine, and the parameters that are free."""
 
-    def __init__(self, plant: Plant, records: Sequence[Observed], free: Sequence[Free], *, stride: int = 1) -> None:
-        self.plant, self.records, self.stride = plant, tuple(records), stride
+    def __init__(self, plant: Plant, records: Sequence[Observed], free: Sequence[Free]) -> None:
+        self.plant, self.records = plant, tuple(records)
         self.unknowns = tuple(free)
         self.free = tuple(one for one in free if not one.each_record)
         self.shifting = tuple(one for one in free if one.each_record)
@@ -147,9 +147,8 @@ class Fitter:
     def _own_steps(self, record: Observed) -> list[dict[str, float]]:
         own = [{one.path: one.scale} for one in reversed(self.shifting)]  # the newest first, see with_slopes
         if not record.starts_in_cut:
-            size = float(np.std(record.data[0])) or 1.0
-            omega = 2 * math.pi * 100.0
-            own += [{"displacement": size}, {"velocity": size * omega}]
+            size = record.motion_size
+            own += [{"displacement": size}, {"velocity": size * 2 * math.pi * 100.0}]
         if record.cut is not None and record.first_mark is None:
             own += [{"angle": 0.1}, {"speed": 1e-3}]
         elif record.clock_error is not None:  # held by what the marks know of them, see _held
@@ -213,7 +212,7 @@ class Fitter:
             return tuple(pool.map(lambda index: self.linearise(index, state), range(len(self.records))))
 
     def residual_of(self, index: int, state: State) -> np.ndarray:
-        """One record's residual, in units of the noise."""
+        """One record's residual, in units of its scale."""
         return self._residuals(self.records[index], [(state.model, state.angle, state.nuisances[index])])[0]
 
     def residuals_of(self, index: int, variants: Sequence[tuple[Model, float, Nuisances]]) -> np.ndarray:
@@ -223,13 +222,13 @@ class Fitter:
         return np.hstack([self._residuals(record, list(variants)), np.array(held)])
 
     def residuals(self, state: State, indices: Sequence[int] | None = None) -> tuple[np.ndarray, ...]:
-        """Every record's residual, or some records', in units of the noise."""
+        """Every record's residual, or some records', in units of their scale."""
         places = range(len(self.records)) if indices is None else indices
         with ThreadPoolExecutor(WORKERS) as pool:
             return tuple(pool.map(lambda index: self.residual_of(index, state), places))
 
     def cost(self, state: State, indices: Sequence[int] | None = None) -> float:
-        """Half the sum of squared residuals of all records, or of some, in units of the noise."""
+        """Half the sum of squared residuals of all records, or of some, in units of their scale."""
         places = range(len(self.records)) if indices is None else indices
         held = [self._held(self.records[place], state.nuisances[place]) for place in places]
         return 0.5 * sum(float(rest @ rest) for rest in (*self.residuals(state, indices), *held))
@@ -318,7 +317,10 @@ class Fitter:
         return replace(state, nuisances=tuple(changed))
 
     def fit(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5) -> WaveformFit:
-        """Levenberg-Marquardt from a state. Converged: a step changed the cost by less than `tolerance` of itself.
+        """Levenberg-Marquardt from a state.
+
+        Converged: the last step lowered the cost by less than `tolerance` of itself, or none, however short, lowers it any
+        more (at a kink of a law, or with an unknown at its bound).
 
         Slopes are computed anew after every step: steps with kept slopes cost a tenth, but creep along the valley between
         the cutting coefficients, and need tens of times as many.

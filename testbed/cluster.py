@@ -86,7 +86,7 @@ def _started(given: _ClusterFile, path: object) -> Any:
         import dask_jobqueue
     except ImportError:
         raise InputProblem(path, f"kind {given.kind} needs dask-jobqueue, which is not installed",  # type: ignore[arg-type]
-                           "pip install dask-jobqueue") from None
+                           _INSTALL) from None
     try:
         cluster = getattr(dask_jobqueue, _QUEUES[given.kind])(**given.options)
     except (TypeError, ValueError) as problem:

@@ -96,7 +96,6 @@ def _listed(document: Document, known: Mapping[str, Variable], catalogue: Mappin
     if not isinstance(listed, list) or not listed:
         raise document.problem(("tests",), "holds no test", "write `- {spindle_speed: 3810 rpm, depth_of_cut: 2.9 mm}`")
     points = []
-    names = None
     for number in range(len(listed)):
         path: Path_ = ("tests", number)
         given = _mapping(document, path, (SPEED, DEPTH))
@@ -104,7 +103,6 @@ def _listed(document: Document, known: Mapping[str, Variable], catalogue: Mappin
                   for name, value in given.items()}
         _complete(document, path, given, (SPEED, DEPTH))
         points.append(point(values))
-        names = names or set(values)
     return tuple(points)
 
 

@@ -6,6 +6,7 @@ kilobytes into terabytes. None of that is needed here, so all of it is refused.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -93,12 +94,5 @@ def _check_data(data: h5py.Dataset, path: object, place: str) -> None:
     # Chunks never written cost nothing on the disk and read as the fill value: a claim as much as a bomb is.
     if unpacked > RATIO_COUNTS_FROM and unpacked > MAX_RATIO * max(1, data.id.get_storage_size()):
         raise InputProblem(path, f"{place} unpacks to more than {MAX_RATIO} times its size", "give the plain data")
-    if data.chunks and data.dtype.itemsize * _product(data.chunks) > MAX_BYTES:
+    if data.chunks and data.dtype.itemsize * math.prod(data.chunks) > MAX_BYTES:
         raise InputProblem(path, f"{place} has an absurd chunk size", "write it with smaller chunks")
-
-
-def _product(numbers: tuple[int, ...]) -> int:
-    result = 1
-    for number in numbers:
-        result *= number
-    return result

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -27,7 +28,7 @@ class Feed:
         """Feed a revolution, m; None where it was given a tooth. spindle_speed in rad/s."""
         if self.per == "tooth":
             return None
-        return self.value if self.per == "revolution" else self.value * 2 * 3.141592653589793 / spindle_speed
+        return self.value if self.per == "revolution" else self.value * 2 * math.pi / spindle_speed
 
     def per_tooth(self, spindle_speed: float, flutes: int) -> float:
         """Feed a tooth, m."""

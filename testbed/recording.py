@@ -20,7 +20,8 @@ class Recording:
 
     channels: name -> float array (samples,), all of one length, in `units[name]` (SI unless uncalibrated).
     sampling_rate: Hz; start: time of the first sample, s. origin: measured, synthetic or predicted.
-    marks: times (s) of the tachometer's once-per-revolution marks, empty where there is none.
+    marks: times (s) of the tachometer's once-per-revolution marks, empty where there is none; pulses_per_revolution: of
+    so many pulses they may each be any, not the same one in every record.
     pass_times: times (s) of each tooth pass's start (simulated records only).
     outcome: how a simulated run ended; outcome_time is when (s), NaN if it ran to the end.
     conditions: operating conditions and whatever else is known of the record.
@@ -36,6 +37,7 @@ class Recording:
     outcome: Outcome = "ok"
     outcome_time: float = float("nan")
     conditions: Mapping[str, Any] = field(default_factory=dict)
+    pulses_per_revolution: int = 1
 
     def __post_init__(self) -> None:
         if not self.channels:

@@ -157,11 +157,6 @@ def _example(value: object, si: str) -> str:
     return f"'{match[1] if match else 1} {usual}'".replace(" '", "'")
 
 
-def from_si(value: float, unit: str) -> float:
-    """An SI number in another unit of its dimension, for output."""
-    return value / _SI_OF[spelled(unit)][1]
-
-
 def format_quantity(value: float, unit: str, digits: int | None = 6) -> str:
     """An SI value written in `unit`, as `parse_quantity` reads it; digits=None writes it so that it reads back exactly.
 

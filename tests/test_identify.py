@@ -101,8 +101,22 @@ def test_unbelieved_tests_are_left_out_and_said():
     assert [test.used for test in found.tests] == [True, False, True]
     assert found.tests[1].reason == "it moves"
     assert found.model.structure.natural_frequency_rad == pytest.approx(921.1, abs=0.01)
-    with pytest.raises(ValueError, match="it moves"):
+    with pytest.raises(ValueError, match=r"test 2 \(it moves\)$"):
         identify_multipliers(TRUTH, CUTS[:2], [exact(CUTS[0]), doubtful])
+    with pytest.raises(ValueError, match=r"tests left out: a \(it moves\), b .*, f \(it moves\), and 2 more$"):
+        identify_multipliers(TRUTH, CUTS[:1] * 8, [doubtful] * 8, names="abcdefgh")
+
+
+def test_a_cut_too_short_is_left_out_like_one_not_believed():
+    short = Cut(CUTS[1].spindle_speed, 2.9e-3, idle_passes=3, passes=4)
+    tests = records()[:2]
+    found = identify(PAPER_START, [tests[0], (simulate(TRUTH, short), short), tests[1]], starts=1, delays=32)
+    assert [test.used for test in found.tests] == [True, False, True]
+    assert "tooth periods in the cut; at least 6 are needed" in found.tests[1].reason
+    assert found.tests[1].measured.size == 0 and found.tests[1].model.size == 2
+    assert found.model.structure.natural_frequency_rad == pytest.approx(921.1, abs=0.1)
+    with pytest.raises(ValueError, match=r"tests left out: the short one \(. tooth periods"):
+        identify(PAPER_START, [(simulate(TRUTH, short), short)], names=["the short one"])
 
 
 def test_same_seed_same_answer():

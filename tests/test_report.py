@@ -5,6 +5,7 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from campaign_files import BELIEVED, TRUE
 from matplotlib.figure import Figure
 
 from analysis.compare_plots import force_state_map
+from analysis.diagnosis import as_json
+from analysis.diagnosis import verdict_of as verdict_over
 from analysis.force_state import ForceState
 from analysis.report.compare_page import compare_page, verdict_of
 from analysis.report.force_map import add_force_map, force_map_says
@@ -132,6 +135,22 @@ def test_the_story_says_what_was_found():
     assert "3037 rpm and 1.8 mm" in text  # the next test
     assert found.with_effects < 0.9 * found.baseline
     assert "process_damping.coefficient" in text and "one warning" in pages.added().html()
+
+
+def test_the_story_of_one_condition_calls_nothing_held_out():
+    found, said = pages.diagnosis(), {"next_test": None}
+    steps, base = list(found.steps), replace(found.base, fitter=SimpleNamespace(records=pages.records()[:1]))
+    one = verdict_over(base, found.best, steps, found.candidates, found.noise_floor, ())
+    both = verdict_over(found.base, found.best, steps, found.candidates, found.noise_floor, ())
+    assert both.held_out and not one.held_out and one.verdict == both.verdict == "missing_effect"
+    assert "the error on records left out of the fit falls from" in both.sentence
+    assert "the error in the fit (one condition only, nothing held out) falls from" in one.sentence
+    assert as_json(both, BELIEVED)["held_out"] is True and as_json(one, BELIEVED)["held_out"] is False
+    words = ("predicts records it never saw", "left out of the fit", "error, held out", "error held out")
+    texts = [diagnosis_page(told, said, BELIEVED, pages.CATALOGUE, pages.UNITS).html() for told in (both, one)]
+    for word in words:
+        assert word in texts[0] and word not in texts[1], word
+    assert "so nothing was held out" in texts[1] and "so nothing was held out" not in texts[0]
 
 
 def before_and_after(page):

@@ -1,7 +1,6 @@
 """Classes of multipliers and the fast chart against the full eigenvalue problem."""
 
 import math
-import time
 
 import numpy as np
 import pytest
@@ -75,14 +74,11 @@ def test_added_damping_raises_the_limit():
     assert np.sum(damped.classes == 0) > np.sum(plain.classes == 0) > 0
 
 
-def test_forty_thousand_cells_are_charted_in_a_blink():
-    stability_chart(machine(), SPEEDS[:2], DEPTHS[:2])
-    best = math.inf
-    for _ in range(5):
-        begin = time.process_time()
-        stability_chart(machine(), SPEEDS, DEPTHS)
-        best = min(best, time.process_time() - begin)
-    assert best < 0.3  # 0.08 s alone on the machine; the numpy loop takes 2 s
+def test_a_cell_of_forty_thousand_is_what_it_is_in_a_small_chart():
+    whole, part = (stability_chart(machine(), SPEEDS[::step], DEPTHS[::step]) for step in (1, 10))
+    assert whole.classes.shape == (200, 200) and np.isfinite(whole.largest).all()
+    np.testing.assert_array_equal(whole.classes[::10, ::10], part.classes)
+    np.testing.assert_allclose(whole.largest[::10, ::10], part.largest, rtol=1e-12)
 
 
 def test_pictures_are_written_as_png_and_svg(tmp_path):

@@ -12,6 +12,7 @@ import numpy as np
 from analysis.delay_equation import milling_equation
 from analysis.floquet import EmpiricalMultipliers, empirical_multipliers
 from analysis.identify import identify_multipliers
+from analysis.information import Z_95
 from analysis.paper.bench import IDENTIFIED, MASS, Bench, clean_record, course_of, cut_at, measured
 from analysis.paper.errors import START, TESTS
 from analysis.paper.fig6 import DEPTHS, ELEMENTS, SPEEDS
@@ -122,7 +123,7 @@ def make(bench: Bench) -> Part:
         shares[level] = float(np.mean(undecided))
         spread = np.sqrt(np.diag(covariance))
         off = logarithms(centre) - logarithms(IDENTIFIED)
-        cells = (f"{error:+.3%} ({1.96 * one:.3%})" for error, one in zip(off, spread, strict=True))
+        cells = (f"{error:+.3%} ({Z_95 * one:.3%})" for error, one in zip(off, spread, strict=True))
         rows.append((f"{level * 1e6:g} µm", *cells, f"{shares[level]:.2%}", f"{missed[level]:.2%}"))
     # 0.01 of the complex multiplier: its real and imaginary part share it
     error = np.sqrt(np.diag(parameter_covariance(IDENTIFIED, cuts, [0.5e-4 * np.eye(2)] * len(cuts))))

@@ -9,6 +9,7 @@ import numpy as np
 from analysis.amplitude import free_decays
 from analysis.compare import Comparison
 from analysis.constancy import Constancy, constancy
+from analysis.diagnosis import judged_on
 from analysis.report.chart import add_chart
 from analysis.report.constants import add_amplitude, add_constancy
 from analysis.report.force_map import add_force_map
@@ -26,9 +27,7 @@ ForceMap = tuple[str, np.ndarray, np.ndarray, np.ndarray]  # name of a record, x
 def verdict_of(found: Comparison) -> str:
     """The comparison in one sentence."""
     ratio = found.error / max(found.noise_floor, 1e-300)
-    held = (
-        "on records left out of the fit" if found.records[0].held_out else "in the fit (one condition only, nothing held out)"
-    )
+    held = judged_on(found.records[0].held_out)
     if found.adequate:
         return (
             f"The refitted model explains every record down to its noise: error {found.error:.3g} {held}, "

@@ -11,10 +11,11 @@ import numpy as np
 from analysis.amplitude import AmplitudeDependence
 from analysis.constancy import COVARIATES, Constancy, said_p
 from analysis.identify import Estimate
+from analysis.information import Z_95
 from analysis.report.machine import shown
 from analysis.report.packed import listed
 from analysis.report.page import Page, Panel
-from analysis.residual_views import shown_unit
+from analysis.residual_views import drawn_units
 
 COLOURS = ("#3b82c4", "#d1495b", "#2a9d6f", "#e08e2b", "#8b6fc0", "#5b9aa0", "#b5651d", "#c45ab3")
 SYMBOLS = {"natural_frequency": "ω_n", "damping_ratio": "ζ", "tangential_coefficient": "K_t", "normal_coefficient": "K_n"}
@@ -188,11 +189,11 @@ def add_amplitude(page: Page, found: Sequence[AmplitudeDependence], units: Mappi
 
 
 def _decays(found: Sequence[AmplitudeDependence], units: Mapping[str, str], what: str) -> Panel:
-    factor, unit = shown_unit(units.get(found[0].channel, found[0].unit))
+    factors, labels, unit = drawn_units(found, units)
     traces: list[dict[str, Any]] = []
-    for place, one in enumerate(found):
+    for place, (one, factor, label) in enumerate(zip(found, factors, labels, strict=True)):
         colour = COLOURS[place % len(COLOURS)]
-        group = {"name": one.name, "legendgroup": one.name}
+        group = {"name": label, "legendgroup": label}
         if what == "course":
             traces.append(
                 group
@@ -215,7 +216,7 @@ def _decays(found: Sequence[AmplitudeDependence], units: Mapping[str, str], what
                 "x": listed(one.amplitude * factor),
                 "y": listed(values, 7),
                 "marker": {"size": 6, "color": colour},
-                "error_y": {"type": "data", "array": listed(1.96 * errors), "color": colour, "thickness": 1, "width": 2},
+                "error_y": {"type": "data", "array": listed(Z_95 * errors), "color": colour, "thickness": 1, "width": 2},
             }
         )
         fine = np.geomspace(one.amplitude.min(), one.amplitude.max(), 40)
@@ -233,7 +234,8 @@ def _decays(found: Sequence[AmplitudeDependence], units: Mapping[str, str], what
             }
         )
     name = {"frequency": "frequency [Hz]", "damping": "damping ratio", "course": f"amplitude [{unit}]"}[what]
-    ends = [float(edge(edge(one.amplitude) for one in found)) * factor for edge in (min, max)]
+    drawn = np.concatenate([one.amplitude * factor for one, factor in zip(found, factors, strict=True)])
+    ends = float(drawn.min()), float(drawn.max())
     across = (
         {"title": {"text": f"amplitude [{unit}]"}, "type": "log", **log_ticks(*ends)}
         if what != "course"

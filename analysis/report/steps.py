@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.diagnosis import Candidate, Diagnosis
+from analysis.diagnosis import Candidate, Diagnosis, judged_on
 from analysis.report.constants import COLOURS
 from analysis.report.packed import listed
 from analysis.report.page import Page, Panel
@@ -16,8 +16,8 @@ from analysis.report.waveforms import LEFT
 Step = tuple[str, float, float]  # what was done, error, noise floor
 
 
-def add_steps(page: Page, steps: Sequence[Step]) -> None:
-    """The error falling, a bar a step, with the noise floor."""
+def add_steps(page: Page, steps: Sequence[Step], held_out: bool) -> None:
+    """The error falling, a bar a step, with the noise floor. held_out: whether on records left out of the fit."""
     page.heading("How did the error fall, step by step?")
     first, last = steps[0], steps[-1]
     if len(steps) == 1:
@@ -51,13 +51,13 @@ def add_steps(page: Page, steps: Sequence[Step]) -> None:
         "line": {"color": "@ink", "dash": "dot"},
     }
     across = {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": floor, "y1": floor, "line": noise["line"]}
-    height = {"title": {"text": "error, held out"}, "rangemode": "tozero"}
+    height = {"title": {"text": "error, held out" if held_out else "error, in the fit"}, "rangemode": "tozero"}
     layout = {"height": 340, "yaxis": height, "bargap": 0.45, "shapes": [across]}
     page.figure(Panel([bars, noise], layout | {"xaxis": {"type": "category"}}), "error after each step")
 
 
 def add_candidates(page: Page, found: Diagnosis) -> None:
-    """All sets fitted, ranked by their error on records held out."""
+    """All sets fitted, ranked by their error on records held out, or in the fit where nothing could be."""
     page.heading("Which effects were tried, and which explains the records best?")
     fitted = [one for one in found.candidates if one.fit is not None]
     others = sorted({one.effects[-1] for one in found.candidates if one.fit is None and one.effects})
@@ -68,17 +68,19 @@ def add_candidates(page: Page, found: Diagnosis) -> None:
     else:
         best, *rest = fitted
         text = (
-            f"{named(best.effects)} predicts records it never saw best: error {best.error_held_out:.4f}, "
+            f"{named(best.effects)} {'predicts records it never saw' if found.held_out else 'fits'} best: "
+            f"error {best.error_held_out:.4f}, "
             f"BIC lower by {best.delta_bic:.0f} for its last effect"
         )
         page.answer(text + (f"; next comes {named(rest[0].effects)} with {rest[0].error_held_out:.4f}." if rest else "."))
         _candidate_bars(page, found, fitted)
+        held = ("error held out",) if found.held_out else ()
         page.table(
-            ("effects", "error held out", "error in the fit", "gain in BIC", "converged", "parameters"),
+            ("effects", *held, "error in the fit", "gain in BIC", "converged", "parameters"),
             [
                 (
                     named(one.effects),
-                    f"{one.error_held_out:.4f}",
+                    *(f"{one.error_held_out:.4f}" for _ in held),
                     f"{one.error_fit:.4f}",
                     f"{one.delta_bic:.1f}",
                     "yes" if one.converged else "no",
@@ -119,9 +121,9 @@ def _candidate_bars(page: Page, found: Diagnosis, fitted: Sequence[Candidate]) -
     ]
     layout = {
         "height": 150 + 34 * len(names),
-        "xaxis": {"title": {"text": "error on records held out of the fit"}, "rangemode": "tozero"},
+        "xaxis": {"title": {"text": f"error {judged_on(found.held_out)}"}, "rangemode": "tozero"},
         "yaxis": {"type": "category"},
         "margin": {"l": 130},
         "shapes": shapes,
     }
-    page.figure(Panel([bars, *lines], layout), "held-out error of each set of effects")
+    page.figure(Panel([bars, *lines], layout), "error of each set of effects")

@@ -8,7 +8,7 @@ from typing import Any
 
 from analysis.add_effect import Addition
 from analysis.compare import estimates
-from analysis.diagnosis import Diagnosis
+from analysis.diagnosis import Diagnosis, judged_on
 from analysis.held_out import RecordError, pooled
 from analysis.identify import Estimate
 from analysis.observed import Observed
@@ -103,11 +103,13 @@ def diagnosis_page(
         page.code(next_step)
     for note in notes:
         page.text(note, small=True)
+    if not found.held_out:
+        page.text("One operating condition only, so nothing was held out: every error is that in the fit.", small=True)
     own_steps = [
         ("refitted" if not one.effects else f"+ {one.effects[-1]}", one.error_held_out, pooled(one.errors)[1])
         for one in found.steps
     ]
-    add_steps(page, steps or own_steps or [("refitted", found.baseline, found.noise_floor)])
+    add_steps(page, steps or own_steps or [("refitted", found.baseline, found.noise_floor)], found.held_out)
     best, base = found.best, found.base
     if best.fit is not None and best.fitter is not None:
         records: Sequence[Observed] = best.fitter.records
@@ -142,7 +144,7 @@ def addition_page(
 ) -> Page:
     """The page of one effect added: the error before and after, and what the parameters became."""
     page = Page(f"What does {found.effect} explain?{' ' + name if name else ''}")
-    held = "on records left out of the fit" if found.held_out else "in the fit (one condition only, nothing held out)"
+    held = judged_on(found.held_out)
     helps = found.after < found.before * (1 - 1e-3)
     way = "falls" if helps else "does not fall"
     page.verdict(
@@ -161,7 +163,8 @@ def addition_page(
     for note in (*notes, *(f"Warning: {warning}" for warning in found.warnings)):
         page.text(note, small=True)
     before = named(tuple(believed.effects)) if believed.effects else "refitted"
-    add_steps(page, [(before, found.before, found.noise_floor), (f"+ {found.effect}", found.after, found.noise_floor)])
+    steps = [(before, found.before, found.noise_floor), (f"+ {found.effect}", found.after, found.noise_floor)]
+    add_steps(page, steps, found.held_out)
     sets = {frozenset[str](): found.records_before, frozenset({found.effect}): found.records_after}
     chosen = worst_first(looks(records, units), found.records_before)
     add_ticks(page, chosen, sets, frozenset({found.effect}))

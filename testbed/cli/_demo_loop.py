@@ -195,7 +195,7 @@ def add_story(page: Any, loop: Loop) -> None:
                 ("error / noise floor, now", f"{error['after'] / error['noise_floor']:.2f}")))
     steps = [("refitted" if not one.effects else f"+ {one.effects[-1]}", one.error_held_out, pooled(one.errors)[1])
              for one in found.steps]
-    add_steps(page, steps)
+    add_steps(page, steps, found.held_out)
     add_candidates(page, found)
     if not found.best.effects:
         return

@@ -127,7 +127,7 @@ def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, se
 
     tests = cut_tests(records, model.cutter.flutes, path)
     start = start_from_ring_downs(model, records, tests)
-    found = identify(start, [(test.recording, test.cut) for test in tests], seed=seed)
+    found = identify(start, [(test.recording, test.cut) for test in tests], names=[test.name for test in tests], seed=seed)
     rows = tuple({"name": test.name, "spindle_speed": test.cut.spindle_speed,
                   "axial_depth_of_cut": test.cut.axial_depth_of_cut, "measured": result.measured,
                   "model": result.model, "used": result.used, "reason": result.reason}
@@ -137,13 +137,14 @@ def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, se
 
 
 def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catalogue: Any, model_file: object) -> Identified:
-    """Fit the whole waveform of every record with the simulator."""
+    """Fit the whole waveform of every record with the simulator, the parameters of the model's effects too."""
     from analysis.compare import estimates
+    from analysis.effect_start import all_free
     from analysis.starts import base_fit
     from testbed.cli._fitting import observed_records, plant_of
 
     observed = observed_records(records, model, path, model_file)
-    fitter, fit = base_fit(plant_of(catalogue), observed, model)
+    fitter, fit = base_fit(plant_of(catalogue), observed, model, free=all_free(observed, model, catalogue))
     chi_square = fit.squares / max(1, sum(residual.size for residual in fit.residuals) - len(fit.names))
     return Identified(fit.state.model, estimates(fitter, fit, catalogue), (),
                       {"chi_square": chi_square, "converged": fit.converged})

@@ -28,7 +28,7 @@ def command(name: str, model_file: str, campaign: str, output: str, report: str 
     Nothing here is random: --seed changes nothing.
     """
     from analysis.add_effect import add_effect, as_json
-    from testbed.cli._fitting import channel_units, plant_of, read_both, sign_of_life, uncalibrated
+    from testbed.cli._fitting import channel_units, doubts, plant_of, read_both, sign_of_life, uncalibrated
     from testbed.model_file import write_model
 
     answer = Answer(json_file, quiet)
@@ -47,15 +47,16 @@ def command(name: str, model_file: str, campaign: str, output: str, report: str 
     except ValueError as problem:
         raise InputProblem(campaign, str(problem), "add a record that shows it") from None
     write_model(found.model, output, catalogue)
-    _say(answer, found, uncalibrated(read))
+    notes = [*uncalibrated(read), *doubts(read)]
+    _say(answer, found, notes)
     answer.say(f"written: {output}")
     if folder is not None:
         from analysis.report.story_page import addition_page
 
         page = addition_page(found, records, model, channel_units(read),
-                             notes=[f"{campaign} against {model_file}", *uncalibrated(read)])
+                             notes=[f"{campaign} against {model_file}", *notes])
         answer.say(f"open {page.write(folder / 'report.html')}")
-    answer.finish(as_json(found))
+    answer.finish(as_json(found) | {"notes": notes})
 
 
 def _effect(name: str, catalogue: Any) -> Any:

@@ -57,7 +57,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
                                 notes=[f"{campaign} against {model_file}", *notes])
             report = page.write(pictures / "report.html")
         answer.say(f"{len(paths)} pictures are in {pictures}; open {report}")
-    answer.finish(as_json(found))
+    answer.finish(as_json(found) | {"notes": notes})
 
 
 def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:

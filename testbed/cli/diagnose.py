@@ -33,11 +33,13 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
             quiet: bool) -> None:
     """Fit MODEL.yaml to the campaign, then with each effect of the catalogue, and compare on records held out of the fit.
 
+    With one operating condition nothing can be held out: the errors are then those in the fit, and the answer says so.
+
     An honest "these records cannot tell" is an answer too. Only --false-alarms draws random numbers, from --seed.
     """
     from analysis.diagnose import diagnose
     from analysis.diagnosis import as_json
-    from testbed.cli._fitting import channel_units, plant_of, read_both, sign_of_life, uncalibrated
+    from testbed.cli._fitting import channel_units, doubts, plant_of, read_both, sign_of_life, uncalibrated
     from testbed.effect import DECOYS
 
     answer = Answer(json_file, quiet)
@@ -47,9 +49,10 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     with sign_of_life("fitting the believed model to all records", quiet) as say:
         found = diagnose(plant_of(catalogue), records, model, catalogue, say=say,
                          **({"most": MANY} if until_adequate else {}))
-    for note in uncalibrated(read):
+    notes = [*uncalibrated(read), *doubts(read)]
+    for note in notes:
         answer.say(note)
-    said = as_json(found, model)
+    said = as_json(found, model) | {"notes": notes}
     _say(answer, found, said, campaign, model_file)
     if decoys:
         said["decoys"] = _decoys(answer, found, catalogue)
@@ -62,7 +65,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         from analysis.report.story_page import diagnosis_page
 
         page = diagnosis_page(found, said, model, catalogue, channel_units(read),
-                              notes=[f"{campaign} against {model_file}", *uncalibrated(read)],
+                              notes=[f"{campaign} against {model_file}", *notes],
                               next_step=_next_step(found, campaign, model_file), force_maps=_force_maps(found, catalogue))
         answer.say(f"open {page.write(folder / 'report.html')}")
     answer.finish(said)
@@ -149,24 +152,27 @@ def _say(answer: Answer, found: Any, said: Any, campaign: str, model_file: str) 
     answer.say(f"{found.verdict.replace('_', ' ')}: {', '.join(found.effects)}" if found.effects
                else found.verdict.replace("_", " "))
     answer.say(found.sentence)
-    rows = [(" + ".join(one.effects), f"{one.error_fit:.4f}", f"{one.error_held_out:.4f}", f"{one.delta_bic:.1f}",
-             "yes" if one.converged else "no") for one in found.candidates if one.fit is not None]
+    held = ("held out",) if found.held_out else ()
+    rows = [(" + ".join(one.effects), f"{one.error_fit:.4f}", *(f"{one.error_held_out:.4f}" for _ in held),
+             f"{one.delta_bic:.1f}", "yes" if one.converged else "no") for one in found.candidates if one.fit is not None]
     if rows:
         answer.say()
-        answer.table(("tried", "error in the fit", "held out", "gain in BIC", "converged"), rows)
+        answer.table(("tried", "error in the fit", *held, "gain in BIC", "converged"), rows)
         others = [one.effects[-1] for one in found.candidates if one.fit is None]
         if others:
             answer.say(f"ruled out by a first step: {', '.join(others)}")
     answer.say()
-    answer.table(("error, held out", "value"), [(name.replace("_", " "), f"{value:.4f}")
-                                                for name, value in said["error"].items()])
+    error = "error, held out" if found.held_out else "error, in the fit"
+    answer.table((error, "value"), [(name.replace("_", " "), f"{value:.4f}") for name, value in said["error"].items()])
+    if not found.held_out:
+        answer.say("one operating condition only, so nothing was held out")
     answer.say()
     answer.table(("parameter", "believed", "refitted"),
                  [(name, shown(one["before"], one["unit"]), shown(one["after"], one["unit"]))
                   for name, one in said["base_parameters"].items()])
     if len(found.steps) > 1:
         answer.say()
-        answer.table(("step", "effects", "error, held out", "noise floor"),
+        answer.table(("step", "effects", error, "noise floor"),
                      [(str(number), " + ".join(step.effects) or "as believed", f"{step.error_held_out:.4f}",
                        f"{found.noise_floor:.4f}") for number, step in enumerate(found.steps)])
     if found.next_test is not None:

@@ -25,8 +25,9 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
     """Estimate the machine of DATA (an HDF5 data set or a campaign.yaml), starting from MODEL.yaml.
 
     The multipliers of a cut are those of the linear machine: they know nothing of effects. --method waveform simulates
-    the model with its effects. Intervals are 95 %.
+    the model with its effects, and fits their parameters too. Intervals are 95 %.
     """
+    from testbed.cli._fitting import doubts, uncalibrated
     from testbed.cli._measured import identify_by_multipliers, identify_by_waveform, load_records
     from testbed.model_file import read_model, write_model
 
@@ -44,11 +45,14 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
     except (ValueError, ArithmeticError) as problem:
         raise InputProblem(data, str(problem), "add tests with a clear entry transient, or try --method waveform"
                            if multipliers else "check the records with testbed inspect") from None
+    notes = [*([] if multipliers else uncalibrated(records)), *doubts(records)]  # multipliers have no unit
+    for note in notes:
+        answer.say(note)
     _say(answer, found)
     if output is not None:
         write_model(found.model, output, catalogue)
         answer.say(f"written: {output}")
-    answer.finish({"method": method, "parameters": found.parameters, "tests": found.tests, **found.quality})
+    answer.finish({"method": method, "parameters": found.parameters, "tests": found.tests, **found.quality, "notes": notes})
 
 
 def _say(answer: Answer, found: Any) -> None:

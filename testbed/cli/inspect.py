@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from analysis.inspection import Inspection
     from analysis.record_report import RecordReport
 
-_RPM = 30.0 / 3.141592653589793
+_RPM = 30.0 / math.pi
 _SHOWN = {"m": (1e6, "um"), "m/s": (1e3, "mm/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
 
 

@@ -143,7 +143,7 @@ def _write_once(path: Path, text: str) -> None:
 
 
 @lru_cache(maxsize=16)
-def _compose(key: str, kernels: tuple[str, ...], text: str) -> ModuleType:
+def _compose(key: str, text: str) -> ModuleType:
     name = f"testbed_kernels_{key}"
     path = cache_folder() / f"{name}.py"
     _write_once(path, text)
@@ -178,6 +178,6 @@ def _composed(effects: Mapping[str, Effect], kernels: tuple[str, ...]) -> Module
     stamp = "|".join([text, sources, modules, version("numba"), version("numpy"), sys.version])
     _loading.clear()
     _loading.update(effects)
-    module = _compose(sha256(stamp.encode()).hexdigest()[:16], kernels, text)
+    module = _compose(sha256(stamp.encode()).hexdigest()[:16], text)
     _modules[id(effects), kernels] = (effects, module)
     return module

@@ -52,15 +52,16 @@ def assemble(
         notes.append(
             f"{repeats} of {len(next(iter(channels.values())))} samples repeat the one before: samples may be doubled"
         )
-    found = np.empty(0)
+    found, pulses = np.empty(0), 1
     if "tachometer" in channels:
         source = sources["tachometer"]
+        pulses = source.pulses_per_revolution
         found, more = tachometer.marks(
             channels["tachometer"],
             base.sampling_rate,
             base.start,
             rising=source.edge == "rising",
-            pulses_per_revolution=source.pulses_per_revolution,
+            pulses_per_revolution=pulses,
         )
         notes += more
     facts = dict(conditions or {})
@@ -73,6 +74,7 @@ def assemble(
         start=base.start,
         marks=found,
         conditions={**facts, "dropped_samples": sum(count for _, count in base.dropped), "repeated_samples": repeats},
+        pulses_per_revolution=pulses,
     )
     return recording, tuple(dict.fromkeys(notes))
 

@@ -75,9 +75,13 @@ class Header:
     notes: tuple[str, ...]
 
 
-def _fields(line: str, delimiter: str | None) -> list[str]:
-    line = line.lstrip("#%/ ") if line.lstrip().startswith(("#", "%", "//")) else line
+def split_fields(line: str, delimiter: str | None) -> list[str]:
+    """Fields of a line without blanks and quotes."""
     return [field.strip().strip('"').strip() for field in line.split(delimiter)]
+
+
+def _uncommented(line: str) -> str:
+    return line.lstrip("#%/ ") if line.lstrip().startswith(("#", "%", "//")) else line
 
 
 def _is_unit_row(fields: list[str]) -> bool:
@@ -102,7 +106,7 @@ def read_header(path: Path, lines: list[str], delimiter: str | None, count: int,
     Raises InputProblem where the header says that a comma delimiter and a decimal comma were mixed.
     """
     notes: list[str] = []
-    above = [_fields(line, delimiter) for line in lines if line.strip()][-4:]
+    above = [split_fields(_uncommented(line), delimiter) for line in lines if line.strip()][-4:]
     names, units = None, [""] * count
     unit_row = None
     for fields in reversed(above):
@@ -136,13 +140,13 @@ def read_header(path: Path, lines: list[str], delimiter: str | None, count: int,
         notes.append("no header found: columns are named by number from 1")
     units = unit_row if unit_row is not None else [unit_in_name(name) for name in names]
     units = [unit or unit_in_name(name) for unit, name in zip(units, names, strict=True)]
-    rate, tolerance = _stated_rate(lines, delimiter, notes)
+    rate, tolerance = _stated_rate(lines, notes)
     if decimal_comma:
         units = [unit.replace(",", ".") for unit in units]
     return Header(unique_names(names, notes), units, named, rate, tolerance, tuple(notes))
 
 
-def _stated_rate(lines: list[str], delimiter: str | None, notes: list[str]) -> tuple[float | None, float]:
+def _stated_rate(lines: list[str], notes: list[str]) -> tuple[float | None, float]:
     """Sampling rate (Hz) in the junk above the table and its relative rounding error."""
     for line in lines:
         for pattern, is_step in ((_RATE, False), (_STEP, True)):

@@ -40,7 +40,7 @@ def read_tdms(path: Path, *, key: str | None = None) -> Table:
     units = {
         name: str(properties.get("unit_string", "")) for name, (_, _, _, properties) in zip(names, found, strict=True)
     }
-    return Table(path, columns, units, _rate(path, [properties for *_, properties in found], notes), 1e-9, tuple(notes))
+    return Table(path, columns, units, _rate(path, [properties for *_, properties in found]), 1e-9, tuple(notes))
 
 
 def _contents(
@@ -67,7 +67,7 @@ def _contents(
     return found, groups, status
 
 
-def _rate(path: Path, properties: list[dict], notes: list[str]) -> float | None:
+def _rate(path: Path, properties: list[dict]) -> float | None:
     """The sampling rate all channels agree on."""
     steps = {
         float(entry["wf_increment"]) for entry in properties if isinstance(entry.get("wf_increment"), (int, float))

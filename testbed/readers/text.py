@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from testbed.problem import InputProblem
-from testbed.readers.header import Header, read_header
+from testbed.readers.header import Header, read_header, split_fields
 from testbed.readers.table import Table
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$|[+-]?(nan|inf|infinity)$", re.IGNORECASE)
@@ -47,11 +47,6 @@ class _Layout:
             _is_number(field, self.decimal_comma) for field, wanted in zip(fields, self.numeric, strict=True) if wanted
         ]
         return all(hit is not False for hit in found) and any(found)
-
-
-def split_fields(line: str, delimiter: str | None) -> list[str]:
-    """Fields of a line without blanks and quotes."""
-    return [field.strip().strip('"').strip() for field in line.split(delimiter)]
 
 
 def _number(field: str, decimal_comma: bool) -> float:
@@ -165,7 +160,7 @@ def _first_row(path: Path, lines: list[str], layout: _Layout, skip_rows: int) ->
     )
 
 
-def _body(path: Path, lines: list[str], first: int, layout: _Layout, notes: list[str]) -> tuple[list[str], list[int]]:
+def _body(lines: list[str], first: int, layout: _Layout, notes: list[str]) -> tuple[list[str], list[int]]:
     """The lines of the body and their numbers in the file, without blank ones; a cut-off last line is dropped."""
     body, numbers = [], []
     for number, line in enumerate(lines[first:], first + 1):
@@ -270,7 +265,7 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None) -
     layout = _find_layout(path, lines[skip_rows:], _spelled(delimiter))
     first = _first_row(path, lines, layout, skip_rows)
     header = read_header(path, lines[:first], layout.delimiter, layout.fields, layout.decimal_comma)
-    body, numbers = _body(path, lines, first, layout, notes)
+    body, numbers = _body(lines, first, layout, notes)
     used = [index for index, numeric in enumerate(layout.numeric) if numeric]
     names = [header.names[index] for index in used]
     values = _parse_fast(body, layout)

@@ -1,13 +1,18 @@
 """Frequency and damping against amplitude, against closed forms and a brute-force integration."""
 
+import json
 import math
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
 from analysis.amplitude import amplitude_dependence, course, free_decays
+from analysis.compare_plots import by_amplitude
 from analysis.observed import Observed, drift_basis
+from analysis.report.constants import add_amplitude
+from analysis.report.page import Page
 from analysis.segments import Segment
 
 FREQUENCY, RATE, START, NOISE = 147.0, 12800.0, 1e-4, 1e-6
@@ -109,3 +114,19 @@ def test_only_the_free_part_of_a_moving_channel_is_used():
     assert found.frequency_verdict == "rises" and found.name == "r" and found.unit == "m"
     assert free_decays([observed(values, "excited", ())]) == ()
     assert free_decays([observed(values, "cut", (Segment("ring-down", 0, end),), "force_x")]) == ()
+
+
+@pytest.mark.parametrize(("channels", "units", "said", "factors"), [
+    (("displacement",), {"displacement": "m"}, "µm", (1e6,)), (("displacement",), {"displacement": "V"}, "V", (1.0,)),
+    (("displacement", "velocity"), {"displacement": "m", "velocity": "m/s"}, "µm, mm/s", (1e6, 1e3))])
+def test_each_amplitude_is_drawn_in_its_channel_s_own_unit(channels, units, said, factors):
+    decays = [amplitude_dependence(decay(), RATE, channel, channel) for channel in channels]
+    figure = Figure()
+    by_amplitude(figure, decays, units)
+    left = figure.axes[0]
+    assert left.get_xlabel() == f"amplitude [{said}]"
+    for drawn, one, factor in zip(left.containers, decays, factors, strict=True):
+        assert drawn.lines[0].get_xdata() == pytest.approx(one.amplitude * factor)
+    page = Page("decays")
+    add_amplitude(page, decays, units)
+    assert json.dumps(f"amplitude [{said}]") in page.html()

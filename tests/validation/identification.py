@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.identify import identify
+from analysis.information import Z_95
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.engines import mujoco_engine
 from testbed.recording import Recording
@@ -49,7 +50,7 @@ def errors(records: list[tuple[Recording, Cut]]) -> dict[str, tuple[float, bool,
     """Relative error of every parameter, whether its interval holds the truth, and the relative sigma it states."""
     found = identify(START, records).parameters
     return {name: (found[name].value / truth - 1.0, found[name].low <= truth <= found[name].high,
-                   (found[name].high - found[name].low) / (2 * 1.96 * truth))
+                   (found[name].high - found[name].low) / (2 * Z_95 * truth))
             for name, truth in TRUTH.items()}
 
 

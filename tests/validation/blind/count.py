@@ -7,11 +7,14 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from scipy.stats import binomtest
+
 from tests.validation.blind.judge import RESULTS
 from tests.validation.claims import Claim, Section
 
 VISIBLE = 1.02  # error over noise floor above which something is visible
 WORTH = 0.03  # misfit, relative to the record, from which an effect must be named
+QUIET = ("adequate", "not_converged")  # verdicts that say of no effect, known or unknown, that it is there
 
 
 def misfit(one: dict[str, Any]) -> float:
@@ -24,8 +27,16 @@ def share(part: Sequence[Any], whole: Sequence[Any]) -> str:
     return f"{len(part)} of {len(whole)}" + (f" ({len(part) / len(whole):.0%})" if whole else "")
 
 
-def _claim(what: str, target: str, part: Sequence[Any], whole: Sequence[Any], good: bool) -> Claim:
-    return Claim(what, target, share(part, whole), good if whole else None)
+def interval(count: int, of: int) -> str:
+    """The exact 95 % interval (Clopper and Pearson 1934) of the probability behind `count` of `of`; empty without a trial."""
+    if not of:
+        return ""
+    found = binomtest(count, of).proportion_ci(0.95, method="exact")
+    return f"95 %: {100 * found.low:.0f} to {100 * found.high:.0f} %"
+
+
+def _claim(what: str, target: str, part: Sequence[Any], whole: Sequence[Any], good: bool | None) -> Claim:
+    return Claim(what, target, share(part, whole), good if whole else None, interval(len(part), len(whole)))
 
 
 def _remark() -> str:
@@ -46,14 +57,15 @@ def check() -> Section:
     right = [one for one in worth if set(one["effects"]) == set(one["hidden"])]
     named = [one for one in every if one["verdict"] == "missing_effect"]
     wrong = [one for one in worth if one["verdict"] == "missing_effect" and not set(one["effects"]) <= set(one["hidden"])]
-    alarms = [one for one in kinds["none"] if one["verdict"] in ("missing_effect", "undecided")]
+    alarms = [one for one in kinds["none"] if one["verdict"] not in QUIET]
     seen = [one for one in kinds["one"] if one["baseline"] > VISIBLE * one["noise_floor"]]
     seen_right = [one for one in seen if set(one["effects"]) == set(one["hidden"])]
     pairs = [one for one in kinds["pair"] if misfit(one) > WORTH]
     both = [one for one in pairs if set(one["effects"]) == set(one["hidden"])]
     complete = [one for one in pairs if one["effects"] and set(one["effects"]) <= set(one["hidden"])
                 and one["with_effects"] <= VISIBLE * one["noise_floor"]]
-    visible = [one for one in pairs if one in both or one not in complete]
+    visible = [one for one in pairs if min(one["alone"].values()) > VISIBLE]
+    visible_both = [one for one in visible if one in both]
     unknown = [one for one in kinds["unknown"] if misfit(one) > WORTH]
     said = [one for one in unknown if one["verdict"] == "unexplained"]
     closed = [one for one in right if one["with_effects"] <= 1.05 * one["noise_floor"]]
@@ -64,19 +76,18 @@ def check() -> Section:
         Claim("faults of the program", "0", str(len(made) - len(every)), len(made) == len(every)),
         _claim("one hidden effect worth more than 3 %: named right", ">= 95 %", right, worth, len(right) >= 0.95 * len(worth)),
         _claim("one hidden effect worth more than 3 %: named wrong", "<= 2 %", wrong, worth, len(wrong) <= 0.02 * len(worth)),
-        Claim(f"one hidden effect, however small, that lifts the error above {VISIBLE} noise floors: named right", "told",
-              share(seen_right, seen), None),
+        _claim(f"one hidden effect, however small, that lifts the error above {VISIBLE} noise floors: named right", "told",
+               seen_right, seen, None),
         _claim("nothing hidden: false alarms", "<= 2 %", alarms, kinds["none"], len(alarms) <= 0.02 * len(kinds["none"])),
         _claim("two hidden effects: both named", ">= 85 %", both, pairs, len(both) >= 0.85 * len(pairs)),
-        Claim("two hidden effects: both, or one that leaves nothing visible of the other", "told",
-              share(complete, pairs), None),
-        _claim("two hidden effects, neither of which explains the records alone: both named", ">= 85 %", both, visible,
-               len(both) >= 0.85 * len(visible)),
+        _claim("two hidden effects: both, or one that leaves nothing visible of the other", "told", complete, pairs, None),
+        _claim(f"two hidden effects, either of which alone, fitted from the truth, leaves more than {VISIBLE} noise floors: "
+               "both named", ">= 85 %", visible_both, visible, len(visible_both) >= 0.85 * len(visible)),
         _claim("effect of no catalogue: said so", ">= 80 %", said, unknown, len(said) >= 0.8 * len(unknown)),
         _claim("after a right naming: error within 1.05 noise floors", "all", closed, right, len(closed) == len(right)),
         _claim("true parameters inside their 95 % interval", "90-99 %", inside, values,
                0.90 <= len(inside) / max(1, len(values)) <= 0.99),
-        Claim("those of the machine and of every effect, after all right namings", "told", share(*_calibration(every)), None),
+        _claim("those of the machine and of every effect, after all right namings", "told", *_calibration(every), None),
     )
     return Section(title, claims, (_by_effect(worth), _missed(worth + pairs + unknown + kinds["none"], named)))
 

@@ -22,7 +22,10 @@ from typing import Any
 
 from analysis.compare import estimates
 from analysis.diagnose import diagnose
+from analysis.effect_start import all_free
+from analysis.held_out import held_out_errors, pooled
 from analysis.observed import observe
+from analysis.starts import base_fit
 from testbed.effect import catalogue
 from testbed.engines import predict
 from tests.validation.blind.draw import draw
@@ -62,7 +65,16 @@ def _diagnosed(truth: Any, records: Any, known: Any) -> dict[str, Any]:
             path: {"value": one.value, "low": one.low, "high": one.high, "true": _true(truth, path)}
             for path, one in estimates(found.best.fitter, found.best.fit, known).items() if path != "mark_angle"
         }
+    if truth.kind == "pair":
+        told["alone"] = {name: _left_by(name, truth, observed, known) for name in truth.effects}
     return told
+
+
+def _left_by(name: str, truth: Any, observed: Any, known: Any) -> float:
+    """Error over noise floor of the fit that begins at the truth without the other effect: is that one visible at all?"""
+    model = truth.believed.with_effect(name, **truth.effects[name])
+    error, noise = pooled(held_out_errors(*base_fit(PLANT, observed, model, free=all_free(observed, model, known))))
+    return error / noise
 
 
 def _true(truth: Any, path: str) -> float | None:

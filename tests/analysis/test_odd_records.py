@@ -1,0 +1,98 @@
+"""Records as campaigns of real machines hold them: accelerometers, forces beside motions, rounding converters, many pulses."""
+
+import math
+from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from campaign_files import BELIEVED
+from synthetic_campaign import synthetic_campaign
+
+from analysis.compare import adequacy_tests, controlled
+from analysis.held_out import RecordError, pooled, pooled_doubt
+from analysis.nuisances import Nuisances
+from analysis.observed import Observed, drift_basis, observe
+from analysis.starts import base_fit, decay_start
+from analysis.waveform import Fitter, State
+from testbed.campaign import Record
+from testbed.effect import catalogue
+from testbed.engines import fast, predict
+from testbed.machine import Cutter, Cutting, Model, Structure
+from testbed.recording import CHANNEL_UNITS, Recording
+
+TRUE = Model(Structure(2.573, 146.42, 0.0032), Cutter(), Cutting())
+PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
+                        predict_driven=partial(predict.predict_driven, catalogue=catalogue()))
+RATE = 12800.0
+
+
+def ring_down(model, channel, noise, *, seed=0, displacement=60e-6, samples=3000):
+    clean = PLANT.predict_driven([model], [(displacement, 0.0)], np.zeros(samples), RATE, (channel,))[0, 0]
+    measured = clean + noise * np.random.default_rng(seed).standard_normal(samples)
+    return Record(f"{channel}_{seed}", "ring-down", Recording({channel: measured}, RATE, {channel: CHANNEL_UNITS[channel]},
+                                                              "measured"), {})
+
+
+@pytest.mark.parametrize(("channel", "noise"), (("displacement", 5e-7), ("velocity", 5e-4), ("acceleration", 0.5)))
+def test_whatever_measures_the_motion_a_nonlinear_decay_is_fitted_down_to_its_noise(channel, noise):
+    model = TRUE.with_effect("cubic_stiffness", coefficient=4e13)
+    record = observe(ring_down(model, channel, noise), model)
+    fit = Fitter(PLANT, [record], []).fit(State(model, 0.0, (Nuisances(displacement=58e-6, velocity=1e-4),)), iterations=25)
+    assert fit.converged
+    assert math.sqrt(fit.variance) == pytest.approx(1.0, abs=0.05)
+
+
+def test_two_decays_of_different_modes_start_at_the_one_that_is_believed_in():
+    other = TRUE.with_values({"natural_frequency": 170.0})
+    records = [observe(ring_down(model, "displacement", 5e-7), model) for model in (TRUE, other)]
+    for believed in (150.0, 168.0):
+        started = decay_start(records, TRUE.with_values({"natural_frequency": believed}))
+        expected = 146.42 if believed == 150.0 else 170.0
+        assert started.structure.natural_frequency == pytest.approx(expected, rel=1e-3)
+
+
+def row(quantity, error, size, count=1000, noise=0.1):
+    return RecordError("", error, noise, np.zeros(count), error**2 * size, size, noise**2 * size, 0.02, quantity)
+
+
+def test_a_record_in_micrometres_counts_beside_one_in_newtons():
+    small, large = row("displacement", 1.0, 1e-10), row("force", 0.1, 1e6)
+    error, noise = pooled([small, large])
+    assert error == pytest.approx(math.sqrt((1.0**2 + 0.1**2) / 2)) and noise == pytest.approx(0.1)
+    assert pooled_doubt([small, large]) == pytest.approx(0.02 / math.sqrt(2))
+    assert pooled([row("force", 1.0, 1.0), row("force", 0.1, 9.0)])[0] == pytest.approx(math.sqrt(1.09 / 10))
+
+
+def test_a_fault_in_the_second_channel_alone_is_no_adequate_model():
+    rng = np.random.default_rng(1)
+    noise = rng.standard_normal((2, 4000))
+    fault = 3.0 * np.sin(np.arange(4000) / 7.0)
+    record = Observed("dynamometer", "excited", ("force_x", "force_y"), noise, 1e4, 0.0, np.ones(2), "", drift_basis(4000, 1),
+                      (), ())
+    clean = RecordError("dynamometer", 1.0, 1.0, noise, 1.0, 1.0, 1.0)
+    faulty = replace(clean, residual=noise + [[0.0], [1.0]] * fault)
+    assert not any(test.fails for test in controlled(adequacy_tests(record, clean, 0.0, Nuisances())))
+    failing = {test.test for test in controlled(adequacy_tests(record, faulty, 0.0, Nuisances())) if test.fails}
+    assert failing == {"rms, force_y", "autocorrelation, force_y"}
+
+
+def test_the_step_of_the_converter_is_noise_even_where_the_idle_stays_within_it():
+    (record,) = synthetic_campaign(partial(fast.simulate, steps=37), TRUE, noise=2e-7, tests=((3500, 1.5),),
+                                   course=(10, 30, 10))
+    coarse = np.round(record.recording.channels["displacement"] / 2e-6) * 2e-6
+    rounded = replace(record, recording=replace(record.recording, channels={"displacement": coarse}))
+    assert observe(rounded, BELIEVED).noise[0] == pytest.approx(2e-6 / math.sqrt(12), rel=0.2)
+
+
+def test_with_many_pulses_a_revolution_any_of_them_may_be_the_mark():
+    records = []
+    for number, record in enumerate(synthetic_campaign(partial(fast.simulate, steps=37), TRUE, course=(6, 30, 10),
+                                                       tests=((3500, 1.5), (3810, 2.0), (3050, 1.0)))):
+        shift = number % 2 * np.pi / record.conditions["spindle_speed"]
+        recording = replace(record.recording, marks=record.recording.marks + shift, pulses_per_revolution=2)
+        records.append(observe(replace(record, recording=recording), BELIEVED))
+    _, fit = base_fit(PLANT, records, BELIEVED)
+    assert math.sqrt(fit.variance) == pytest.approx(1.0, abs=0.04)
+    assert fit.state.model.cutting.tangential_coefficient == pytest.approx(TRUE.cutting.tangential_coefficient, rel=0.03)

@@ -1,0 +1,39 @@
+"""How blind campaigns are counted: what is a false alarm, and how sure a share of few campaigns is."""
+
+import json
+
+import pytest
+
+from tests.validation.blind import count
+
+
+def campaign(kind, verdict, hidden=(), effects=(), baseline=0.5):
+    return {"seed": 1, "kind": kind, "made": True, "hidden": {name: {} for name in hidden}, "effects": list(effects),
+            "verdict": verdict, "baseline": baseline, "with_effects": 0.01, "noise_floor": 0.01, "noise": 1e-6,
+            "tachometer": True, "seconds": 1.0}
+
+
+def claims(campaigns, tmp_path, monkeypatch):
+    results = tmp_path / "results.jsonl"
+    results.write_text("".join(json.dumps(one) + "\n" for one in campaigns))
+    monkeypatch.setattr(count, "RESULTS", results)
+    return {one.what: one for one in count.check().claims}
+
+
+@pytest.mark.parametrize(("verdict", "alarm"), [("adequate", False), ("not_converged", False), ("missing_effect", True),
+                                                ("undecided", True), ("unexplained", True)])
+def test_whatever_is_said_to_be_there_where_nothing_is_hidden_is_a_false_alarm(verdict, alarm, tmp_path, monkeypatch):
+    found = claims([campaign("none", verdict)], tmp_path, monkeypatch)["nothing hidden: false alarms"]
+    assert found.found.startswith(f"{int(alarm)} of 1 ") and found.passed is not alarm
+
+
+def test_every_share_tells_how_sure_it_is(tmp_path, monkeypatch):
+    right = [campaign("one", "missing_effect", ["helix"], ["helix"]) for _ in range(10)]
+    found = claims([*right, campaign("none", "adequate")], tmp_path, monkeypatch)
+    named = found["one hidden effect worth more than 3 %: named right"]
+    assert named.note == "95 %: 69 to 100 %"  # 0.025 ** (1 / 10) = 0.69
+    assert found["one hidden effect worth more than 3 %: named wrong"].note == "95 %: 0 to 31 %"
+    assert found["nothing hidden: false alarms"].note == "95 %: 0 to 98 %"
+    shares = [one for one in found.values() if "%)" in one.found]
+    assert len(shares) >= 4 and all(one.note.startswith("95 %: ") for one in shares)
+    assert found["two hidden effects: both named"].note == ""

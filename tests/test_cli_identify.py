@@ -1,0 +1,69 @@
+"""`testbed identify` as a user meets it: a cut too short to use, and an effect that the model has already."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from testbed.engines import fast
+from testbed.model_file import read_model
+from testbed.workshop import write_campaign
+from tests.campaign_files import BELIEVED, TRUE
+from tests.shell import Shell
+from tests.synthetic_campaign import synthetic_campaign
+
+LONG, SHORT = (10, 40, 30), (10, 4, 60)  # revolutions of idling, cutting, ringing down
+TESTS = ((3810, 2.9), (2850, 2.9), (4200, 1.5))
+EFFECT, PATH, STRENGTH = "process_damping", "process_damping.coefficient", 6.0e5
+
+
+@pytest.fixture
+def testbed(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return Shell(capsys)
+
+
+def cuts(*courses, true=TRUE):
+    """A measured cut for each course."""
+    return [
+        synthetic_campaign(fast.simulate, true, seed=number, tests=TESTS[number : number + 1], course=course, rate=6400.0)[0]
+        for number, course in enumerate(courses)
+    ]
+
+
+def clipped(record):
+    """The record of a sensor that is stuck at its limit for five samples about the largest one."""
+    values = record.recording.channels["displacement"].copy()
+    top = int(np.argmax(values))
+    values[top - 2 : top + 3] = values[top] + 0.05 * np.ptp(values)
+    return replace(record, recording=replace(record.recording, channels={"displacement": values}))
+
+
+def test_a_cut_too_short_is_left_out_and_a_clipped_one_is_doubted(testbed):
+    first, second, short = cuts(LONG, LONG, SHORT)
+    write_campaign(Path(), [first, second, clipped(short)], BELIEVED)
+    found = testbed.json("identify", "campaign.yaml", "-m", "model.yaml")
+    assert [test["used"] for test in found["tests"]] == [True, True, False]
+    assert "tooth periods in the cut; at least 6 are needed" in found["tests"][2]["reason"]
+    assert "cut_2 was left out: " in testbed.err and found["tests"][2]["measured"] == []
+    assert found["parameters"]["natural_frequency"]["value"] == pytest.approx(TRUE.structure.natural_frequency, abs=0.1)
+    assert any(note.startswith("cut_2: channel displacement: ") and "are clipped" in note for note in found["notes"])
+    assert all(f"{note}\n" in testbed.err for note in found["notes"])
+
+
+def test_where_only_short_cuts_are_left_they_are_named(testbed):
+    write_campaign(Path(), cuts(SHORT, SHORT), BELIEVED)
+    said = testbed.refused("identify", "campaign.yaml", "-m", "model.yaml")
+    assert said.startswith("error: campaign.yaml: only 0 numbers for 3 parameters; tests left out: cut_0 (")
+    assert ", cut_1 (" in said and said.count("tooth periods in the cut; at least 6 are needed") == 2
+
+
+def test_the_waveform_corrects_an_effect_that_the_model_has(testbed):
+    records = cuts((10, 30, 15), (10, 30, 15), (10, 30, 15), true=TRUE.with_effect(EFFECT, coefficient=STRENGTH))
+    write_campaign(Path(), records, BELIEVED.with_effect(EFFECT, coefficient=STRENGTH / 3))
+    found = testbed.json("identify", "campaign.yaml", "-m", "model.yaml", "--method", "waveform", "-o", "new.yaml")
+    one = found["parameters"][PATH]
+    assert one["value"] == pytest.approx(STRENGTH, rel=0.1) and one["unit"] == "N/m"
+    assert one["low"] < one["value"] < one["high"] < 1.3 * STRENGTH
+    assert read_model("new.yaml").value(PATH) == one["value"] and f"\n{PATH} " in testbed.err
