@@ -18,7 +18,7 @@ from scipy import stats
 from analysis.effect_start import all_free
 from analysis.held_out import RecordError, conditions_of, held_out_errors, pooled, record_error
 from analysis.identify import Estimate
-from analysis.information import effective_size
+from analysis.information import Z_95, autocorrelation, effective_size, independent
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, Plant, predict
 from analysis.segments import Segment
@@ -31,7 +31,6 @@ LAGS = 20  # autocorrelations that the Ljung-Box test looks at
 SECTORS = 36  # of the tooth's turn, for the test against its angle
 FALSE_DISCOVERIES = 0.05  # share of false alarms among the tests that fail (Benjamini and Hochberg 1995)
 TRIVIAL = 0.02  # of the noise: what the rms may exceed it by before it counts
-Z_95 = 1.959964
 DIRECTED = 1.5  # rad: half an interval of an angle from which the direction is unknown
 
 
@@ -226,7 +225,7 @@ def adequacy_tests(record: Observed, error: RecordError, angle: float, own: Nuis
 def _channel_tests(record: Observed, rest: np.ndarray, angle: float, own: Nuisances) -> list[Adequacy]:
     """The tests of one channel's residual (samples,) in units of its noise."""
     rest = rest - rest.mean()
-    size, correlation = _independent(rest)
+    size, correlation = max(independent(rest), LAGS + 2.0), autocorrelation(rest)
     idle = max((s.stop - s.start for s in record.segments if s.kind == "idle"), default=0.0) * record.rate
     ratio = float(rest @ rest) / len(rest)
     p_rms = float(stats.f.sf(ratio / (1.0 + TRIVIAL) ** 2, size, max(idle, 100.0)))
@@ -241,16 +240,6 @@ def _channel_tests(record: Observed, rest: np.ndarray, angle: float, own: Nuisan
         statistic = float(np.sum(count * mean**2)) * size / len(rest) / max(ratio, 1e-300)
         tests.append(Adequacy(record.name, "tooth angle", statistic, float(stats.chi2.sf(statistic, SECTORS - 1))))
     return tests
-
-
-def _independent(rest: np.ndarray) -> tuple[float, np.ndarray]:
-    """(number of independent values, autocorrelation) of a residual about its mean."""
-    power = np.abs(np.fft.rfft(rest, 2 * len(rest))) ** 2
-    correlation = np.fft.irfft(power)[: len(rest)]
-    correlation = correlation / max(float(correlation[0]), 1e-300)
-    small = np.flatnonzero(correlation <= 0.05)
-    last = int(small[0]) if len(small) else len(rest)
-    return max(len(rest) / (1.0 + 2.0 * float(correlation[1:last].sum())), LAGS + 2.0), correlation
 
 
 def controlled(tests: Sequence[Adequacy], level: float = FALSE_DISCOVERIES) -> list[Adequacy]:

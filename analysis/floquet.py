@@ -22,6 +22,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from analysis.belief import held_modes, mode_columns, mode_strength, significant, verdict
+from analysis.information import Z_95
 from analysis.multiplier_fit import MultiplierFit, best_fit, delay_embedding_multipliers, fit_multipliers
 from testbed.recording import Recording
 
@@ -217,7 +218,7 @@ def _modulus_interval(multipliers: np.ndarray, covariance: np.ndarray) -> tuple[
         part = covariance[np.ix_([i, i + rank], [i, i + rank])]
         towards = np.array([multipliers[i].real, multipliers[i].imag]) / max(modulus[i], 1e-12)
         spread[i] = math.sqrt(max(towards @ part @ towards, 0.0))
-    return modulus - 1.96 * spread, modulus + 1.96 * spread
+    return modulus - Z_95 * spread, modulus + Z_95 * spread
 
 
 def _bootstrap(samples: np.ndarray, fit: MultiplierFit, drift: bool, count: int, seed: int) -> np.ndarray:

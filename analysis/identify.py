@@ -17,6 +17,7 @@ from scipy.optimize import least_squares, linear_sum_assignment
 
 from analysis.delay_equation import milling_equation
 from analysis.floquet import EmpiricalMultipliers, TooFewPeriods, empirical_multipliers, tooth_period
+from analysis.information import Z_95
 from analysis.ring_down import ring_down
 from analysis.temporal_elements import characteristic_multipliers
 from testbed.cut import Cut
@@ -181,7 +182,7 @@ def _answer(start, cuts, measured, used, best, numbers, elements) -> Identificat
     chi_square = 2.0 * float(best.cost) / spare if spare else float("nan")
     # a misfit above the multipliers' own errors widens the intervals; one below does not narrow them
     inflation = math.sqrt(max(1.0, chi_square)) if spare else 1.0
-    spread = 1.96 * inflation * np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
+    spread = Z_95 * inflation * np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
 
     def estimate(value: float, log_spread: float, unit: str) -> Estimate:
         half = abs(float(log_spread)) * float(value)

@@ -16,11 +16,16 @@ Z_95 = 1.959964  # standard errors to either side within which 95 % of a normal 
 DELTA_BIC = 10.0  # gain in the criterion from which something is worth having: very strong evidence
 
 
-def independent(values: np.ndarray) -> float:
-    """Number of independent values among `values` (samples,), from their autocorrelation up to where it first dies away."""
+def autocorrelation(values: np.ndarray) -> np.ndarray:
+    """Autocorrelation (samples,) of values about their mean, at lags from 0 on."""
     power = np.abs(np.fft.rfft(values - values.mean(), 2 * len(values))) ** 2
     correlation = np.fft.irfft(power)[: len(values)]
-    correlation = correlation / max(float(correlation[0]), 1e-300)
+    return correlation / max(float(correlation[0]), 1e-300)
+
+
+def independent(values: np.ndarray) -> float:
+    """Number of independent values among `values` (samples,), from their autocorrelation up to where it first dies away."""
+    correlation = autocorrelation(values)
     low = np.flatnonzero(correlation <= 0.05)
     last = int(low[0]) if len(low) else len(values)
     return len(values) / (1.0 + 2.0 * float(correlation[1:last].sum()))

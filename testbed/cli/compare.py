@@ -7,8 +7,9 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, output_folder, shown
+from testbed.cli._answer import Answer, shown
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
+from testbed.cli._places import output_folder
 
 NOTHING = 0.9  # noise over what was measured from which a record says nothing
 
@@ -51,7 +52,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
             states = []
             if not found.adequate:  # of noise there is no map
                 states = force_states(plant_of(catalogue), found.fitter, found.fit, found.errors, catalogue)
-            paths = save(found, pictures, tested, states, map_units(units))
+            paths = save(found, pictures, tested, states, map_units(units), units)
             page = compare_page(found, model, catalogue, units, tested=tested,
                                 force_maps=[(one.name, one.x, one.v, one.force) for one in states],
                                 notes=[f"{campaign} against {model_file}", *notes])
