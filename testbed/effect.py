@@ -202,8 +202,15 @@ class _FromSource(SourceFileLoader):
 
 def _load_module(path: Path) -> ModuleType:
     # named by content, as the cache of compiled kernels is: what it holds refers to the module by this name
+    if not path.stem.isidentifier():
+        raise InputProblem(path, f"'{path.stem}' is no name for an effect", "use letters, digits and _, a letter first")
     try:
-        name = f"testbed_effect_{path.stem}_{sha256(path.read_bytes()).hexdigest()[:8]}"
+        content = path.read_bytes()
+        name = f"testbed_effect_{path.stem}_{sha256(content).hexdigest()[:8]}"
+        content.decode()
+    except UnicodeDecodeError as fault:
+        line = content.count(b"\n", 0, fault.start) + 1
+        raise InputProblem(path, "is not UTF-8 text", "save it as UTF-8", line) from None
     except OSError as fault:
         raise InputProblem(path, f"cannot be read ({fault.strerror})", "check the file and its permissions") from None
     spec = importlib.util.spec_from_file_location(name, path, loader=_FromSource(name, str(path)))
@@ -213,13 +220,13 @@ def _load_module(path: Path) -> ModuleType:
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
-    except Exception as fault:  # a user's file may fail in any way; it becomes one clear line
+    except (Exception, SystemExit) as fault:  # a user's file may fail in any way; it becomes one clear line
         del sys.modules[name]
         raise _problem_of(path, fault) from fault
     return module
 
 
-def _problem_of(path: Path, fault: Exception) -> InputProblem:
+def _problem_of(path: Path, fault: BaseException) -> InputProblem:
     """What went wrong while the file was read, at the last of its lines that had a part in it."""
     line = getattr(fault, "lineno", None)
     for frame in traceback.extract_tb(fault.__traceback__):
@@ -271,7 +278,8 @@ def read_effect(path: Path) -> Effect:
             hooks[name] = function
         elif inspect.isfunction(function) and function.__module__ == module.__name__:
             _check_helper(path, name, function)
-    line = next((number for number, text in enumerate(path.read_text().splitlines(), 1) if text.startswith("EFFECT")), None)
+    lines = path.read_text("utf-8").splitlines()
+    line = next((number for number, text in enumerate(lines, 1) if text.startswith("EFFECT")), None)
     if not hooks:
         raise InputProblem(path, "no hook function in it", f"define one of {', '.join(HOOKS)}", line)
     for state in effect.states:

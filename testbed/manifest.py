@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field, model_validator
 
 from testbed.readers.source import Source, base_name
 from testbed.recording import CHANNEL_UNITS
-from testbed.units import UnitProblem, channel_unit, parse_quantity, spelled
+from testbed.units import UnitProblem, channel_unit, parse_quantity, refuse_decimal_comma, spelled
 from testbed.yaml_text import Document, Strict, above_zero, at_least_zero, did_you_mean, quantity
 
 Kind = Literal["cut", "ring-down", "excited", "idle"]
@@ -38,6 +39,7 @@ class Feed:
 
 def _feed(value: object) -> Feed:
     """A feed in mm/tooth, mm/rev or mm/min. Raises UnitProblem."""
+    refuse_decimal_comma(value)
     text = spelled(str(value))
     for word in ("/revolution", "/rev", "/r", "/turn"):
         if text.endswith(word):
@@ -46,9 +48,10 @@ def _feed(value: object) -> Feed:
     if text.endswith(("/min", "/s")):
         return _positive(value, Feed(parse_quantity(text, "m/s"), "second"))
     try:
-        return _positive(value, Feed(parse_quantity(text, "m/tooth"), "tooth"))
+        number = parse_quantity(text, "m/tooth")
     except UnitProblem:
         raise UnitProblem(f"'{value}' is no feed", "write it as '0.1 mm/tooth', '0.1 mm/rev' or '300 mm/min'") from None
+    return _positive(value, Feed(number, "tooth"))
 
 
 def _positive(value: object, feed: Feed) -> Feed:
@@ -86,13 +89,28 @@ class ChannelEntry(Strict):
     edge: Literal["rising", "falling"] | None = None
 
 
-Channels = dict[str, ChannelEntry | Literal["none"] | None]
+def _unless_none(value: object) -> object:
+    """`none` as no entry: a union of the two would put its own name into the place that a message names."""
+    return None if value == "none" else value
+
+
+Channels = dict[str, Annotated[ChannelEntry | None, BeforeValidator(_unless_none)]]
 
 
 class _Conditions(Strict):
     """Operating conditions and ways of reading; the campaign gives what its records share."""
 
     model_config = ConfigDict(populate_by_name=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_split_number(cls, data: object) -> object:
+        """YAML takes `{depth_of_cut: 2,9 mm}` for 2 and a key `9 mm` without a value. Raises UnitProblem."""
+        for (key, value), (after, rest) in pairwise(data.items() if isinstance(data, dict) else ()):
+            if rest is None and after[:1].isdigit() and isinstance(value, int):
+                raise UnitProblem(f"{key} '{value},{after}' holds a comma", f"write a decimal point: {value}.{after}")
+        return data
+
     channels: Channels = Field(default_factory=dict)
     sampling_rate: quantity("Hz", above_zero) | None = None  # type: ignore[valid-type]
     spindle_speed: quantity("rad/s", above_zero) | None = None  # type: ignore[valid-type]
@@ -116,13 +134,23 @@ class RecordEntry(_Conditions):
     to: Annotated[float, BeforeValidator(_seconds)] | None = None
 
 
+def _listed_records(value: object) -> object:
+    """The list under `records`. Raises UnitProblem where there is none."""
+    example = "{file: cut_1.csv, kind: cut, spindle_speed: 3810 rpm, depth_of_cut: 2.9 mm, feed: 0.1 mm/tooth}"
+    if value is None:
+        raise UnitProblem("holds no record", f"write under it, one line a record, `- {example}`")
+    if not isinstance(value, list):
+        raise UnitProblem("is no list of records", f"begin each record with a dash: `- {example}`")
+    return value
+
+
 class ManifestEntry(_Conditions):
     """The whole file."""
 
     name: str
     note: str | None = None
     folder: str | None = None
-    records: list[RecordEntry] = Field(min_length=1)
+    records: Annotated[list[RecordEntry], BeforeValidator(_listed_records)] = Field(min_length=1)
 
 
 def check_channels(document: Document, manifest: ManifestEntry) -> None:
@@ -151,7 +179,7 @@ def sources(manifest: ManifestEntry, record: RecordEntry) -> tuple[dict[str, Sou
     for name in dict.fromkeys([*manifest.channels, *record.channels]):
         common, own = manifest.channels.get(name), record.channels.get(name, "inherit")
         chosen = common if own == "inherit" else own
-        if chosen in (None, "none"):
+        if chosen is None:
             time = "none" if name == "time" else time
             continue
         merged: dict[str, Any] = {}

@@ -25,6 +25,8 @@ from testbed.machine import Cutter, Cutting, Direction, Model, Structure, radial
 from testbed.units import UnitProblem, format_quantity, parse_quantity
 from testbed.yaml_text import Document, Path_, Strict, above_zero, did_you_mean, in_unit, load, parse, validate
 
+LARGEST_COEFFICIENT = 1e12  # N/m^2: the hardest alloys are cut at some 1e4 N/mm^2
+
 
 def _below_one(number: float) -> str | None:
     return None if 0.0 <= number < 1.0 else "must be at least 0 and below 1"
@@ -36,6 +38,14 @@ def _immersion(number: float) -> str | None:
 
 def _helix(number: float) -> str | None:
     return None if abs(number) < math.pi / 2 else "must lie between -90 deg and 90 deg"
+
+
+def _coefficient(number: float) -> str | None:
+    return None if abs(number) <= LARGEST_COEFFICIENT else "lies beyond 1e6 N/mm^2: is the unit right?"
+
+
+def _tangential(number: float) -> str | None:
+    return above_zero(number) or _coefficient(number)
 
 
 class _Structure(Strict):
@@ -55,8 +65,8 @@ class _Cutting(Strict):
     direction: Direction = "up-milling"
     immersion: Annotated[float | None, in_unit("1", _immersion)] = None
     radial_depth: Annotated[float | None, in_unit("m", above_zero)] = None
-    tangential_coefficient: Annotated[float, in_unit("N/m^2")]
-    normal_coefficient: Annotated[float, in_unit("N/m^2")]
+    tangential_coefficient: Annotated[float, in_unit("N/m^2", _tangential)]
+    normal_coefficient: Annotated[float, in_unit("N/m^2", _coefficient)]
 
 
 class _ModelFile(Strict):

@@ -53,6 +53,7 @@ _EXAMPLES = ("um", "mm", "m/s", "m/s^2", "g", "N", "V", "rad", "deg", "Hz", "rpm
 _SI_FACTOR = r"(?:1|m|kg|s|N|rad|Hz|Pa|J|W|V|A|K)(?:\^-?\d+(?:\.\d+)?)?"
 _SI_UNIT = re.compile(rf"{_SI_FACTOR}(?: {_SI_FACTOR})*(?:/(?:{_SI_FACTOR}|\({_SI_FACTOR}(?: {_SI_FACTOR})*\)))?")
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+_COMMA = re.compile(r"\s*([+-]?)(\d*),(\d+(?:[eE][+-]?\d+)?)(?![\d.,])\s*(.*?)\s*", re.DOTALL)
 
 
 class UnitProblem(ValueError):
@@ -143,12 +144,27 @@ def parse_quantity(value: object, si: str) -> float:
         raise UnitProblem("is empty", example)
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise UnitProblem(f"'{value}' is not a number with a unit", example)
+    refuse_decimal_comma(value)
     match = _NUMBER.fullmatch(str(value))
     if match is None or not math.isfinite(float(match[1])):
         raise UnitProblem(f"'{value}' is not a finite number", example)
     if not match[2] and target != "1":
         raise UnitProblem(f"{value} has no unit", f"{example} (known here: {', '.join(known_units(target))})")
     return float(match[1]) * factor_to(match[2], target)
+
+
+def refuse_decimal_comma(value: object) -> None:
+    """Raises UnitProblem for a number with a comma, such as `12,8 kHz`, and says how to write it."""
+    match = _COMMA.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        return
+    sign, whole, rest, unit = match.groups()
+    unit = f" {unit}" if unit else ""
+    # three digits behind the comma may also be thousands
+    thousands = f", or {sign}{whole}{rest}{unit} if thousands are meant" if whole and re.fullmatch(r"\d{3}", rest) else ""
+    raise UnitProblem(
+        f"'{value}' holds a comma", f"write a decimal point: {sign}{whole or 0}.{rest}{unit}{thousands}"
+    )
 
 
 def _example(value: object, si: str) -> str:

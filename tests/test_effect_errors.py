@@ -61,6 +61,7 @@ FAULTS = {
     "a module that does not compile": (LAW, "    import os\n    return os.getpid()\n", "does not compile"),
     "unknown name": (LAW, "    return -coefficient * velocty\n", "velocty"),
     "numpy array": (LAW, "    return (coefficient, velocity)\n", "not a number"),
+    "leaves the program": ("import math\n", "import math\nimport sys\n\nsys.exit(3)\n", "SystemExit: 3"),
     "no return": (LAW, "    coefficient * velocity\n", "not a number"),
 }
 
@@ -128,6 +129,25 @@ def test_the_line_is_named_in_a_folder_given_as_a_relative_path_too(tmp_path, mo
             read_effect(Path("my_drag.py")) if fault != "a dictionary" else catalogue(".")
         assert caught.value.line is not None, fault
     assert "Numba" not in "".join(str(one.category) for one in recwarn)
+
+
+@pytest.mark.parametrize("cookie", ["", "# -*- coding: latin-1 -*-\n"])
+def test_a_file_that_is_not_utf_8_is_refused_with_its_line(cookie, tmp_path):
+    path = tmp_path / "my_drag.py"
+    path.write_bytes((cookie + GOOD.replace(LAW, "    # Dämpfung\n" + LAW)).encode("latin-1"))
+    with pytest.raises(InputProblem) as caught:
+        catalogue(tmp_path)
+    assert "is not UTF-8 text" in one_line(caught.value, path)
+    assert path.read_bytes().splitlines()[caught.value.line - 1] == b"    # D\xe4mpfung"
+
+
+@pytest.mark.parametrize("name", ["my drag", "2nd", "my-drag", "my.drag"])
+def test_a_file_whose_name_no_model_file_could_bear_is_refused(name, tmp_path):
+    path = tmp_path / f"{name}.py"
+    path.write_text(GOOD)
+    with pytest.raises(InputProblem) as caught:
+        catalogue(tmp_path)
+    assert f"'{name}' is no name for an effect" in one_line(caught.value, path)
 
 
 def test_a_name_of_the_catalogue_is_not_taken_again(tmp_path):

@@ -57,6 +57,10 @@ def test_radial_depth_stands_for_immersion():
     ("  immersion: 0.162\n", "", 6, "gives no immersion"),
     ("immersion: 0.162", "immersion: 0.162\n  radial_depth: 4 mm", 6, "gives both"),
     ("immersion: 0.162", "radial_depth: 40 mm", 8, "above the cutter's diameter"),
+    ("550 N/mm^2", "-600 N/mm^2", 9, "tangential_coefficient: '-600 N/mm^2' must be above 0"),
+    ("550 N/mm^2", "0 N/mm^2", 9, "must be above 0"),
+    ("550 N/mm^2", "1e300 N/mm^2", 9, "lies beyond 1e6 N/mm^2"),
+    ("200 N/mm^2", "-2e6 N/mm^2", 10, "normal_coefficient: '-2e6 N/mm^2' lies beyond 1e6 N/mm^2"),
     ("up-milling", "upmilling", 7, "one of 'up-milling' or 'down-milling'"),
     ("process_damping:", "proces_damping:", 12, "did you mean process_damping?"),
     ("{coefficient:", "{coeficient:", 12, "did you mean coefficient?"),
@@ -89,6 +93,13 @@ def test_cutter_and_cutting_stand_or_fall_together(part):
 def test_what_is_no_model_is_an_input_problem(text):
     with pytest.raises(InputProblem):
         model_from_text(text)
+
+
+@pytest.mark.parametrize("normal", [0.0, -200.0, 1e6])
+def test_a_normal_coefficient_may_be_negative_or_nothing(normal):
+    found = model_from_text(TEXT.replace("200 N/mm^2", f"{normal} N/mm^2"))
+    assert found.cutting.normal_coefficient == pytest.approx(1e6 * normal)
+    assert model_from_text(model_text(found)) == found
 
 
 def test_a_missing_file_a_folder_and_a_binary_file(tmp_path):

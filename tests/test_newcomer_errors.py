@@ -9,6 +9,7 @@ import pytest
 
 from testbed.campaign import load_campaign
 from testbed.cli import main
+from testbed.problem import InputProblem
 
 RATE = 12800
 HEAD = (
@@ -64,6 +65,21 @@ MISTAKES = {
     "wrong delimiter": (changed("kind: cut", "kind: cut, delimiter: ';'"), "give `delimiter`"),
     "no sampling rate": (changed("sampling_rate: 12800 Hz\n", ""), "no sampling rate"),
     "no records": (("campaign.yaml", HEAD.replace("records:", "records: []")), "records: is empty: name at least one"),
+    "records without a record": (("campaign.yaml", HEAD), "records: holds no record: write under it"),
+    "records without a dash": (("campaign.yaml", HEAD + CUT.replace("- ", "  ")), "begin each record with a dash"),
+    "an edge of another word": (changed("unit: V", "unit: V, edge: up"), ":5: channels.tachometer.edge: 'up' is not"),
+    "a channel that is no mapping": (changed("{column: tach, unit: V}", "tach"), "channels.tachometer: 'tach' is not a"),
+    "a negative feed": (changed("0.1 mm/tooth", "-0.1 mm/tooth"), "'-0.1 mm/tooth' must be above 0"),
+    "a decimal comma": (changed("12800 Hz", "12,8 kHz"), "write a decimal point: 12.8 kHz"),
+    "a decimal comma of the feed": (changed("0.1 mm/tooth", "'0,1 mm/rev'"), "write a decimal point: 0.1 mm/rev"),
+    "a decimal comma between braces": (changed("2.9 mm", "2,9 mm"), "7: records.0: depth_of_cut '2,9 mm' holds a comma"),
+    "decimal commas between commas": (
+        ("cut.csv", "\n".join(["x,tach", *(row.replace(".", ",") for row in rows())])),
+        "more fields than names: 3 whole numbers a line under 'x', 'tach': write decimals with a point"),
+    "a column without a name": (
+        ("cut.csv", "\n".join(["x,tach", *(f"{row},7.5" for row in rows())])), "more fields than names: 3 in a line"),
+    "a name without a column": (("cut.csv", "\n".join(["x,tach,z", *rows()])), "fewer fields than names: 2 in a line"),
+    "all rows skipped": (changed("kind: cut", "kind: cut, skip_rows: 99999"), "leaves nothing of 6401 lines"),
     "a tab": (changed("  displacement", "\tdisplacement"), "spaces instead of tabs"),
     "a folder for a file": (changed("file: cut.csv", "file: ."), "is a folder"),
     "a file that is not there": (changed("file: cut.csv", "file: cat.csv"), "did you mean cut.csv"),
@@ -142,3 +158,28 @@ def test_one_measurement_named_twice_is_noted(folder: Path) -> None:
     (folder / "copy.csv").write_text((folder / "cut.csv").read_text())
     (folder / "campaign.yaml").write_text(HEAD + CUT + CUT.replace("cut.csv", "copy.csv"))
     assert any("copy: holds the same samples as record 'cut'" in note for note in load_campaign("campaign.yaml").notes)
+
+
+@pytest.mark.parametrize(
+    ("head", "per_second", "said"),
+    [("t", 1e3, "{column: t, unit: ms}"), ("t", 1e6, "{column: t, unit: us}"), ("t [s]", 1e3, "{column: t, unit: ms}"),
+     ("time_ms", 1.0, "{column: time_ms, unit: s}"), ("elapsed time", 1e3, '{column: "elapsed time", unit: ms}')],
+)  # fmt: skip
+def test_a_time_column_in_another_unit_is_named_and_the_advice_works(
+    head: str, per_second: float, said: str, folder: Path
+) -> None:
+    lines = (f"{place / RATE * per_second:.7f},{row}" for place, row in enumerate(rows()))
+    (folder / "cut.csv").write_text("\n".join([f"{head},x,tach", *lines]) + "\n")
+    with pytest.raises(InputProblem) as caught:
+        load_campaign("campaign.yaml")
+    assert f"write `time: {said}` under `channels`" in caught.value.do
+    (folder / "campaign.yaml").write_text(HEAD.replace("channels:\n", f"channels:\n  time: {said}\n") + CUT)
+    recording = load_campaign("campaign.yaml").records[0].recording
+    assert recording.sampling_rate == RATE and len(recording.marks) > 20
+
+
+def test_rates_that_differ_by_no_power_of_1000_are_no_matter_of_units(folder: Path) -> None:
+    lines = (f"{place / 12.6:.7f},{row}" for place, row in enumerate(rows()))
+    (folder / "cut.csv").write_text("\n".join(["t,x,tach", *lines]) + "\n")
+    with pytest.raises(InputProblem, match="remove `sampling_rate`, or set `time: none`"):
+        load_campaign("campaign.yaml")

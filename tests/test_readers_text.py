@@ -174,3 +174,50 @@ def test_a_last_line_that_was_cut_off_is_dropped_and_said(rest: str, tmp_path: P
     table = read_table(path)
     assert all(len(values) == 50 and np.isfinite(values).all() for values in table.columns.values())
     assert any("cut off and was dropped" in note for note in table.notes)
+
+
+WHOLE = "write decimals with a point, or separate columns by semicolons"
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [("x", "-3,96{}"), ("a", "-3,96{}"), ("x,tach", "18,12{},0"), ("x,tach\num,V", "18,12{},0"), ("t,x,y", "0,1,12{},7,5")],
+)
+def test_decimal_commas_between_commas_are_never_read_as_columns(head: str, row: str, tmp_path: Path) -> None:
+    text = head + "\n" + "".join(row.format(index % 10) + "\n" for index in range(60))
+    with pytest.raises(InputProblem) as caught:
+        read_table(_file(tmp_path, text))
+    assert caught.value.what.startswith("more fields than names") and caught.value.do.startswith(WHOLE)
+
+
+def test_a_single_column_with_a_decimal_comma_is_read_where_the_delimiter_is_given(tmp_path: Path) -> None:
+    path = _file(tmp_path, "x\n" + "".join(f"{value:.4f}\n" for value in DISP).replace(".", ","))
+    assert list(read_table(path, delimiter=";").columns["x"]) == list(DISP)
+
+
+@pytest.mark.parametrize(
+    ("head", "said"), [("time", "more fields than names: 2"), ("time,disp,c", "fewer fields than names: 2")]
+)
+def test_names_that_do_not_fit_the_columns_are_said_when_one_is_asked_for(head: str, said: str, tmp_path: Path) -> None:
+    table = read_table(_file(tmp_path, head + "\n" + _rows()))
+    assert list(table.columns) == ["1", "2"] and any("that fits the 2 columns" in note for note in table.notes)
+    with pytest.raises(InputProblem, match=said):
+        table.find("Time")
+    with pytest.raises(InputProblem, match="the file has '1', '2'"):
+        table.find("force")
+
+
+def test_a_trailing_delimiter_of_the_numbers_alone_and_a_short_unit_row_fit(tmp_path: Path) -> None:
+    assert list(read_table(_file(tmp_path, "time,disp\n" + _rows(tail=","))).columns) == ["time", "disp"]
+    table = read_table(_file(tmp_path, "time,disp,flag\ns,um\n" + _rows(tail=",1")))
+    assert dict(table.units) == {"time": "s", "disp": "um", "flag": ""} and list(table.columns["disp"]) == list(DISP)
+
+
+def test_skip_rows_beyond_the_end_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputProblem, match="skip_rows: 99 leaves nothing of 41 lines: skip fewer lines"):
+        read_table(_file(tmp_path, KINDS["plain"]), skip_rows=99)
+
+
+def test_skip_rows_takes_a_line_of_words_for_no_header(tmp_path: Path) -> None:
+    path = _file(tmp_path, "counts\n" + "".join(f"{index},7\n" for index in range(40)))
+    assert list(read_table(path, skip_rows=1).columns) == ["1", "2"]

@@ -26,7 +26,8 @@ def test_known_quantities(text, si, value):
     ("5 hz", "Hz", "did you mean Hz"), ("3 kg", "m", "does not convert to m"), ("nan mm", "m", "finite"),
     ("inf", "1", "finite"), ("1e999 mm", "m", "finite"), (True, "1", "not a number"), (None, "m", "is empty"),
     ("1 2 mm", "m", "unknown unit"), ([1], "m", "not a number"), ("3 mm", "m/tooth", "mm/tooth"),
-    ("1 V", "m", "convert"),
+    ("1 V", "m", "convert"), ("12,8 kHz", "Hz", "write a decimal point: 12.8 kHz"), (",5 mm", "m", ": 0.5 mm"),
+    ("2,573 kg", "kg", "point: 2.573 kg, or 2573 kg if thousands"), ("-0,5", "1", "point: -0.5"),
 ])
 def test_refused(value, si, said):
     with pytest.raises(UnitProblem) as problem:

@@ -48,8 +48,7 @@ class Commands(click.Group):
         name = args[0] if args else ""
         if name and not name.startswith("-") and self.get_command(context, name) is None:
             close = nearest(name, self.list_commands(context))
-            raise click.UsageError(f"there is no command '{name}': " + (f"did you mean {close}?" if close else
-                                                                       "see testbed --help"), context)
+            raise click.UsageError(f"there is no command '{name}'" + (f": did you mean {close}?" if close else ""), context)
         return super().resolve_command(context, args)
 
 

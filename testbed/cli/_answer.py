@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from testbed.atomic import write_text
-from testbed.problem import InputProblem
+from testbed.cli._places import check_outputs, check_place
 
 
 def plain(value: Any) -> Any:
@@ -35,10 +35,16 @@ def plain(value: Any) -> Any:
 
 
 class Answer:
-    """One command's answer. Text goes to standard output, or to standard error where JSON takes its place."""
+    """One command's answer. Text goes to standard output, or to standard error where JSON takes its place.
+
+    Made before the work: InputProblem where the command would write over what it reads.
+    """
 
     def __init__(self, json_file: str | None, quiet: bool) -> None:
         self.json_file, self.quiet = json_file, quiet
+        context = click.get_current_context(silent=True)
+        if context is not None:
+            check_outputs(context)
         if json_file not in (None, "-"):
             check_place(json_file)
 
@@ -65,32 +71,6 @@ class Answer:
             click.echo(text, nl=False)
         else:
             write_text(self.json_file, text)
-
-
-def check_place(path: str | Path | None) -> None:
-    """InputProblem where a file could not be written, found before the work rather than after it."""
-    if path is None:
-        return
-    import os
-
-    target = Path(path)
-    folder = target.parent
-    if target.is_dir():
-        raise InputProblem(path, "is a folder", "name a file")
-    if not folder.is_dir():
-        raise InputProblem(path, f"there is no folder {folder}", "make it first, or choose another place")
-    if not os.access(folder, os.W_OK):
-        raise InputProblem(path, "cannot be written (permission denied)", "choose another place")
-
-
-def output_folder(path: str | Path) -> Path:
-    """A folder for pictures and reports, made if need be. InputProblem where it cannot be."""
-    folder = Path(path)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise InputProblem(path, f"cannot be made ({problem.strerror})", "choose another place with -o") from None
-    return folder
 
 
 @contextmanager

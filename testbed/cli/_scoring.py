@@ -178,7 +178,7 @@ def load_method(path: Path) -> Callable[[Any, Any], Any]:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as fault:
+    except (Exception, SystemExit) as fault:
         line = fault.lineno if isinstance(fault, SyntaxError) else _line_in(fault, path)
         raise InputProblem(path, f"cannot be imported ({type(fault).__name__}: {fault})", "correct it", line) from None
     function = getattr(module, "identify", None)

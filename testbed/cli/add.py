@@ -6,8 +6,9 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, check_place, output_folder, shown
+from testbed.cli._answer import Answer, shown
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
+from testbed.cli._places import check_place, output_folder
 from testbed.problem import InputProblem
 
 

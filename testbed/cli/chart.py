@@ -7,8 +7,9 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, output_folder, progress
+from testbed.cli._answer import Answer, progress
 from testbed.cli._options import DEPTH, SPEED, catalogue_of, cutting_model, effects_option, shared
+from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
 MOST_CELLS = 4_000_000

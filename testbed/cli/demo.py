@@ -10,8 +10,9 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, output_folder, progress, shown
+from testbed.cli._answer import Answer, progress, shown
 from testbed.cli._options import shared
+from testbed.cli._places import output_folder
 
 STEPS = 7
 NAMES = {"neimark_sacker": "Neimark-Sacker"}

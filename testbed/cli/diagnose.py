@@ -8,8 +8,9 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, output_folder, shown
+from testbed.cli._answer import Answer, shown
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
+from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
 MANY = 6  # effects that --until-adequate adds at the most
@@ -44,6 +45,8 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 
     answer = Answer(json_file, quiet)
     folder = output_folder(output) if output else None
+    if propose:
+        output_folder(propose)
     catalogue = catalogue_of((*folders, str(DECOYS)) if decoys else folders)
     model, records, read = read_both(campaign, model_file, catalogue)
     with sign_of_life("fitting the believed model to all records", quiet) as say:

@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from testbed.cli._answer import Answer, output_folder, progress
+from testbed.cli._answer import Answer, progress
 from testbed.cli._options import shared
+from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
 if TYPE_CHECKING:
     from analysis.inspection import Inspection
     from analysis.record_report import RecordReport
 
+FASTEST = 1e9  # Hz: no recorder of vibration comes near it
 _RPM = 30.0 / math.pi
 _SHOWN = {"m": (1e6, "um"), "m/s": (1e3, "mm/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
 
@@ -59,6 +61,8 @@ def command(
         sampling_rate = parse_quantity(rate, "Hz") if rate else None
     except UnitProblem as problem:
         raise InputProblem("--rate", problem.what, problem.do) from None
+    if sampling_rate is not None and not 0.0 < sampling_rate <= FASTEST:
+        raise InputProblem("--rate", f"'{rate}' must be above 0 and at most {FASTEST:g} Hz", "correct the value")
     if _exported(data):
         from testbed.cli.export import describe_export
 

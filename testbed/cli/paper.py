@@ -7,8 +7,9 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, output_folder, progress
+from testbed.cli._answer import Answer, progress
 from testbed.cli._options import shared
+from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
 SEED = 2006

@@ -8,8 +8,9 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, output_folder, progress, shown
+from testbed.cli._answer import Answer, progress, shown
 from testbed.cli._options import NOISE, effects_option, shared
+from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
 _UNITS = {"natural_frequency": "Hz", "damping_ratio": "1"}

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
-from testbed.cli._answer import Answer, check_place
+from testbed.cli._answer import Answer
+from testbed.cli._places import check_place
 from testbed.problem import InputProblem
 
 
@@ -17,6 +20,9 @@ from testbed.problem import InputProblem
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 def command(machine: str, output: str, camera: str, width: int, height: int, quiet: bool) -> None:
     """Draw MACHINE (a folder of models/) with its tooth in mid-cut into a PNG file."""
+    answer = Answer(None, quiet)
+    if Path(output).suffix.lower() != ".png":
+        raise InputProblem(output, "is no name of a PNG picture", "give one that ends in .png")
     check_place(output)
     from testbed.view import render_rig
 
@@ -24,4 +30,4 @@ def command(machine: str, output: str, camera: str, width: int, height: int, qui
         path = render_rig(output, machine, width, height, camera)
     except RuntimeError as problem:
         raise InputProblem(output, f"this computer draws nothing ({problem})", "install an OpenGL driver") from None
-    Answer(None, quiet).say(f"written: {path}")
+    answer.say(f"written: {path}")

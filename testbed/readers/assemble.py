@@ -138,9 +138,10 @@ def _time_base(
     notes: list[str] = []
     label = None if time == "none" else table.find(time.column) if isinstance(time, Source) else table.time_column()
     rows = len(next(iter(columns.values())))
-    moments = None
+    moments, seconds = None, 1.0
     if label is not None:
-        moments = table.columns[label] * _time_factor(table, label, time if isinstance(time, Source) else None, notes)
+        seconds = _time_factor(table, label, time if isinstance(time, Source) else None, notes)
+        moments = table.columns[label] * seconds
         if len(moments) != rows:
             raise InputProblem(
                 table.path,
@@ -167,7 +168,7 @@ def _time_base(
         if factor > 1 and stated is not None and abs(stated / factor / column.sampling_rate - 1) < 2e-3:
             stated = stated / factor
         in_file = None if table.sampling_rate is None or factor > 1 else table.sampling_rate
-        base = settle(table.path, stated, in_file, table.rate_tolerance, column)
+        base = settle(table.path, stated, in_file, table.rate_tolerance, column, (label, seconds))
     else:
         base = _stated_base(table, stated)
         base = replace(base, sampling_rate=base.sampling_rate / factor, start=phase / base.sampling_rate)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from testbed.problem import InputProblem
-from testbed.readers.table import bare_name, simplest_between, unique_names, unit_in_name
+from testbed.readers.table import bare_name, listed, simplest_between, unique_names, unit_in_name
 
 _RATE = re.compile(
     r"(sampl\w*[ _-]*(rate|freq\w*)|samples[ _]*(per|/)[ _]*s\w*|abtast(rate|frequenz)|scan[ _]*rate|"
@@ -65,7 +65,10 @@ _UNIT_WORDS = {
 
 @dataclass(frozen=True)
 class Header:
-    """Names and units, one a field, and the rate the text states (Hz; None) with its relative rounding error."""
+    """Names and units, one a field, and the rate the text states (Hz; None) with its relative rounding error.
+
+    misfit: the words right above the numbers, where they are more or fewer than the columns.
+    """
 
     names: list[str]
     units: list[str]
@@ -73,6 +76,27 @@ class Header:
     sampling_rate: float | None
     rate_tolerance: float
     notes: tuple[str, ...]
+    misfit: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Body:
+    """The numbers below a header: their lines, how they are split and the number of fields in each."""
+
+    lines: list[str]
+    delimiter: str | None
+    fields: int
+    decimal_comma: bool
+
+    def last_is_empty(self) -> bool:
+        """Whether the last field is empty in every line: a trailing delimiter."""
+        return self.delimiter is not None and not any(
+            line.rpartition(self.delimiter)[2].strip(' "\t\r') for line in self.lines
+        )
+
+    def has_point(self) -> bool:
+        """Whether there is a decimal point anywhere."""
+        return any("." in line for line in self.lines)
 
 
 def split_fields(line: str, delimiter: str | None) -> list[str]:
@@ -91,59 +115,91 @@ def _is_unit_row(fields: list[str]) -> bool:
     return all(re.fullmatch(r"[\[(].*[\])]", field) or field.lower() in _UNIT_WORDS for field in filled)
 
 
-def _fitted(fields: list[str], count: int) -> list[str] | None:
-    """Header fields brought to the body's number of fields, None if they cannot belong to it."""
+def _shortened(fields: list[str], count: int) -> list[str]:
+    """Header fields without what stands behind the last name: a trailing delimiter, or LabVIEW's column of comments."""
     while len(fields) > count and (not fields[-1] or fields[-1].lower() == "comment"):
-        fields = fields[:-1]  # a trailing delimiter, or LabVIEW's column of comments
-    if len(fields) == count - 1:
-        fields = [*fields, ""]  # the body has a trailing delimiter
-    return fields if len(fields) == count else None
+        fields = fields[:-1]
+    return fields
 
 
-def read_header(path: Path, lines: list[str], delimiter: str | None, count: int, decimal_comma: bool) -> Header:
-    """Names, units and rate from the lines above a body of `count` fields.
+def read_header(path: Path, lines: list[str], body: Body, skip_rows: int = 0) -> Header:
+    """Names, units and rate from the lines above a body; the first `skip_rows` of them are not held to its columns.
 
-    Raises InputProblem where the header says that a comma delimiter and a decimal comma were mixed.
+    Raises InputProblem where fewer names than fields say that a comma is both the delimiter and the decimal point.
     """
     notes: list[str] = []
-    above = [split_fields(_uncommented(line), delimiter) for line in lines if line.strip()][-4:]
-    names, units = None, [""] * count
-    unit_row = None
-    for fields in reversed(above):
-        fitted = _fitted(fields, count)
-        if fitted is None:
-            if (
-                delimiter == ","
-                and len(fields) > 1
-                and count == 2 * len(fields)
-                and names is None
-                and unit_row is None
-                and not any(_VALUE.fullmatch(field) for field in fields)
-            ):
-                raise InputProblem(
-                    path,
-                    f"{len(fields)} names but {count} fields a line: a comma is both delimiter and decimal point",
-                    "export with a decimal point or another delimiter",
-                )
-            break
-        if unit_row is None and names is None and _is_unit_row(fitted):
-            unit_row = [field.strip("[]()") for field in fitted]
-            continue
-        if any(field and not _VALUE.fullmatch(field) for field in fitted):
-            names = fitted
-        break
-    if names is None and unit_row is not None:
-        names = unit_row
+    names, unit_row, misfit = _names_and_units(lines, body, skip_rows)
+    if misfit:
+        _refuse_decimal_comma(path, misfit, body)
     named = names is not None
     if names is None:
-        names = [str(number) for number in range(1, count + 1)]
-        notes.append("no header found: columns are named by number from 1")
+        names = [str(number) for number in range(1, body.fields + 1)]
+        fitting = f" that fits the {body.fields} columns" if misfit else ""
+        notes.append(f"no header found{fitting}: columns are named by number from 1")
+        if body.delimiter == "," and body.fields == 2 and not body.has_point():
+            notes.append(
+                "one comma in every line and no header: read as two columns; if it is a decimal comma, give "
+                "`delimiter: ';'`"
+            )
     units = unit_row if unit_row is not None else [unit_in_name(name) for name in names]
     units = [unit or unit_in_name(name) for unit, name in zip(units, names, strict=True)]
     rate, tolerance = _stated_rate(lines, notes)
-    if decimal_comma:
+    if body.decimal_comma:
         units = [unit.replace(",", ".") for unit in units]
-    return Header(unique_names(names, notes), units, named, rate, tolerance, tuple(notes))
+    return Header(unique_names(names, notes), units, named, rate, tolerance, tuple(notes), tuple(misfit))
+
+
+def _names_and_units(
+    lines: list[str], body: Body, skip_rows: int
+) -> tuple[list[str] | None, list[str] | None, list[str]]:
+    """The row of names and the row of units right above the body, None where there is none; and a row of words that
+    has another number of fields than the body, [] where there is none."""
+    above = [
+        (number < skip_rows, _shortened(split_fields(_uncommented(line), body.delimiter), body.fields))
+        for number, line in enumerate(lines)
+        if line.strip()
+    ][-4:]
+    unit_row, padded = None, False
+    for skipped, fields in reversed(above):
+        is_unit_row = unit_row is None and _is_unit_row(fields)
+        lacks_one = len(fields) == body.fields - 1
+        if lacks_one and (is_unit_row or body.last_is_empty()):
+            fields, padded = [*fields, ""], padded or not body.last_is_empty()
+        words = [field for field in fields if field and not _VALUE.fullmatch(field)]
+        if len(fields) != body.fields and padded:  # units and names, both one fewer than the fields
+            return None, None, fields
+        if len(fields) != body.fields:
+            return unit_row, unit_row, fields if words and not skipped and unit_row is None else []
+        if is_unit_row:
+            unit_row = [field.strip("[]()") for field in fields]
+            continue
+        if words:
+            return fields, unit_row, []
+        break
+    if unit_row is not None and padded:
+        return None, None, unit_row[:-1]
+    return unit_row, unit_row, []
+
+
+def _refuse_decimal_comma(path: Path, names: list[str], body: Body) -> None:
+    """Raises InputProblem where a line has more fields than names and no point: its commas are likely decimal ones."""
+    if body.delimiter != "," or not len(names) < body.fields <= 2 * len(names) or body.has_point():
+        return
+    if any(_VALUE.fullmatch(name) for name in names):
+        return
+    if body.fields == 2 * len(names) > 2:
+        raise InputProblem(
+            path,
+            f"{len(names)} names but {body.fields} fields a line: a comma is both delimiter and decimal point",
+            "export with a decimal point or another delimiter",
+        )
+    alone = ", or give `delimiter: ';'` for a single column" if len(names) == 1 else ""
+    raise InputProblem(
+        path,
+        f"more fields than names: {body.fields} whole numbers a line under {listed(names)}",
+        f"write decimals with a point, or separate columns by semicolons{alone}; "
+        "if they are whole numbers, name every column",
+    )
 
 
 def _stated_rate(lines: list[str], notes: list[str]) -> tuple[float | None, float]:

@@ -39,7 +39,8 @@ class Table:
     units: name -> unit as the file writes it ("" where it says nothing).
     sampling_rate: Hz as the file states it, None where it does not; rate_tolerance: the relative error that the
     printed digits leave in it. notes: what the reader met and mended. full_scale: name -> value at which the
-    converter saturates, where the format knows it.
+    converter saturates, where the format knows it. misfit: names that a header gives, where they are more or fewer
+    than the `fields` of a line, whose columns are named by number then.
     """
 
     path: Path
@@ -49,6 +50,8 @@ class Table:
     rate_tolerance: float = 0.0
     notes: tuple[str, ...] = ()
     full_scale: Mapping[str, float] = field(default_factory=dict)
+    misfit: tuple[str, ...] = ()
+    fields: int = 0
 
     def __post_init__(self) -> None:
         if not self.columns or all(len(values) == 0 for values in self.columns.values()):
@@ -69,9 +72,17 @@ class Table:
                 return hits[0]
         if wanted.isdigit() and 1 <= int(wanted) <= len(names):
             return names[int(wanted) - 1]
+        if bare_name(wanted).lower() in {bare_name(name).lower() for name in self.misfit}:
+            relation = "more" if self.fields > len(self.misfit) else "fewer"
+            raise InputProblem(
+                self.path,
+                f"no column '{wanted}': {relation} fields than names: {self.fields} in a line under "
+                f"{listed(list(self.misfit))}",
+                "give the header as many names as there are fields, or name the column by its number from 1",
+            )
         close = difflib.get_close_matches(wanted, names, 1)
         hint = f"; did you mean '{close[0]}'?" if close else ""
-        raise InputProblem(self.path, f"no column '{wanted}'", f"the file has {_listed(names)}{hint}")
+        raise InputProblem(self.path, f"no column '{wanted}'", f"the file has {listed(names)}{hint}")
 
     def time_column(self) -> str | None:
         """The column whose name says that it is time, or None."""
@@ -109,7 +120,8 @@ def unique_names(names: list[str], notes: list[str]) -> list[str]:
     return result
 
 
-def _listed(names: list[str]) -> str:
+def listed(names: list[str]) -> str:
+    """Names in quotes, of many the first 24."""
     shown = ", ".join(f"'{name}'" for name in names[:24])
     return f"{shown} and {len(names) - 24} more" if len(names) > 24 else shown
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from testbed.problem import InputProblem
-from testbed.readers.header import Header, read_header, split_fields
+from testbed.readers.header import Body, read_header, split_fields
 from testbed.readers.table import Table
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$|[+-]?(nan|inf|infinity)$", re.IGNORECASE)
@@ -103,8 +103,6 @@ def decode(path: Path, raw: bytes) -> str:
 
 def _candidate(sample: list[str], delimiter: str | None, decimal_comma: bool) -> tuple[float, _Layout] | None:
     """How well a way of splitting explains the sample: lines that agree, then numbers a line."""
-    if delimiter is not None and not any(delimiter in line for line in sample):
-        return None
     rows = [split_fields(line, delimiter) for line in sample]
     counts = [len(row) for row in rows]
     fields = max(set(counts), key=counts.count)
@@ -134,6 +132,8 @@ def _find_layout(path: Path, lines: list[str], forced: str | None) -> _Layout:
     best: tuple[float, _Layout] | None = None
     for delimiter in (forced,) if forced else _DELIMITERS:
         for decimal_comma in (False,) if delimiter == "," else (False, True):
+            if delimiter is not None and not forced and not any(delimiter in line for line in sample):
+                continue  # one that is given may be absent: a single column
             found = _candidate(sample, delimiter, decimal_comma)
             if found and (best is None or found[0] > best[0] + 1e-9):
                 best = found
@@ -241,14 +241,6 @@ def _ending_notes(text: str, body: list[str], layout: _Layout) -> list[str]:
     return []
 
 
-def _ambiguity_notes(body: list[str], layout: _Layout, header: Header) -> list[str]:
-    if layout.delimiter != "," or layout.fields != 2 or header.named or any("." in line for line in body[:50]):
-        return []
-    return [
-        "one comma in every line and no header: read as two columns; if it is a decimal comma, give `delimiter: ';'`"
-    ]
-
-
 def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None) -> Table:
     """A text table. `skip_rows` lines at the top are ignored; `delimiter` overrides the one found.
 
@@ -262,16 +254,20 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None) -
     if not delimiter and lines and re.match(r"sep=.$", lines[0].strip()):
         delimiter, skip_rows = lines[0].strip()[-1], max(1, skip_rows)
     notes: list[str] = []
+    if skip_rows and any(line.strip() for line in lines) and not any(line.strip() for line in lines[skip_rows:]):
+        there = len(text.splitlines())
+        raise InputProblem(path, f"skip_rows: {skip_rows} leaves nothing of {there} lines", "skip fewer lines")
     layout = _find_layout(path, lines[skip_rows:], _spelled(delimiter))
     first = _first_row(path, lines, layout, skip_rows)
-    header = read_header(path, lines[:first], layout.delimiter, layout.fields, layout.decimal_comma)
     body, numbers = _body(lines, first, layout, notes)
+    below = Body(body, layout.delimiter, layout.fields, layout.decimal_comma)
+    header = read_header(path, lines[:first], below, skip_rows)
     used = [index for index, numeric in enumerate(layout.numeric) if numeric]
     names = [header.names[index] for index in used]
     values = _parse_fast(body, layout)
     if values is None:
         values = _parse_slowly(path, body, numbers, layout, names)
-    notes += _ending_notes(text, body, layout) + _ambiguity_notes(body, layout, header)
+    notes += _ending_notes(text, body, layout)
     columns, units = {}, {}
     for position, index in enumerate(used):
         if len(body) > 1 and np.isnan(values[:, position]).all():
@@ -283,7 +279,8 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None) -
         notes.append(f"column {', '.join(repr(name) for name in dropped)} holds text and was left out")
     if layout.decimal_comma:
         notes.append("numbers are written with a decimal comma")
-    return Table(path, columns, units, header.sampling_rate, header.rate_tolerance, (*notes, *header.notes))
+    rate, said = (header.sampling_rate, header.rate_tolerance), (*notes, *header.notes)
+    return Table(path, columns, units, *rate, said, misfit=header.misfit, fields=layout.fields)
 
 
 def _spelled(delimiter: str | None) -> str | None:

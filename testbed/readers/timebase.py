@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from testbed.problem import InputProblem
-from testbed.readers.table import simplest_between
+from testbed.readers.table import bare_name, simplest_between
 
 _AGREE = 2e-3  # relative difference of two stated rates that counts as rounding
 
@@ -168,10 +168,35 @@ def is_no_time(values: np.ndarray, stated: float) -> bool:
     return counts or bool(len(steps) > 8 and np.mean(steps < 0) > 0.1)
 
 
+def time_unit(factor: float, ratio: float) -> str | None:
+    """The unit (s, ms, us) that a time column has, read with `factor` (s a unit), whose rate is `ratio` times too low.
+
+    None where the rates do not differ by 1e3 or 1e6, to 1 %.
+    """
+    if not any(abs(ratio / power - 1) < 0.01 for power in (1e-6, 1e-3, 1e3, 1e6)):
+        return None
+    units = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+    return next((unit for unit, true in units.items() if abs(factor / ratio / true - 1) < 0.01), None)
+
+
+def _unit_advice(label: str, unit: str) -> str:
+    """What to write in the manifest for a time column in another unit than it was read in."""
+    name = bare_name(label)
+    column = name if name.isidentifier() else f'"{name}"'
+    return f"the time column seems to be in {unit}: write `time: {{column: {column}, unit: {unit}}}` under `channels`"
+
+
 def settle(
-    path: Path, stated: float | None, in_file: float | None, file_tolerance: float, column: TimeBase | None
+    path: Path,
+    stated: float | None,
+    in_file: float | None,
+    file_tolerance: float,
+    column: TimeBase | None,
+    read_as: tuple[str, float] | None = None,
 ) -> TimeBase:
     """The rate from the manifest (`stated`), the file's header and its time column.
+
+    read_as: the time column's name and the seconds a unit that it was read with.
 
     Raises InputProblem where there is none, or where the manifest and the file contradict each other.
     """
@@ -181,9 +206,9 @@ def settle(
             if rate is not None and abs(rate / column.sampling_rate - 1) > max(_AGREE, 2 * slack):
                 text = f"{source} says {rate:.7g} Hz, the time column {column.sampling_rate:.7g} Hz"
                 if source == "the manifest":
-                    raise InputProblem(
-                        path, text, "remove `sampling_rate`, or set `time: none` to ignore the time column"
-                    )
+                    unit = time_unit(read_as[1], rate / column.sampling_rate) if read_as else None
+                    ignore = "remove `sampling_rate`, or set `time: none` to ignore the time column"
+                    raise InputProblem(path, text, _unit_advice(read_as[0], unit) if read_as and unit else ignore)
                 notes.append(f"{text}; the time column was taken")
         rate = stated if stated is not None and abs(stated / column.sampling_rate - 1) < 1e-6 else column.sampling_rate
         return TimeBase(rate, column.start, tuple(notes), column.dropped)

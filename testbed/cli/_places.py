@@ -1,0 +1,120 @@
+"""Where a command may write: never over what it reads, each output to a place of its own, and no empty folder left."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from testbed.problem import InputProblem
+
+LONGEST_NAME = 235  # bytes: file systems take 255, and a file is first written under a longer name
+_MODEL = "NEW.yaml"
+_OUTPUTS = ("json_file", "output", "report", "propose")
+
+
+def check_outputs(context: click.Context) -> None:
+    """InputProblem where a command would write over one of its own inputs, write two things to one place, or where the
+    name of a file is empty."""
+    inputs: list[tuple[click.Parameter, str]] = []
+    outputs: list[tuple[click.Parameter, str]] = []
+    for parameter, text in _texts(context):
+        if not text.strip() and parameter.make_metavar(context) != "TEXT":
+            raise InputProblem(_shown(parameter), "is empty", "name a file or a folder")
+        if parameter.name not in _OUTPUTS:
+            inputs.append((parameter, text))
+        elif not (parameter.name == "json_file" and text == "-"):
+            outputs.append((parameter, text))
+    for place, (parameter, text) in enumerate(outputs):
+        for other, name in inputs:
+            # os.path, here and below: it takes a text too long for a name for no file, where Path raises
+            if os.path.isfile(name) and os.path.exists(text) and os.path.samefile(text, name):
+                raise InputProblem(text, f"exists already, and this command reads it ({_shown(other)})",
+                                   f"name another place for {_shown(parameter)}")
+        _check_replaced(parameter, text, context)
+        for other, name in outputs[:place]:
+            folders = all(one.make_metavar(context) == "DIR" for one in (parameter, other))
+            if not folders and os.path.realpath(name) == os.path.realpath(text):
+                raise InputProblem(text, f"is named by {_shown(other)} and by {_shown(parameter)}", "name two places")
+
+
+def _check_replaced(parameter: click.Parameter, text: str, context: click.Context) -> None:
+    """InputProblem where what stands at the place is of another kind: a campaign's measured file, an effect, a page.
+
+    A campaign and a folder name more files than the command line does; none of them is JSON or, but for models, YAML.
+    """
+    target = Path(text)
+    if not os.path.isfile(text) or not os.access(text, os.R_OK):
+        return
+    kind = ""
+    if parameter.name == "json_file" and target.stat().st_size:
+        with target.open("rb") as file:
+            kind = "" if file.read(64).lstrip()[:1] in (b"{", b"[", b"") else "JSON"
+    elif parameter.make_metavar(context) == _MODEL and target.suffix.lower() not in (".yaml", ".yml"):
+        kind = "YAML file"
+    if kind:
+        raise InputProblem(text, f"exists already and is no {kind}", f"name another place for {_shown(parameter)}")
+
+
+def _texts(context: click.Context) -> Iterator[tuple[click.Parameter, str]]:
+    """Every text that was typed, with its parameter; those of a repeated option one by one."""
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        if context.get_parameter_source(name) is click.core.ParameterSource.DEFAULT and name not in _OUTPUTS:
+            continue
+        given = context.params.get(name)
+        for text in given if isinstance(given, tuple) else (given,):
+            if isinstance(text, str):
+                yield parameter, text
+
+
+def _shown(parameter: click.Parameter) -> str:
+    if isinstance(parameter, click.Argument):
+        return str(parameter.metavar or parameter.name)
+    return max(parameter.opts, key=len)
+
+
+def check_place(path: str | Path | None) -> None:
+    """InputProblem where a file could not be written, found before the work rather than after it."""
+    if path is None:
+        return
+    target = Path(path)
+    folder = target.parent
+    if len(os.fsencode(target.name)) > LONGEST_NAME:
+        raise InputProblem(f"{target.name[:40]}...", "is too long a name for a file", "choose a shorter one")
+    if target.is_dir():
+        raise InputProblem(path, "is a folder", "name a file")
+    if not folder.is_dir():
+        raise InputProblem(path, f"there is no folder {folder}", "make it first, or choose another place")
+    if not os.access(folder, os.W_OK):
+        raise InputProblem(path, "cannot be written (permission denied)", "choose another place")
+
+
+def output_folder(path: str | Path) -> Path:
+    """A folder for pictures and reports, made if need be; one that the command leaves empty is removed at its end.
+
+    InputProblem where it cannot be made or written to.
+    """
+    folder = Path(path)
+    made = [one for one in (folder, *folder.parents) if not os.path.exists(one)]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise InputProblem(path, f"cannot be made ({problem.strerror})", "choose another place") from None
+    if not os.access(folder, os.W_OK):
+        raise InputProblem(path, "cannot be written (permission denied)", "choose another place")
+    context = click.get_current_context(silent=True)
+    if context is not None and made:
+        context.call_on_close(lambda: _remove_empty([one.absolute() for one in made]))
+    return folder
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    """The innermost first; what holds something, or is no longer there, stays as it is."""
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except OSError:
+            return
