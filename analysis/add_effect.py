@@ -12,7 +12,7 @@ from analysis.compare import estimates
 from analysis.diagnosis import Candidate, judged_on
 from analysis.effect_start import ANCHOR, all_free, applicable, effect_parameters, origins_of
 from analysis.fine_steps import finely, has_kinks
-from analysis.held_out import RecordError, conditions_of, held_out_errors, pooled
+from analysis.held_out import RecordError, held_out_errors, holds_out, pooled
 from analysis.identify import Estimate
 from analysis.observed import Observed, Plant
 from analysis.starts import base_fit, polish
@@ -66,7 +66,7 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     after = held_out_errors(wider, with_it)
     found = estimates(wider, with_it, catalogue)
     result = Addition(effect.name, with_it.state.model, pooled(before)[0], pooled(after)[0], pooled(after)[1],
-                      before, tuple(after), len(conditions_of(records)) > 1, found, with_it.converged, (), with_it, fit)
+                      before, tuple(after), holds_out(records), found, with_it.converged, (), with_it, fit)
     return replace(result, warnings=tuple(_warnings(result, wider, catalogue)))
 
 

@@ -16,12 +16,13 @@ import numpy as np
 from scipy import stats
 
 from analysis.effect_start import all_free
-from analysis.held_out import RecordError, conditions_of, held_out_errors, pooled, record_error
+from analysis.held_out import RecordError, held_out_errors, holds_out, pooled, record_error
 from analysis.identify import Estimate
 from analysis.information import Z_95, autocorrelation, effective_size, independent
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, Plant, predict
 from analysis.segments import Segment
+from analysis.spindle_clock import turns_of
 from analysis.starts import base_fit
 from analysis.waveform import Fitter, WaveformFit
 from testbed.effect import Effect
@@ -138,11 +139,10 @@ def mark_angle(fit: WaveformFit, pitch: float) -> float:
 def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> Comparison:
     """Refit the model to all records with every nuisance and say where, and by how much, it fails."""
     fitter, fit = base_fit(plant, records, model, free=all_free(records, model, catalogue))
-    errors = held_out_errors(fitter, fit)
-    groups = conditions_of(records)
+    errors, held_out = held_out_errors(fitter, fit), holds_out(records)
     rows, tests = [], []
     for index, (record, error) in enumerate(zip(records, errors, strict=True)):
-        rows.append(_record(plant, record, error, fit, index, len(groups) > 1))
+        rows.append(_record(plant, record, error, fit, index, held_out))
         tests += adequacy_tests(record, error, fit.state.angle, fit.state.nuisances[index])
     overall, noise = pooled(errors)
     shared = {}
@@ -204,9 +204,7 @@ def tooth_angle(record: Observed, angle: float, own: Nuisances) -> np.ndarray:
     """Angle (rad) of the spindle since a tooth last stood at its entry, at every sample of a cut: 0 to one pitch."""
     time = record.start + np.arange(record.samples) / record.rate
     if record.marks is not None:
-        nominal = np.median(np.diff(record.marks))
-        count = np.round((record.marks - record.marks[0]) / nominal)
-        turns = np.interp(time, record.marks, count) - (angle + own.angle) / (2 * math.pi)
+        turns = np.interp(time, record.marks, turns_of(record.marks)) - (angle + own.angle) / (2 * math.pi)
     else:
         turns = (time - record.pass_start(0, angle, own)) / record.period * own.speed
     return (turns * 2 * math.pi) % (2 * math.pi / record.flutes)
@@ -225,7 +223,8 @@ def adequacy_tests(record: Observed, error: RecordError, angle: float, own: Nuis
 def _channel_tests(record: Observed, rest: np.ndarray, angle: float, own: Nuisances) -> list[Adequacy]:
     """The tests of one channel's residual (samples,) in units of its noise."""
     rest = rest - rest.mean()
-    size, correlation = max(independent(rest), LAGS + 2.0), autocorrelation(rest)
+    correlation = autocorrelation(rest)
+    size = max(independent(correlation), LAGS + 2.0)
     idle = max((s.stop - s.start for s in record.segments if s.kind == "idle"), default=0.0) * record.rate
     ratio = float(rest @ rest) / len(rest)
     p_rms = float(stats.f.sf(ratio / (1.0 + TRIVIAL) ** 2, size, max(idle, 100.0)))

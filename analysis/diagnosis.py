@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from analysis.held_out import RecordError, conditions_of, pooled_doubt
+from analysis.held_out import RecordError, holds_out, pooled_doubt
 from analysis.next_test import NextTest
 from analysis.waveform import Fitter, WaveformFit
 from testbed.machine import BASE_UNITS, Model
@@ -36,7 +36,7 @@ class Candidate:
     @property
     def held_out(self) -> bool:
         """Whether a condition could be left out of the fit; of one condition alone, error_held_out is that in the fit."""
-        return self.fitter is not None and len(conditions_of(self.fitter.records)) > 1
+        return self.fitter is not None and holds_out(self.fitter.records)
 
 
 @dataclass(frozen=True)

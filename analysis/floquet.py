@@ -24,6 +24,7 @@ from scipy.interpolate import CubicSpline
 from analysis.belief import held_modes, mode_columns, mode_strength, significant, verdict
 from analysis.information import Z_95
 from analysis.multiplier_fit import MultiplierFit, best_fit, delay_embedding_multipliers, fit_multipliers
+from analysis.spindle_clock import turns_of
 from testbed.recording import Recording
 
 __all__ = ["EmpiricalMultipliers", "TooFewPeriods", "delay_embedding_multipliers", "empirical_multipliers",
@@ -90,9 +91,7 @@ def revolution_period(marks: np.ndarray) -> float:
     marks = np.asarray(marks, float)
     if marks.size < 3:
         raise ValueError("at least three tachometer marks are needed for the period")
-    gaps = np.diff(marks)
-    turns = np.concatenate([[0], np.cumsum(np.maximum(1, np.round(gaps / np.median(gaps))))])
-    return float(np.polyfit(turns, marks, 1)[0])
+    return float(np.polyfit(turns_of(marks), marks, 1)[0])
 
 
 def tooth_period(recording: Recording, flutes: int = 1) -> float:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.force_regression import Products
-from analysis.information import DELTA_BIC, Z_95, independent
+from analysis.information import DELTA_BIC, Z_95, autocorrelation, independent
 from testbed.proposal import Coefficient
 
 MOST_TERMS = 4
@@ -94,7 +94,7 @@ class Chooser:
 
     def whiteness(self, subset: Subset) -> float:
         """Independent values over values; records of a few values alone do not count."""
-        found = sum(independent(rest) for rest in self.residual(subset) if len(rest) >= 16)
+        found = sum(independent(autocorrelation(rest)) for rest in self.residual(subset) if len(rest) >= 16)
         return max(found, 10.0) / max(self.rows, 1)
 
 

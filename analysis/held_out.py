@@ -47,6 +47,11 @@ def conditions_of(records: Sequence[Observed]) -> list[list[int]]:
     return list(groups.values())
 
 
+def holds_out(records: Sequence[Observed]) -> bool:
+    """Whether a condition can be left out of a fit: of one alone, every error is that in the fit."""
+    return len(conditions_of(records)) > 1
+
+
 def record_error(record: Observed, residual: np.ndarray) -> RecordError:
     """The error of one record from its residual (channels * samples,) in units of its scale.
 

@@ -23,17 +23,16 @@ def autocorrelation(values: np.ndarray) -> np.ndarray:
     return correlation / max(float(correlation[0]), 1e-300)
 
 
-def independent(values: np.ndarray) -> float:
-    """Number of independent values among `values` (samples,), from their autocorrelation up to where it first dies away."""
-    correlation = autocorrelation(values)
+def independent(correlation: np.ndarray) -> float:
+    """Number of independent values among those of this autocorrelation, which counts up to where it first dies away."""
     low = np.flatnonzero(correlation <= 0.05)
-    last = int(low[0]) if len(low) else len(values)
-    return len(values) / (1.0 + 2.0 * float(correlation[1:last].sum()))
+    last = int(low[0]) if len(low) else len(correlation)
+    return len(correlation) / (1.0 + 2.0 * float(correlation[1:last].sum()))
 
 
 def effective_size(fit: WaveformFit) -> float:
     """Number of independent residuals of all records."""
-    return max(sum(independent(rest) for rest in fit.residuals), 10.0)
+    return max(sum(independent(autocorrelation(rest)) for rest in fit.residuals), 10.0)
 
 
 def bic(fit: WaveformFit, size: float) -> float:

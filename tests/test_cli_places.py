@@ -61,6 +61,12 @@ def test_no_command_writes_over_what_it_reads(testbed: Shell, arguments: tuple[s
     assert files() == before
 
 
+@pytest.mark.parametrize("arguments", [("identify", "t.h5", *BOTH), ("add", "runout", *BOTH, "-c", "nix.yaml")])
+def test_a_model_may_be_replaced_by_its_successor(testbed: Shell, arguments: tuple[str, ...]) -> None:
+    said = testbed.refused(*arguments, "-o", "model.yaml")
+    assert said.startswith(f"error: {arguments[1] if arguments[0] == 'identify' else 'nix.yaml'}: ")  # and not for its place
+
+
 def test_json_replaces_json_and_fills_an_empty_file(testbed: Shell) -> None:
     Path("m.json").touch()
     for _ in range(2):

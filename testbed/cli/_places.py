@@ -29,6 +29,8 @@ def check_outputs(context: click.Context) -> None:
             outputs.append((parameter, text))
     for place, (parameter, text) in enumerate(outputs):
         for other, name in inputs:
+            if other.name == "model_file" and parameter.make_metavar(context) == _MODEL:
+                continue  # a model replaced by its successor, once that is known, is what was asked for
             # os.path, here and below: it takes a text too long for a name for no file, where Path raises
             if os.path.isfile(name) and os.path.exists(text) and os.path.samefile(text, name):
                 raise InputProblem(text, f"exists already, and this command reads it ({_shown(other)})",
