@@ -15,6 +15,7 @@ from testbed.effect import Effect, Parameter
 CORNER = 8  # iterations of a fit that only has to find its valley
 HOPS = (0.4, 2.5, 0.8, 1.25)  # factors by which a scale is moved, far and near
 CHEAPER = 1e-5  # share of the cost, and one unit more, that another valley must save
+MUCH = 1e-3  # share of it from which there may be a deeper one further along
 
 
 def hopped(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -> WaveformFit:
@@ -44,7 +45,9 @@ def _along(fitter: Fitter, path: str, factor: float, bounds: tuple[float, float]
         trial = _fitted_at(fitter, path, factor * fit.state.model.value(path), fit, CORNER)
         if not deeper(trial, fit):
             return fit
-        fit = trial if trial.converged else fitter.fit(trial.state, iterations=4 * CORNER)
+        before, fit = fit.cost, trial if trial.converged else fitter.fit(trial.state, iterations=4 * CORNER)
+        if fit.cost > (1.0 - MUCH) * before:  # the same valley, which is flat along the scale
+            return fit
     return fit
 
 

@@ -178,9 +178,13 @@ class Fitter:
 
     def _residuals(self, record: Observed, variants: list[tuple[Model, float, Nuisances]]) -> np.ndarray:
         far = 1e3 * float(np.ptp(record.data)) + 1e-12  # what diverged is far off, but a number
-        predicted = np.clip(np.nan_to_num(predict(self.plant, record, variants), nan=far, posinf=far, neginf=-far), -far, far)
+        predicted = predict(self.plant, record, variants)
+        if not (-far <= predicted.min() and predicted.max() <= far):  # a NaN is neither
+            predicted = np.clip(np.nan_to_num(predicted, nan=far, posinf=far, neginf=-far), -far, far)
         rest = record.project(record.data - predicted)
-        return np.clip(rest, -BIG, BIG).reshape(len(variants), -1)
+        if rest.min() < -BIG or rest.max() > BIG:
+            rest = np.clip(rest, -BIG, BIG)
+        return rest.reshape(len(variants), -1)
 
     def _shared_nudge(self, state: State, place: int, step: float) -> tuple[State, float]:
         """The state with one shared unknown moved by a small step, and the step's sign: down at an upper bound."""

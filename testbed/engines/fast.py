@@ -16,7 +16,7 @@ from testbed.engines import loop_kernel as lk
 from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, compose
 from testbed.engines.measure import measured_channels
-from testbed.engines.packing import Packed, pack, stiffening
+from testbed.engines.packing import Packed, pack, stiffening, stiffens
 from testbed.machine import Cutter, Model
 from testbed.recording import Outcome, Recording
 
@@ -47,8 +47,7 @@ _LINEAR_CHANNELS = {"displacement", "velocity", "acceleration"}
 
 @dataclass(frozen=True)
 class BatchResult:
-    """Runs side by side: out (runs, 6, samples), or of the displacement alone (runs, 1, samples); pass_times
-    (runs, passes + 1), pass_states (runs, passes + 1, 2)."""
+    """Runs side by side: out (runs, channels, samples), pass_times (runs, passes + 1), pass_states (runs, passes + 1, 2)."""
 
     out: np.ndarray
     pass_times: np.ndarray
@@ -114,21 +113,34 @@ def simulate_batch(
     catalogue: Mapping[str, Effect] | None = None,
     durations: Sequence[np.ndarray] | None = None,
     general: bool = False,
-    displacement_only: bool = False,
+    signals: int = sk.N_CHANNELS,
+    alike: bool = False,
     refinement: int = 1,
 ) -> BatchResult:
     """Simulate runs side by side; every run's samples and passes are padded with NaN to the longest.
 
     durations: measured times of the tooth passes (s), one array a run, in place of the nominal speed. general: take the
-    general kernel even where the linear one would do. displacement_only: `out` need hold no other
-    channel (and does not, of the linear kernel). refinement: how many times as many steps as are chosen, a whole number.
-    Arrays are as the sensor sits on the structure, before any effect of the
-    sensor itself.
+    general kernel even where the linear one would do. signals: how many channels `out` holds: 1 (the displacement), 3 (the
+    motion) or all. alike: the runs differ little, and all may have steps as fine as the first needs. refinement: how many
+    times as many steps as are chosen, a whole number. Arrays are as the sensor sits on the structure, before any effect of
+    the sensor itself.
     """
     effects = known_effects() if catalogue is None else catalogue
+    assumed = np.ones(len(models))
+    if alike and steps is None and len(models) > 1 and stiffens(models[0], effects):
+        first = None if durations is None else durations[:1]
+        assumed[:] = _simulated(models[:1], cuts[:1], samplings[:1], forces, None, effects, first, general, signals, refinement,
+                                assumed[:1])[1][0]
+    return _simulated(models, cuts, samplings, forces, steps, effects, durations, general, signals, refinement, assumed)[0]
+
+
+def _simulated(models: Sequence[Model], cuts: Sequence[Cut], samplings: Sequence[Sampling], forces: bool, steps: int | None,
+               effects: Mapping[str, Effect], durations: Sequence[np.ndarray] | None, general: bool, signals: int,
+               refinement: int, assumed: np.ndarray) -> tuple[BatchResult, np.ndarray]:  # fmt: skip
+    """The runs, begun with steps for structures as stiff as `assumed` (runs,), and how stiff they turned out to be."""
     packed = [
-        pack(model, cut, effects, steps, durations is not None, refinement=refinement)
-        for model, cut in zip(models, cuts, strict=True)
+        pack(model, cut, effects, steps, durations is not None, stiff, refinement)
+        for model, cut, stiff in zip(models, cuts, assumed, strict=True)
     ]
     count = max(sampling.count for sampling in samplings)
     passes = max(cut.total_passes for cut in cuts)
@@ -139,34 +151,38 @@ def simulate_batch(
         for row, values in zip(table, durations, strict=True):
             row[: len(values)] = values
     linear = not (general or forces) and all(one.base for one in packed)
-    signals = 1 if linear and displacement_only else sk.N_CHANNELS
     result = _run(packed, clock, table, forces, count, passes, effects, linear, signals)
     if steps is None and not linear:
-        _refine(result, models, cuts, packed, effects, clock, table, forces, refinement)
-    return result
+        assumed = _refine(result, models, cuts, effects, clock, table, forces, refinement, assumed)
+    return result, assumed
 
 
-def _refine(result: BatchResult, models: Sequence[Model], cuts: Sequence[Cut], packed: Sequence[Packed],
-            effects: Mapping[str, Effect], clock: np.ndarray, table: np.ndarray, forces: bool,
-            refinement: int) -> None:  # fmt: skip
-    """Run again, with finer steps, what has moved so far that its structure became stiffer than the steps were made for."""
-    assumed = np.ones(len(packed))
+def _refine(result: BatchResult, models: Sequence[Model], cuts: Sequence[Cut], effects: Mapping[str, Effect],
+            clock: np.ndarray, table: np.ndarray, forces: bool, refinement: int,
+            assumed: np.ndarray) -> np.ndarray:  # fmt: skip
+    """Run again, with finer steps, what has moved so far that its structure became stiffer than the steps were made for.
+
+    assumed: how stiff that was, (runs,). Returns the same of the last steps.
+    """
+    assumed = assumed.copy()
+    movable = [run for run, model in enumerate(models) if stiffens(model, effects)]
     for _ in range(REFINEMENTS):
         again = []
-        for run, model in enumerate(models):
+        for run in movable:
             x, v = result.pass_states[run, :, 0], result.pass_states[run, :, 1]
-            amplitude = float(np.nanmax(np.hypot(x, v / model.structure.natural_frequency_rad)))
-            found = min(stiffening(model, effects, amplitude), STIFFEST) if model.effects else 1.0
+            amplitude = float(np.nanmax(np.hypot(x, v / models[run].structure.natural_frequency_rad)))
+            found = min(stiffening(models[run], effects, amplitude), STIFFEST)
             if found > STIFFER * assumed[run]:
                 again.append(run)
                 assumed[run] = found
         if not again:
-            return
+            break
         finer = [pack(models[run], cuts[run], effects, None, table.shape[1] > 0, assumed[run], refinement) for run in again]
         part = _run(finer, clock[again], table[again], forces, result.out.shape[2], result.pass_times.shape[1] - 1, effects,
-                    False, sk.N_CHANNELS)  # fmt: skip
+                    False, result.out.shape[1])  # fmt: skip
         for name in ("out", "pass_times", "pass_states", "outcome", "outcome_time"):
             getattr(result, name)[again] = getattr(part, name)
+    return assumed
 
 
 def simulate(
@@ -199,7 +215,7 @@ def simulate(
         catalogue=effects,
         durations=None if durations is None else [durations],
         general=general,
-        displacement_only=alone,
+        signals=1 if alone else sk.N_CHANNELS,
     )
     return _recording(result, 0, model, cut, sampling, channels, effects, alone)
 
@@ -238,7 +254,7 @@ def simulate_together(models: Sequence[Model], cuts: Sequence[Cut], samplings: S
     runs = list(zip(models, cuts, samplings, strict=True))
     if set(channels) != {"displacement"} or any(model.effects for model in models):
         return [simulate(*run, channels=channels, steps=steps, catalogue=effects) for run in runs]
-    result = simulate_batch(models, cuts, samplings, steps=steps, catalogue=effects, displacement_only=True)
+    result = simulate_batch(models, cuts, samplings, steps=steps, catalogue=effects, signals=1)
     return [_recording(result, place, *run, channels, effects, True) for place, run in enumerate(runs)]
 
 

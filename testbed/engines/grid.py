@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -23,14 +25,18 @@ STEP_ANGLE = 0.12  # rad of tooth travel a step in the cut may cover
 
 
 def python_hook(effect: Effect, hook: str, values: Mapping[str, float], **offers: float) -> float:
-    wanted = inspect.signature(effect.hooks[hook]).parameters
     known = {**offers, **values}
-    return float(effect.hooks[hook](**{name: known[name] for name in wanted}))
+    return float(effect.hooks[hook](**{name: known[name] for name in arguments_of(effect, hook)}))
 
 
-def arguments_of(effect: Effect, hook: str) -> set[str]:
+@lru_cache(maxsize=1024)
+def _arguments(function: Callable[..., Any]) -> tuple[str, ...]:
+    return tuple(inspect.signature(function).parameters)
+
+
+def arguments_of(effect: Effect, hook: str) -> tuple[str, ...]:
     """What a hook of the effect asks for; nothing where it has none."""
-    return set(inspect.signature(effect.hooks[hook]).parameters) if hook in effect.hooks else set()
+    return _arguments(effect.hooks[hook]) if hook in effect.hooks else ()
 
 
 def corners_of_pitch(cutter: Cutter, cutting: Cutting, lag: float) -> tuple[np.ndarray, list[int]]:
@@ -99,7 +105,7 @@ def motion_of(structure: Structure, active: Mapping[str, Mapping[str, float]], c
             places -= {place, place + 1}
             carried = max(carried, math.sqrt(pull))
         plain += sorted(places)
-        reads_states = arguments_of(effect, "speed") & {*effect.states}
+        reads_states = not {*effect.states}.isdisjoint(arguments_of(effect, "speed"))
         exact = exact and not places and not reads_states and "structure_force" not in effect.hooks
         if "highest_frequency" in effect.hooks and (places or not pairs):
             integrated = max(integrated, python_hook(effect, "highest_frequency", values, mass=structure.mass,

@@ -11,7 +11,6 @@ import math
 import numpy as np
 from numba import njit
 
-from testbed.engines.compiled import inner
 from testbed.engines.fast_kernel import CUT, IDLE, OUTCOME_DIVERGED, OUTCOME_OK, RING_DOWN, SEGMENTS, STEPS, TEETH
 from testbed.engines.loop_kernel import (
     CORNERS,
@@ -43,18 +42,6 @@ def chip_stiffness(G, phase, teeth):
     return total * G[SLICE_DEPTH] / G[MASS]
 
 
-@inner
-def fill_displacement(out, position, u, dt, x0, v0, a0, x1, v1, a1):
-    """`fill_quintic`, of the displacement alone."""
-    rise = (x1 - x0) / dt - v0 - 0.5 * a0 * dt
-    gain = v1 - v0 - a0 * dt
-    bend = (a1 - a0) * dt
-    c3 = 10.0 * rise - 4.0 * gain + 0.5 * bend
-    c4 = -15.0 * rise + 7.0 * gain - bend
-    c5 = 6.0 * rise - 3.0 * gain + 0.5 * bend
-    out[SENSED_X, position] = x0 + dt * u * (v0 + u * (0.5 * a0 * dt + u * (c3 + u * (c4 + u * c5))))
-
-
 @njit(cache=True)
 def cross(G, x, v, t0, dt, steps, kappa, memory, row0, last, clock, out, position, limit):
     """Step through one segment in the cut, from row0 of kappa and memory on. `last` is what is left at its start.
@@ -64,7 +51,7 @@ def cross(G, x, v, t0, dt, steps, kappa, memory, row0, last, clock, out, positio
     e00, e01, e10, e11 = oscillator_map(G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS], dt)
     f00, f01, f10, f11 = oscillator_map(G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS], 0.5 * dt)
     pull, drag = G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS]
-    feed, count, rates = G[FEED], out.shape[1], out.shape[0] > 1
+    feed, count = G[FEED], out.shape[1]
     for step in range(steps):
         row = row0 + 2 * step
         n1 = -kappa[row] * (feed + x - memory[row])
@@ -84,10 +71,7 @@ def cross(G, x, v, t0, dt, steps, kappa, memory, row0, last, clock, out, positio
                 u = (clock[0] + position / clock[1] - t0) / dt
                 if u > 1.0:
                     break
-                if rates:
-                    fill_quintic(out, position, u, dt, x, v, a0, x1, v1, a1)
-                else:
-                    fill_displacement(out, position, u, dt, x, v, a0, x1, v1, a1)
+                fill_quintic(out, position, u, dt, x, v, a0, x1, v1, a1)
                 position += 1
         memory[row] = last
         memory[row + 1] = 0.5 * (x + x1) + 0.125 * dt * (v - v1)

@@ -2,28 +2,39 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from testbed.cut import Sampling
 from testbed.effect import Effect
+from testbed.engines.grid import arguments_of
 from testbed.engines.packing import active_effects
 from testbed.machine import Model
 
 _RATE_OF = {"displacement": "velocity", "velocity": "acceleration"}
 
 
-def _with_rates(channels: Sequence[str], signals: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The wanted channels, and after them those whose values are the rates of change of others."""
-    chain = {name: np.array(signals[name]) for name in channels}
+def _with_rates(channels: Sequence[str], known: Mapping[str, Any]) -> dict[str, int]:
+    """The wanted channels and those that hold their rates of change, each with how often a wanted one is differentiated."""
+    order = dict.fromkeys(channels, 0)
     for name in channels:
-        rate = _RATE_OF.get(name, "")
-        while rate in signals:
-            chain.setdefault(rate, np.array(signals[rate]))
-            rate = _RATE_OF.get(rate, "")
-    return chain
+        rate, count = _RATE_OF.get(name, ""), 1
+        while rate in known:
+            order[rate] = min(count, order.get(rate, count))
+            rate, count = _RATE_OF.get(rate, ""), count + 1
+    return order
+
+
+def senses(model: Model, catalogue: Mapping[str, Effect]) -> bool:
+    """Whether the model has effects of the sensor itself."""
+    return any("measure" in catalogue[name].hooks for name in model.effects)
+
+
+def asks_rates(model: Model, catalogue: Mapping[str, Effect]) -> bool:
+    """Whether an effect of the sensor itself asks for the rate of change of what it senses."""
+    return any("rate" in arguments_of(catalogue[name], "measure") for name in model.effects)
 
 
 def _differences(signal: np.ndarray, sampling_rate: float) -> np.ndarray:
@@ -42,16 +53,17 @@ def measured_channels(model: Model, catalogue: Mapping[str, Effect], signals: Ma
               if "measure" in catalogue[name].hooks]
     if not active:
         return {name: np.array(signals[name]) for name in channels}
-    active.sort(key=lambda pair: "true_signal" not in inspect.signature(pair[0].hooks["measure"]).parameters)
-    measured = _with_rates(channels, signals)
+    active.sort(key=lambda pair: "true_signal" not in arguments_of(pair[0], "measure"))
+    order = _with_rates(channels, signals)
+    measured = {name: np.array(signals[name]) for name in order}
     true = dict(measured)
     time = sampling.start + np.arange(sampling.count) / sampling.rate
-    for effect, values in active:
-        hook = effect.hooks["measure"]
-        wanted = inspect.signature(hook).parameters
+    for place, (effect, values) in enumerate(active):
+        hook, wanted = effect.hooks["measure"], arguments_of(effect, "measure")
+        later = sum("rate" in arguments_of(other, "measure") for other, _ in active[place + 1 :])
         before = dict(measured)
         for quantity, signal in before.items():
-            if quantity == "spindle_angle":
+            if quantity == "spindle_angle" or order[quantity] > later:  # a rate that no later hook asks for
                 continue
             offers = {"signal": signal, "true_signal": true[quantity], "sampling_rate": sampling.rate,
                       "quantity": quantity, "time": time, **values}

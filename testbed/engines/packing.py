@@ -63,6 +63,11 @@ def active_effects(model: Model, catalogue: Mapping[str, Effect]) -> dict[str, M
     return active
 
 
+def stiffens(model: Model, catalogue: Mapping[str, Effect]) -> bool:
+    """Whether the model has an effect that may make its structure stiffer as it moves further."""
+    return any("displacement" in arguments_of(catalogue[name], "structure_force") for name in model.effects)
+
+
 def stiffening(model: Model, catalogue: Mapping[str, Effect], amplitude: float) -> float:
     """Highest frequency of the structure up to a displacement of `amplitude` (m) over its natural one, at least 1."""
     structure, added = model.structure, 0.0

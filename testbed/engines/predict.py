@@ -14,7 +14,7 @@ from testbed.engines import fast
 from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, compose
 from testbed.engines.grid import STEP_PHASE
-from testbed.engines.measure import measured_channels
+from testbed.engines.measure import asks_rates, measured_channels, senses
 from testbed.engines.packing import fastest_frequency, pack
 from testbed.machine import Model
 
@@ -38,9 +38,20 @@ def predict_cuts(
     """
     effects = known_effects() if catalogue is None else catalogue
     forces = any(name.startswith("force") for name in channels)
-    result = fast.simulate_batch(models, cuts, samplings, forces=forces, catalogue=effects, durations=durations, general=forces,
-                                 refinement=refinement)
+    result = fast.simulate_batch(
+        models, cuts, samplings, forces=forces, catalogue=effects, durations=durations, general=forces, refinement=refinement,
+        alike=True, signals=_signals(models, effects, channels))  # fmt: skip
+    if not any(senses(model, effects) for model in models):
+        return result.out[:, [fast.CHANNELS[name] for name in channels], : samplings[0].count]
     return np.stack([_sensed(model, effects, result.out[run], channels, samplings[run]) for run, model in enumerate(models)])
+
+
+def _signals(models: Sequence[Model], effects: Mapping[str, Effect], channels: Sequence[str]) -> int:
+    """How many of the fast engine's channels it takes to predict these."""
+    most = max(fast.CHANNELS[name] for name in channels)
+    if most >= sk.N_MOTION:
+        return sk.N_CHANNELS
+    return sk.N_MOTION if most > 0 or any(asks_rates(model, effects) for model in models) else 1
 
 
 def predict_driven(
@@ -90,6 +101,6 @@ def predict_driven(
 def _sensed(
     model: Model, effects: Mapping[str, Effect], out: np.ndarray, channels: Sequence[str], sampling: Sampling
 ) -> np.ndarray:
-    signals = {name: out[place, : sampling.count] for name, place in fast.CHANNELS.items()}
+    signals = {name: out[place, : sampling.count] for name, place in fast.CHANNELS.items() if place < len(out)}
     measured = measured_channels(model, effects, signals, channels, sampling)
     return np.stack([measured[name] for name in channels])

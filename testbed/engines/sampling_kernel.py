@@ -1,5 +1,5 @@
 """Samples at the recording's rate: within a step by the quintic through displacement, velocity and acceleration at both
-ends, in free flight by the exact map."""
+ends, in free flight by the exact map. `out` holds all channels, or the first alone, or the first three: the motion."""
 
 from testbed.engines.compiled import inner
 from testbed.engines.hooks import hook_sensed_displacement, hook_sensed_velocity
@@ -7,6 +7,16 @@ from testbed.engines.loop_kernel import SLICES, cutting_force
 from testbed.engines.oscillator_kernel import carry, copy, free_slope, set_maps
 
 SENSED_X, SENSED_V, SENSED_A, FORCE_X, FORCE_Y, ANGLE, N_CHANNELS = range(7)
+N_MOTION = 3  # the first of them
+
+
+@inner
+def samples_until(start, rate, end, position, count):
+    """The first sample from `position` on that lies behind the time `end`, or `count`."""
+    found = min(count, max(position, int((end - start) * rate) + 2))
+    while found > position and start + (found - 1) / rate > end:  # the same comparison as everywhere else decides
+        found -= 1
+    return found
 
 
 @inner
@@ -19,6 +29,8 @@ def fill_quintic(out, position, u, dt, x0, v0, a0, x1, v1, a1):
     c4 = -15.0 * rise + 7.0 * gain - bend
     c5 = 6.0 * rise - 3.0 * gain + 0.5 * bend
     out[SENSED_X, position] = x0 + dt * u * (v0 + u * (0.5 * a0 * dt + u * (c3 + u * (c4 + u * c5))))
+    if out.shape[0] == 1:
+        return
     out[SENSED_V, position] = v0 + u * (a0 * dt + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))
     out[SENSED_A, position] = a0 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5)) / dt
 
@@ -41,15 +53,14 @@ def sample_step(A, P, G, clock, Y0, D0, Y1, D1, angle0, angle1, w0, w1, out, pos
     x0, v0 = Y0[0] + hook_sensed_displacement(A, P, Y0), Y0[1] + hook_sensed_velocity(A, P, Y0)
     x1, v1 = Y1[0] + hook_sensed_displacement(A, P, Y1), Y1[1] + hook_sensed_velocity(A, P, Y1)
     a0, a1 = D0[1] + hook_sensed_velocity(A, P, D0), D1[1] + hook_sensed_velocity(A, P, D1)
-    while position < count:
-        t = start + position / rate
-        if t > Y1[2]:
-            break
-        u = (t - Y0[2]) / dt
+    stop = samples_until(start, rate, Y1[2], position, count)
+    while position < stop:
+        u = (start + position / rate - Y0[2]) / dt
         fill_quintic(out, position, u, dt, x0, v0, a0, x1, v1, a1)
-        out[ANGLE, position] = angle_between(u, dt, angle0, angle1, w0, w1)
-        out[FORCE_X, position] = 0.0
-        out[FORCE_Y, position] = 0.0
+        if out.shape[0] == N_CHANNELS:
+            out[ANGLE, position] = angle_between(u, dt, angle0, angle1, w0, w1)
+            out[FORCE_X, position] = 0.0
+            out[FORCE_Y, position] = 0.0
         position += 1
     return position
 
@@ -78,6 +89,16 @@ def sample_forces(A, P, G, clock, Y0, D0, Y1, D1, phase0, phase1, pass_number, t
 
 
 @inner
+def fill_flight(A, P, E, W, out, position, stop):
+    """The displacement from W on, where the structure alone moves: what is carried on stays out of memory."""
+    x, v, a, b, c, d = W[0], W[1], E[0, 0], E[0, 1], E[0, 2], E[0, 3]
+    for place in range(position, stop):
+        W[0], W[1] = x, v
+        out[SENSED_X, place] = x + hook_sensed_displacement(A, P, W)
+        x, v = a * x + b * v, c * x + d * v
+
+
+@inner
 def sample_flight(A, P, G, O, clock, Y, dt, angle0, span, w0, w1, W, D, E, out, position):
     """Fill the samples of an exact free flight of length dt that starts in state Y; return the next sample.
 
@@ -94,17 +115,21 @@ def sample_flight(A, P, G, O, clock, Y, dt, angle0, span, w0, w1, W, D, E, out, 
     set_maps(O, first - Y[2], E)
     carry(O, E, W)
     set_maps(O, 1.0 / rate, E)
-    while position < count:
-        t = start + position / rate
-        if t > Y[2] + dt:
-            break
-        free_slope(O, W, D)
+    stop = samples_until(start, rate, Y[2] + dt, position, count)
+    if O.shape[0] == 1 and out.shape[0] == 1:
+        fill_flight(A, P, E, W, out, position, stop)
+        return max(position, stop)
+    while position < stop:
         out[SENSED_X, position] = W[0] + hook_sensed_displacement(A, P, W)
-        out[SENSED_V, position] = W[1] + hook_sensed_velocity(A, P, W)
-        out[SENSED_A, position] = D[1] + hook_sensed_velocity(A, P, D)
-        out[FORCE_X, position] = 0.0
-        out[FORCE_Y, position] = 0.0
-        out[ANGLE, position] = angle_between((t - Y[2]) / dt if dt > 0.0 else 0.0, dt, angle0, angle0 + span, w0, w1)
+        if out.shape[0] > 1:
+            free_slope(O, W, D)
+            out[SENSED_V, position] = W[1] + hook_sensed_velocity(A, P, W)
+            out[SENSED_A, position] = D[1] + hook_sensed_velocity(A, P, D)
+        if out.shape[0] == N_CHANNELS:
+            out[FORCE_X, position] = 0.0
+            out[FORCE_Y, position] = 0.0
+            t = start + position / rate
+            out[ANGLE, position] = angle_between((t - Y[2]) / dt if dt > 0.0 else 0.0, dt, angle0, angle0 + span, w0, w1)
         carry(O, E, W)
         position += 1
     return position

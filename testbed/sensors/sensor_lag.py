@@ -36,12 +36,14 @@ EFFECT = Effect(
 )
 
 
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(16)
+
+
 def _moments(a):
     """Integrals over s from 0 to 1 of a exp(-a (1 - s)) s^k, k = 0..3."""
     if a < 2.0:  # the recursion would lose digits
-        points, weights = np.polynomial.legendre.leggauss(16)
-        s = 0.5 * (points + 1.0)
-        return [float(np.sum(0.5 * weights * a * np.exp(-a * (1.0 - s)) * s**k)) for k in range(4)]
+        s = 0.5 * (_POINTS + 1.0)
+        return [float(np.sum(0.5 * _WEIGHTS * a * np.exp(-a * (1.0 - s)) * s**k)) for k in range(4)]
     moments = [-math.expm1(-a)]
     for k in range(1, 4):
         moments.append(1.0 - k / a * moments[-1])
