@@ -1,0 +1,67 @@
+"""The fast engine as the analysis is handed it: less is sampled and steps are shared, and the samples stay what they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from testbed.cut import Sampling, whole_cut_sampling
+from testbed.effect import catalogue
+from testbed.engines import fast
+from testbed.engines import sampling_kernel as sk
+from testbed.engines.packing import stiffening
+from testbed.engines.predict import predict_cuts
+from tests.validation.claims import FLEXURE, rpm
+from tests.validation.effects import example
+
+COURSE = rpm(3810, 2.9, idle_passes=2, passes=20, ring_down_passes=3, initial_displacement=1e-5)
+MOTION = ["displacement", "velocity", "acceleration"]
+HARD = 3e14  # N/m^3: at twice the frequency at the end of its swing
+
+
+@pytest.mark.parametrize("name", ["runout", "quadratic_damping", "second_mode", "speed_variation", "entry_ramp"])
+@pytest.mark.parametrize("signals", [1, sk.N_MOTION])
+def test_what_is_sampled_alone_is_what_is_sampled_with_all_else(name, signals):
+    model = example(name)
+    for sampling in (whole_cut_sampling(COURSE, 1, 12800.0), Sampling(977.0, 301, 0.0123), Sampling(60.0, 20)):
+        everything = fast.simulate_batch([model], [COURSE], [sampling], general=True).out
+        few = fast.simulate_batch([model], [COURSE], [sampling], general=True, signals=signals).out
+        assert few.shape[1] == signals
+        assert np.isfinite(few).sum() > 10 * signals
+        # compiled apart, sums and products may be contracted otherwise
+        size = np.nanmax(np.abs(everything[:, :signals]), axis=2, keepdims=True)
+        assert np.allclose(few / size, everything[:, :signals] / size, rtol=0.0, atol=1e-12, equal_nan=True)
+
+
+@pytest.mark.parametrize("names", [(), ("ambient_vibration",), ("sensor_lag",), ("sensor_lag", "ambient_vibration"),
+                                   ("sensor_lag", "runout")])
+def test_a_channel_is_predicted_alone_as_beside_its_rates(names):
+    model, known = FLEXURE, catalogue()
+    for name in names:
+        model = model.with_effect(name, **known[name].example())
+    sampling = whole_cut_sampling(COURSE, 1, 12800.0)
+    alone = predict_cuts([model], [COURSE], [sampling], ["displacement"])
+    beside = predict_cuts([model], [COURSE], [sampling], [*MOTION, "spindle_angle"])
+    assert alone.shape == (1, 1, sampling.count) and beside.shape == (1, 4, sampling.count)
+    both = np.isfinite(alone[0, 0])
+    assert both.sum() > 5000 and np.ptp(alone[0, 0, both]) > 1e-5
+    assert np.allclose(alone[0, 0, both], beside[0, 0, both], rtol=0.0, atol=1e-15)
+    if names:
+        bare = predict_cuts([FLEXURE], [COURSE], [sampling], ["displacement"])
+        assert np.nanmax(np.abs(bare - alone)) > 1e-7
+
+
+def test_variants_of_one_run_share_the_steps_that_the_first_needs():
+    factors = (1.0, 1.0 + 1e-6, 0.3)
+    models = [FLEXURE.with_effect("cubic_stiffness", coefficient=factor * HARD) for factor in factors]
+    sampling = whole_cut_sampling(COURSE, 1, 12800.0)
+    together = fast.simulate_batch(models, [COURSE] * 3, [sampling] * 3, alike=True).out[:, 0]
+    alone = [fast.simulate_batch([model], [COURSE], [sampling]).out[0, 0] for model in models]
+    exact = [fast.simulate_batch([model], [COURSE], [sampling], refinement=8).out[0, 0] for model in models]
+    size = np.nanmax(np.abs(exact[0]))
+    assert stiffening(models[0], catalogue(), size) > 1.5
+    assert np.array_equal(together[0], alone[0], equal_nan=True)
+    for one, reference, other in zip(together, exact, alone, strict=True):
+        left = np.nanmax(np.abs(one - reference))
+        assert left < max(1e-5 * size, 1.01 * np.nanmax(np.abs(other - reference)))
+    assert np.nanmax(np.abs(exact[2] - exact[0])) > 0.01 * size  # the law was felt
