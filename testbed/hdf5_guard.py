@@ -33,7 +33,9 @@ def opened(path: str | Path) -> Iterator[h5py.File]:
     try:
         file = h5py.File(name, "r")
     except OSError:
-        raise InputProblem(path, "is no HDF5 file, or is cut short", "copy it again from where it came from") from None
+        if name.stat().st_size and not h5py.is_hdf5(name):
+            raise InputProblem(path, "is no HDF5 file", "name one: a data set, say, as testbed run writes it") from None
+        raise InputProblem(path, "the HDF5 file is cut short", "copy it again from where it came from") from None
     with file:
         try:
             try:

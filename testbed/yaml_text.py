@@ -184,6 +184,8 @@ def _said(kind: type[Strict], error: Any, where: Path_) -> tuple[str, str]:
     if error["type"] == "missing":
         return "is missing", "add it"
     if error["type"] == "extra_forbidden":
+        if str(where[-1])[:1].isdigit():  # {frequency: 147,5 Hz}: in braces, a comma begins the next entry
+            return "unknown key", "a decimal is written with a point: 1.5, not 1,5"
         return "unknown key", did_you_mean(str(where[-1]), _names(_kind_at(kind, where[:-1])))
     if error["type"] == "literal_error":
         return f"'{error['input']}' is not known", f"one of {error['ctx']['expected']}"

@@ -178,6 +178,12 @@ BAD = {
     "no cutter": ("model.yaml", "structure: flexure\n",
                   ["chart", "model.yaml", "--speed", "3000", "--depth", "1"], "has no cutter"),
     "no data set": ("x.h5", "not HDF5", ["score", "x.h5"], "x.h5: is no HDF5 file"),
+    "absurd depth": ("model.yaml", MODEL, ["multipliers", "model.yaml", "--speed", "3000", "--depth", "5000"],
+                     "elements): choose another cut"),
+    "absurd speed": ("model.yaml", MODEL, ["multipliers", "model.yaml", "--speed", "0.01", "--depth", "2"],
+                     "NaNs): choose another cut"),
+    "a decimal comma": ("model.yaml", MODEL.replace("147.5", "147,5"),
+                        ["multipliers", "model.yaml", "--speed", "3000", "--depth", "1"], "written with a point"),
     "a model as data": ("c.yaml", MODEL, ["identify", "c.yaml", "-m", "model.yaml"], "c.yaml"),
     "text as data": ("c.csv", "1,2", ["identify", "c.csv", "-m", "model.yaml"], "campaign.yaml"),
 }

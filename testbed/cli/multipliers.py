@@ -53,6 +53,8 @@ def command(model_file: str, speed: list[float], depth: list[float], feed_text: 
 
 def multipliers(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, Any]:
     """Multipliers of a model, effects and all, their class and the period in passes. InputProblem if there are none."""
+    import numpy as np
+
     from analysis.delay_equation import milling_equation
     from analysis.linearise import linearise
     from analysis.stability import classify
@@ -66,8 +68,9 @@ def multipliers(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, An
             motion = linearise(loop)
             values, passes = motion.multipliers, motion.passes
         else:
-            values, passes = converged_multipliers(milling_equation(model, cut)), 1
+            with np.errstate(over="ignore", invalid="ignore"):  # at absurd speeds and depths, which are refused below
+                values, passes = converged_multipliers(milling_equation(model, cut)), 1
     except (ValueError, ArithmeticError) as problem:
         raise InputProblem(name, f"has no multipliers at this cut ({problem})",
-                           "leave out the effect, or choose another cut") from None
+                           "leave out the effect, or choose another cut" if model.effects else "choose another cut") from None
     return {"multipliers": values, "class": classify(values), "period_passes": passes}
