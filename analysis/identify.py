@@ -197,10 +197,16 @@ def _answer(start, cuts, measured, used, best, numbers, elements) -> Identificat
     tests = []
     for cut, found, use in zip(cuts, measured, used, strict=True):
         predicted = characteristic_multipliers(milling_equation(model, cut), elements)
-        rows, columns = linear_sum_assignment(np.abs(found.multipliers[:, None] - predicted[None, :]))
-        paired = predicted[columns[np.argsort(rows)]] if found.rank else predicted[:2]
-        tests.append(MultiplierTest(cut, found.multipliers, paired, use, found.reason))
+        tests.append(MultiplierTest(cut, found.multipliers, beside(found, predicted), use, found.reason))
     return Identification(model, parameters, tuple(tests), chi_square, bool(best.success))
+
+
+def beside(measured: EmpiricalMultipliers, predicted: np.ndarray) -> np.ndarray:
+    """The predicted multipliers (complex, largest first) nearest to the measured ones, in their order; without any, two."""
+    if not measured.rank:
+        return predicted[:2]
+    rows, columns = linear_sum_assignment(np.abs(measured.multipliers[:, None] - predicted[None, :]))
+    return predicted[columns[np.argsort(rows)]]
 
 
 def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, names: Sequence[str] = (), elements: int = 12,
@@ -213,20 +219,22 @@ def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, names: Seq
     """
     if model.cutter is None:
         raise ValueError("the model has no cutter: multipliers need cuts")
-    flutes = model.cutter.flutes
+    measured = [measured_multipliers(recording, cut, model.cutter.flutes, channel, delays) for recording, cut in tests]
     model = started_from_ring_down(model, tests, channel)
-    measured = []
-    for recording, cut in tests:
-        start, stop = cut_bounds(recording, cut)
-        period = tooth_period(recording, flutes) if recording.marks.size >= 3 else cut.tooth_passing_period(flutes)
-        try:
-            found = empirical_multipliers(recording, flutes=flutes, period=period, start=start, stop=stop, channel=channel,
-                                          delays=delays)
-        except TooFewPeriods as problem:
-            found = EmpiricalMultipliers.none(period, str(problem))
-        measured.append(found)
     return identify_multipliers(model, [cut for _, cut in tests], measured, names=names, elements=elements, starts=starts,
                                 seed=seed)
+
+
+def measured_multipliers(recording: Recording, cut: Cut, flutes: int, channel: str = "displacement",
+                         delays: int | None = None) -> EmpiricalMultipliers:
+    """The multipliers of one recorded cut; of rank 0, with the reason, where it has too few periods."""
+    start, stop = cut_bounds(recording, cut)
+    period = tooth_period(recording, flutes) if recording.marks.size >= 3 else cut.tooth_passing_period(flutes)
+    try:
+        return empirical_multipliers(recording, flutes=flutes, period=period, start=start, stop=stop, channel=channel,
+                                     delays=delays)
+    except TooFewPeriods as problem:
+        return EmpiricalMultipliers.none(period, str(problem))
 
 
 def started_from_ring_down(model: Model, tests: Sequence[tuple[Recording, Cut]],

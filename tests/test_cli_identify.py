@@ -66,4 +66,5 @@ def test_the_waveform_corrects_an_effect_that_the_model_has(testbed):
     one = found["parameters"][PATH]
     assert one["value"] == pytest.approx(STRENGTH, rel=0.1) and one["unit"] == "N/m"
     assert one["low"] < one["value"] < one["high"] < 1.3 * STRENGTH
+    assert all(abs(complex(*test["measured"][0]) - complex(*test["model"][0])) < 0.05 for test in found["tests"])
     assert read_model("new.yaml").value(PATH) == one["value"] and f"\n{PATH} " in testbed.err

@@ -128,12 +128,37 @@ def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, se
     tests = cut_tests(records, model.cutter.flutes, path)
     start = start_from_ring_downs(model, records, tests)
     found = identify(start, [(test.recording, test.cut) for test in tests], names=[test.name for test in tests], seed=seed)
-    rows = tuple({"name": test.name, "spindle_speed": test.cut.spindle_speed,
-                  "axial_depth_of_cut": test.cut.axial_depth_of_cut, "measured": result.measured,
-                  "model": result.model, "used": result.used, "reason": result.reason}
+    rows = tuple(_row(test, result.measured, result.model, result.used, result.reason)
                  for test, result in zip(tests, found.tests, strict=True))
     return Identified(found.model, found.parameters, rows,
                       {"chi_square": found.chi_square, "converged": found.converged})
+
+
+def _row(test: CutTest, measured: Any, model: Any, used: bool, reason: str) -> dict[str, Any]:
+    return {"name": test.name, "spindle_speed": test.cut.spindle_speed, "axial_depth_of_cut": test.cut.axial_depth_of_cut,
+            "measured": measured, "model": model, "used": used, "reason": reason}
+
+
+def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path: object) -> tuple[dict[str, Any], ...]:
+    """Per cut with a displacement, its measured multipliers and those of a model that was fitted to something else.
+
+    A model whose motion repeats over several tooth passes only (runout) has none of a single one.
+    """
+    from analysis.identify import beside, measured_multipliers
+    from testbed.cli.multipliers import multipliers
+
+    if not any(record.kind == "cut" and "displacement" in record.recording.channels for record in records):
+        return ()
+    rows = []
+    for test in cut_tests(records, model.cutter.flutes, path):
+        measured = measured_multipliers(test.recording, test.cut, model.cutter.flutes)
+        try:
+            found = multipliers(model, test.cut, catalogue, test.name)
+            predicted = beside(measured, found["multipliers"]) if found["period_passes"] == 1 else ()
+        except InputProblem:
+            predicted = ()
+        rows.append(_row(test, measured.multipliers, predicted, True, measured.reason))
+    return tuple(rows)
 
 
 def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catalogue: Any, model_file: object) -> Identified:
@@ -146,5 +171,6 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     observed = observed_records(records, model, path, model_file)
     fitter, fit = base_fit(plant_of(catalogue), observed, model, free=all_free(observed, model, catalogue))
     chi_square = fit.squares / max(1, sum(residual.size for residual in fit.residuals) - len(fit.names))
-    return Identified(fit.state.model, estimates(fitter, fit, catalogue), (),
+    rows = _multipliers_beside(fit.state.model, records, catalogue, path)
+    return Identified(fit.state.model, estimates(fitter, fit, catalogue), rows,
                       {"chi_square": chi_square, "converged": fit.converged})
