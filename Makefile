@@ -30,6 +30,7 @@ validate: $(VENV)/ready
 
 blind: $(VENV)/ready
 	$(BIN)/python -m tests.validation.blind.judge --count 200
+	$(BIN)/python -m tests.validation.blind.propose
 
 bench: $(VENV)/ready
 	$(BIN)/python benchmarks/run.py

@@ -17,6 +17,7 @@ from analysis.entry_passes import entries_together
 from analysis.held_out import held_out_errors, pooled, record_error
 from analysis.information import bic, effective_size
 from analysis.pass_count import recounted
+from analysis.pass_search import at_rest
 from analysis.scale_hops import hopped
 from analysis.starts import polish
 from analysis.waveform import Fitter, State, WaveformFit
@@ -193,6 +194,9 @@ def _refitted(
     assert current.fit is not None
     say(f"refitting with {entry.name}")
     fit = polish(entry.fitter, entry.state, rounds=3, iterations=iterations)
+    if not catalogue[entry.name].smooth:
+        state, rested = at_rest(entry.fitter, fit.state)
+        fit = polish(entry.fitter, state, rounds=3, iterations=iterations) if rested else fit
     effects = (*current.effects, entry.name)
     fit = recounted(entry.fitter, entries_together(entry.fitter, fit))
     found = _candidate(current, entry.fitter, fit, effects)

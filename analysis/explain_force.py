@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,14 @@ from typing import Any
 import numpy as np
 
 from analysis.cut_variables import course_of
+from analysis.diagnosis import ADEQUATE, Diagnosis
 from analysis.force_choice import Chooser, Subset, choose, coefficients, waveform
 from analysis.force_ranking import Ranked, rank
 from analysis.force_regression import products, windows_of
-from analysis.latent_force import MissingForce, with_force
+from analysis.latent_force import MissingForce, missing_force, with_force
+from analysis.observed import Observed, Plant
 from analysis.waveform import State
+from testbed.effect import Effect
 from testbed.proposal import Coefficient, ForceTerm, write_proposal
 
 ANGLES = (-0.05, 0.0, 0.05)  # rad, changes of the tooth angle that every formula is tried at
@@ -52,6 +55,31 @@ class Explanation:
 
 
 # -- the answer --------------------------------------------------------------------------------------------------------
+
+
+def left_unexplained(
+    plant: Plant,
+    records: Sequence[Observed],
+    found: Diagnosis,
+    catalogue: Mapping[str, Effect],
+    say: Callable[[str], None] = lambda text: None,
+) -> Explanation | None:
+    """What describes the force that a diagnosis left unexplained; None where it left nothing beyond the noise.
+
+    ValueError where the force cannot be estimated.
+    """
+    chosen = found.best if found.verdict == "missing_effect" else found.base
+    if chosen.fit is None or chosen.error_held_out <= ADEQUATE * found.noise_floor:
+        return None
+    states = [chosen.fit.state]
+    if found.verdict != "missing_effect" and found.best.fit is not None and found.best.effects:
+        # what partly helps has led the base parameters nearer to the truth: the force is looked for from there, too
+        bare = found.best.fit.state
+        for name in found.best.effects:
+            bare = bare.without_effect(name)
+        states.append(bare)
+    told = [explain(missing_force(plant, records, state, catalogue, say), say) for state in states]
+    return max(told, key=lambda one: one.share)
 
 
 def corrected(state: State, corrections: dict[str, float]) -> State:

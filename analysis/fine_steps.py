@@ -17,6 +17,7 @@ import numpy as np
 
 from analysis.entry_passes import entries_together
 from analysis.observed import Plant
+from analysis.pass_search import at_rest
 from analysis.scale_profile import along_scales, kinked_scales, margin
 from analysis.waveform import Fitter, State, WaveformFit
 from testbed.effect import Effect
@@ -48,7 +49,7 @@ def has_kinks(names: Sequence[str], catalogue: Mapping[str, Effect]) -> bool:
 def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> tuple[Fitter, WaveformFit]:
     """The fit settled with finer steps in the deepest valley close by, and the fitter that did it."""
     finer = Fitter(fine(fitter.plant), fitter.records, fitter.unknowns)
-    fit = entries_together(finer, finer.fit(fit.state, iterations=SETTLE))
+    fit = entries_together(finer, finer.fit(at_rest(finer, fit.state)[0], iterations=SETTLE))
     laws = [catalogue[name] for name in fit.state.model.effects if name in catalogue]
     if not kinked_scales(laws):
         return finer, fit

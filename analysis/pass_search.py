@@ -43,6 +43,24 @@ def settle_passes(fitter: Fitter, state: State, reach: int = 1) -> tuple[State, 
     return replace(state, nuisances=best), best != state.nuisances
 
 
+def at_rest(fitter: Fitter, state: State) -> tuple[State, bool]:
+    """The state with every cut begun at rest where that explains it better; and whether any does.
+
+    A vibration that a model without friction needed at the start of a record leads, with friction, to where no slope shows
+    the way back.
+    """
+
+    def one(index: int) -> Nuisances:
+        nuisances = state.nuisances[index]
+        still = replace(nuisances, displacement=0.0, velocity=0.0)
+        movable = fitter.records[index].cut is not None and not fitter.records[index].starts_in_cut
+        return _best(fitter, index, state, [nuisances, still]) if movable else nuisances
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        best = tuple(pool.map(one, range(len(fitter.records))))
+    return replace(state, nuisances=best), best != state.nuisances
+
+
 def turn_phases(fitter: Fitter, state: State) -> State:
     """The state with the phases that every record has for itself at the best of places all round."""
     with ThreadPoolExecutor(WORKERS) as pool:

@@ -18,8 +18,9 @@ from analysis.scale_hops import deeper, scales
 from analysis.waveform import Fitter, WaveformFit
 from testbed.effect import Effect
 
-STEP = 0.09  # of the logarithm of the scale, from place to place
-FURTHEST = 10  # places on each side: a factor of 2.5
+NEAR = 0.003  # of the logarithm of the scale, from place to place within a valley and to the one beside it,
+STEP = 0.09  # and further away
+FURTHEST = 10  # places on each side: 3 %, and a factor of 2.5
 ITERATIONS = 6  # of the fit at a place, which starts where that of its neighbour ended
 ALIKE = 4.0  # cost above the least, for residuals of variance 1, that counts as alike: 1.92 is 95 %, and places are not bottoms
 SAME = 5e-4  # share of the cost that does: two engines at the same parameters differ by as much where friction sticks and slips
@@ -41,12 +42,22 @@ def kinked_scales(effects: Sequence[Effect]) -> list[tuple[str, tuple[float, flo
 def _along(fitter: Fitter, path: str, bounds: tuple[float, float], fit: WaveformFit) -> WaveformFit:
     held = fitter.without(path)
     for _ in range(ROUNDS):
-        places = [one for step in (STEP, -STEP) for one in _walk(held, path, math.exp(step), bounds, fit)]
-        best = min(places, key=lambda one: one.cost, default=fit)
+        walks = [list(_walk(held, path, math.exp(step), bounds, fit)) for step in (NEAR, -NEAR, STEP, -STEP)]
+        best = min((one for walk in walks for one in walk), key=lambda one: one.cost, default=fit)
         if not deeper(best, fit):
             break
         fit = replace(fitter.fit(best.state, iterations=3 * ITERATIONS), alike=fit.alike)
-    return replace(fit, alike=(*fit.alike, *(one.state for one in places if one.cost <= fit.cost + margin(fit))))
+    places = [one for walk in walks for one in walk if one.cost <= fit.cost + margin(fit)]
+    places += [_edge(held, path, walk[0], fit) for walk in walks[:2] if walk and walk[0].cost > fit.cost + margin(fit)]
+    return replace(fit, alike=(*fit.alike, *(one.state for one in places)))
+
+
+def _edge(held: Fitter, path: str, beyond: WaveformFit, fit: WaveformFit) -> WaveformFit:
+    """Where, on the way to the first place, the cost has risen by the margin, the valley being a parabola."""
+    risen = max(beyond.cost - fit.cost, margin(fit))
+    way = math.log(beyond.state.model.value(path) / fit.state.model.value(path)) * math.sqrt(margin(fit) / risen)
+    value = fit.state.model.value(path) * math.exp(way)
+    return held.fit(replace(fit.state, model=fit.state.model.with_values({path: value})), iterations=ITERATIONS)
 
 
 def _walk(held: Fitter, path: str, factor: float, bounds: tuple[float, float], fit: WaveformFit) -> Iterator[WaveformFit]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import click
@@ -89,29 +88,18 @@ def _force_maps(found: Any, catalogue: Any) -> list[Any]:
 
 def _propose(answer: Answer, found: Any, records: Any, catalogue: Any, folder: str, campaign: str, model_file: str) -> Any:
     """Estimate what force is missing, say what it depends on, and write it as an effect; None where nothing is left."""
-    from analysis.diagnosis import ADEQUATE
-    from analysis.explain_force import as_json, explain, write_effect
-    from analysis.latent_force import missing_force
+    from analysis.explain_force import as_json, left_unexplained, write_effect
     from testbed.cli._fitting import plant_of, sign_of_life
     from testbed.proposal import free_name
 
-    chosen = found.best if found.verdict == "missing_effect" else found.base
-    if chosen.fit is None or chosen.error_held_out <= ADEQUATE * found.noise_floor:
-        answer.say("nothing beyond the noise is left to propose an effect for")
-        return None
-    states = [chosen.fit.state]
-    if found.verdict != "missing_effect" and found.best.fit is not None and found.best.effects:
-        # what partly helps has led the base parameters nearer to the truth: the force is looked for from there, too
-        bare = found.best.fit.state.model
-        for name in found.best.effects:
-            bare = bare.without_effect(name)
-        states.append(replace(found.best.fit.state, model=bare))
     try:
         with sign_of_life("estimating the missing force", answer.quiet) as say:
-            told = [explain(missing_force(plant_of(catalogue), records, state, catalogue, say), say) for state in states]
-            explanation = max(told, key=lambda one: one.share)
+            explanation = left_unexplained(plant_of(catalogue), records, found, catalogue, say)
     except ValueError as problem:
         raise InputProblem(campaign, f"the missing force cannot be estimated: {problem}", "record more cuts") from None
+    if explanation is None:
+        answer.say("nothing beyond the noise is left to propose an effect for")
+        return None
     answer.say()
     answer.say(explanation.sentence)
     result = as_json(explanation)

@@ -14,6 +14,7 @@ from analysis.effect_start import effect_parameters
 from analysis.fine_steps import fine, finely, has_kinks
 from analysis.held_out import RecordError, pooled_doubt
 from analysis.observed import observe
+from analysis.pass_search import at_rest
 from analysis.scale_profile import ALIKE, SAME, along_scales
 from analysis.starts import base_fit, free_parameters
 from analysis.waveform import Fitter
@@ -71,6 +72,16 @@ def test_a_scale_that_other_values_explain_as_well_has_an_interval_that_holds_th
     assert all(one.low < state.model.value(path) < one.high for state in found.alike)
     alone = estimates(fitter, replace(found, alike=()), known)[path]
     assert one.high - one.low > alone.high - alone.low
+
+
+def test_a_start_that_only_a_model_without_friction_needed_is_given_up(rubbing):
+    fitter, fit = rubbing
+    shaken = [replace(one, displacement=-6e-5, velocity=0.06) for one in fit.state.nuisances]
+    state = replace(fit.state, nuisances=tuple(shaken))
+    found, moved = at_rest(fitter, state)
+    assert fitter.cost(state) > 1.05 * fit.cost
+    assert moved and fitter.cost(found) < 1.001 * fit.cost
+    assert at_rest(fitter, fit.state)[0].nuisances[0].displacement in (0.0, fit.state.nuisances[0].displacement)
 
 
 def test_a_law_without_kinks_is_left_as_it_is(rubbing):

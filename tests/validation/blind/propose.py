@@ -1,0 +1,121 @@
+"""Blind campaigns with an effect of no catalogue: what is proposed for it, added, and what that leaves.
+
+    python -m tests.validation.blind.propose [--workers N]
+
+Those that `judge` found unexplained are diagnosed again, the missing force is explained, the effect file that comes of it is
+added to the believed machine as `testbed add --effects` would, and the errors on held-out conditions are written, one line of
+proposed.jsonl a campaign. A stopped run goes on where it was.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_threads, "1")
+
+import argparse
+import json
+import math
+import sys
+import tempfile
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
+from analysis.add_effect import add_effect
+from analysis.diagnose import diagnose
+from analysis.explain_force import formula_text, left_unexplained, write_effect
+from analysis.observed import observe
+from testbed.effect import catalogue
+from testbed.engines import predict
+from tests.validation.blind.draw import draw
+from tests.validation.blind.judge import FOLDER, PLANT, RESULTS
+from tests.validation.blind.make import records_of
+from tests.validation.claims import Claim, Section
+
+PROPOSED = FOLDER / "proposed.jsonl"
+NAME = "proposal"
+
+
+def proposed(seed: int) -> dict[str, Any]:
+    """One campaign made, diagnosed, and what was left explained and added. Errors in units of the record, held out."""
+    known = catalogue()
+    makers = catalogue(str(FOLDER / "laws"))
+    truth = draw(seed, makers, {name: name for name in makers if name not in known})
+    observed = [observe(record, truth.believed) for record in records_of(truth, makers)]
+    found = diagnose(PLANT, observed, truth.believed, known)
+    told = {"seed": seed, "hidden": list(truth.effects), "verdict": found.verdict, "formula": "", "share": 0.0}
+    explanation = left_unexplained(PLANT, observed, found, known)
+    if explanation is None or not explanation.formula:
+        return told
+    told |= {"formula": formula_text(explanation.formula), "share": explanation.share}
+    with tempfile.TemporaryDirectory() as folder:
+        write_effect(explanation, folder, NAME)
+        wider = catalogue(folder)
+        plant = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=wider),
+                                predict_driven=partial(predict.predict_driven, catalogue=wider))
+        added = add_effect(plant, observed, truth.believed, wider[NAME], wider)
+    return told | {"before": added.before, "after": added.after, "noise_floor": added.noise_floor}
+
+
+def _told(seed: int) -> dict[str, Any]:
+    try:
+        return proposed(seed)
+    except Exception as problem:  # a fault is a result of this benchmark, and must not end it
+        return {"seed": seed, "fault": repr(problem)}
+
+
+def excess(one: dict[str, Any], which: str) -> float:
+    """What the error before or after holds beyond the noise."""
+    return math.sqrt(max(one[which] ** 2 - one["noise_floor"] ** 2, 0.0))
+
+
+def check() -> Section:
+    """The committed results, counted."""
+    title = "Effects of no catalogue, proposed and added (results of `make blind`, counted)"
+    if not PROPOSED.exists():
+        return Section(title, (Claim("campaigns", "all that were unexplained", "0", None, "run `make blind`"),))
+    every = [json.loads(line) for line in PROPOSED.read_text().splitlines()]
+    sound = [one for one in every if "fault" not in one]
+    written = [one for one in sound if one["formula"]]
+    below = [one for one in written if excess(one, "after") < 0.5 * excess(one, "before")]
+    reach = [one for one in written if one["noise_floor"] < 0.5 * one["before"]]
+    plain = [one for one in reach if one["after"] < 0.5 * one["before"]]
+    rows = tuple((str(one["seed"]), " + ".join(one["hidden"]), one["formula"] or "none",
+                  *(f"{one[key] / one['noise_floor']:.2f}" if key in one else "-" for key in ("before", "after")))
+                 for one in sorted(sound, key=lambda one: one["seed"]))
+    claims = (
+        Claim("faults of the program", "0", str(len(every) - len(sound)), len(every) == len(sound)),
+        Claim("unexplained campaigns for which an effect was proposed", "told", f"{len(written)} of {len(sound)}", None),
+        Claim("after adding it: held-out error beyond the noise below half", "all", f"{len(below)} of {len(sound)}",
+              len(below) == len(sound)),
+        Claim("held-out error itself below half, where the noise lets it", "told",
+              f"{len(plain)} of {len(reach)}", None),
+    )
+    head = ("seed", "hidden", "proposed", "error / noise before", "after")
+    return Section(title, claims, (("What was proposed", head, rows),))
+
+
+def main(arguments: list[str]) -> int:
+    """Propose for the unexplained campaigns of results.jsonl that proposed.jsonl does not hold yet."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args(arguments)
+    known = {json.loads(line)["seed"] for line in PROPOSED.read_text().splitlines()} if PROPOSED.exists() else set()
+    judged = [json.loads(line) for line in RESULTS.read_text().splitlines()]
+    seeds = [one["seed"] for one in judged if one["kind"] == "unknown" and one.get("verdict") == "unexplained"
+             and one["seed"] not in known]
+    with ProcessPoolExecutor(options.workers) as pool, PROPOSED.open("a") as file:
+        for number, answer in enumerate(as_completed([pool.submit(_told, seed) for seed in seeds]), 1):
+            told = answer.result()
+            file.write(json.dumps(told) + "\n")
+            file.flush()
+            print(f"{number}/{len(seeds)} seed {told['seed']} {told.get('hidden')} -> {told.get('fault', told.get('formula'))}",
+                  flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
