@@ -259,7 +259,9 @@ def test_quiet_is_quiet_and_json_goes_to_a_file(testbed):
 def _started(*arguments):
     return subprocess.Popen([sys.executable, "-c", "from testbed.cli import main; main()", *arguments],
                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                            env={**os.environ, "PYTHONPATH": str(ROOT)})
+                            env={**os.environ, "PYTHONPATH": str(ROOT)},
+                            # a shell's background job ignores Ctrl-C, and so would what it starts
+                            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
 
 
 def test_help_imports_nothing_heavy():
