@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field
 
 from testbed.readers.source import Source, base_name
 from testbed.recording import CHANNEL_UNITS
@@ -101,15 +100,6 @@ class _Conditions(Strict):
     """Operating conditions and ways of reading; the campaign gives what its records share."""
 
     model_config = ConfigDict(populate_by_name=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _no_split_number(cls, data: object) -> object:
-        """YAML takes `{depth_of_cut: 2,9 mm}` for 2 and a key `9 mm` without a value. Raises UnitProblem."""
-        for (key, value), (after, rest) in pairwise(data.items() if isinstance(data, dict) else ()):
-            if rest is None and after[:1].isdigit() and isinstance(value, int):
-                raise UnitProblem(f"{key} '{value},{after}' holds a comma", f"write a decimal point: {value}.{after}")
-        return data
 
     channels: Channels = Field(default_factory=dict)
     sampling_rate: quantity("Hz", above_zero) | None = None  # type: ignore[valid-type]

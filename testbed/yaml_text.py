@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, model_validator
 
 from testbed.problem import InputProblem
 from testbed.units import UnitProblem, nearest, parse_quantity
@@ -24,6 +25,15 @@ class Strict(BaseModel):
     """A mapping of the file: unknown keys, NaN and silent conversions are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_split_number(cls, data: object) -> object:
+        """YAML takes `{depth_of_cut: 2,9 mm}` for 2 and a key `9 mm` without a value. Raises UnitProblem."""
+        for (key, value), (after, rest) in pairwise(data.items() if isinstance(data, dict) else ()):
+            if rest is None and str(after)[:1].isdigit() and isinstance(value, int):
+                raise UnitProblem(f"{key} '{value},{after}' holds a comma", f"write a decimal point: {value}.{after}")
+        return data
 
 
 Checked = TypeVar("Checked", bound=Strict)
@@ -184,8 +194,6 @@ def _said(kind: type[Strict], error: Any, where: Path_) -> tuple[str, str]:
     if error["type"] == "missing":
         return "is missing", "add it"
     if error["type"] == "extra_forbidden":
-        if str(where[-1])[:1].isdigit():  # {frequency: 147,5 Hz}: in braces, a comma begins the next entry
-            return "unknown key", "a decimal is written with a point: 1.5, not 1,5"
         return "unknown key", did_you_mean(str(where[-1]), _names(_kind_at(kind, where[:-1])))
     if error["type"] == "literal_error":
         return f"'{error['input']}' is not known", f"one of {error['ctx']['expected']}"

@@ -183,7 +183,8 @@ BAD = {
     "absurd speed": ("model.yaml", MODEL, ["multipliers", "model.yaml", "--speed", "0.01", "--depth", "2"],
                      "NaNs): choose another cut"),
     "a decimal comma": ("model.yaml", MODEL.replace("147.5", "147,5"),
-                        ["multipliers", "model.yaml", "--speed", "3000", "--depth", "1"], "written with a point"),
+                        ["multipliers", "model.yaml", "--speed", "3000", "--depth", "1"],
+                        "structure: natural_frequency '147,5 Hz' holds a comma: write a decimal point: 147.5 Hz"),
     "a model as data": ("c.yaml", MODEL, ["identify", "c.yaml", "-m", "model.yaml"], "c.yaml"),
     "text as data": ("c.csv", "1,2", ["identify", "c.csv", "-m", "model.yaml"], "campaign.yaml"),
 }

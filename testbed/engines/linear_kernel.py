@@ -28,7 +28,7 @@ from testbed.engines.loop_kernel import (
     piece_of_edge,
 )
 from testbed.engines.oscillator_kernel import oscillator_map
-from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X, fill_quintic
+from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X, fill_quintic, samples_until
 
 
 @njit(cache=True)
@@ -158,9 +158,7 @@ def fly_linear(G, x, v, t0, dt, clock, out, position):
     first = start + position / rate
     if position >= count or first > t0 + dt:
         return position
-    end = min(count, position + int((t0 + dt - first) * rate) + 2)
-    while start + (end - 1) / rate > t0 + dt:  # the same comparison as everywhere else decides
-        end -= 1
+    end = samples_until(start, rate, t0 + dt, position, count)
     pull, drag = G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS]
     a, b, c, d = oscillator_map(pull, drag, first - t0)
     x0, v0 = a * x + b * v, c * x + d * v

@@ -17,9 +17,9 @@ WORTH = 0.03  # misfit, relative to the record, from which an effect must be nam
 QUIET = ("adequate", "not_converged")  # verdicts that say of no effect, known or unknown, that it is there
 
 
-def misfit(one: dict[str, Any]) -> float:
-    """What the hidden effect leaves unexplained: the base model's error beyond the noise."""
-    return math.sqrt(max(one["baseline"] ** 2 - one["noise_floor"] ** 2, 0.0))
+def misfit(one: dict[str, Any], which: str = "baseline") -> float:
+    """What the hidden effect leaves unexplained: an error, the base model's or another, beyond the noise."""
+    return math.sqrt(max(one[which] ** 2 - one["noise_floor"] ** 2, 0.0))
 
 
 def share(part: Sequence[Any], whole: Sequence[Any]) -> str:

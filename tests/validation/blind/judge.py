@@ -36,11 +36,15 @@ RESULTS = FOLDER / "results.jsonl"
 PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 
 
+def drawn(seed: int) -> tuple[Any, Any, Any]:
+    """(the product's catalogue, that which campaigns are made with, the truth of one)."""
+    known, makers = catalogue(), catalogue(str(FOLDER / "laws"))
+    return known, makers, draw(seed, makers, {name: name for name in makers if name not in known})
+
+
 def judged(seed: int) -> dict[str, Any]:
     """One campaign made, diagnosed and compared with its truth. Effects of the diagnosis come from the product's catalogue."""
-    known = catalogue()
-    makers = catalogue(str(FOLDER / "laws"))
-    truth = draw(seed, makers, {name: name for name in makers if name not in known})
+    known, makers, truth = drawn(seed)
     told = {"seed": seed, "kind": truth.kind, "hidden": {name: dict(values) for name, values in truth.effects.items()},
             "noise": truth.noise, "tachometer": truth.tachometer, "flutes": truth.model.cutter.flutes,
             "records": len(truth.tests)}

@@ -16,22 +16,19 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 
 import argparse
 import json
-import math
 import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from functools import partial
-from types import SimpleNamespace
 from typing import Any
 
 from analysis.add_effect import add_effect
 from analysis.diagnose import diagnose
 from analysis.explain_force import formula_text, left_unexplained, write_effect
 from analysis.observed import observe
+from testbed.cli._fitting import plant_of
 from testbed.effect import catalogue
-from testbed.engines import predict
-from tests.validation.blind.draw import draw
-from tests.validation.blind.judge import FOLDER, PLANT, RESULTS
+from tests.validation.blind.count import misfit
+from tests.validation.blind.judge import FOLDER, PLANT, RESULTS, drawn
 from tests.validation.blind.make import records_of
 from tests.validation.claims import Claim, Section
 
@@ -41,9 +38,7 @@ NAME = "proposal"
 
 def proposed(seed: int) -> dict[str, Any]:
     """One campaign made, diagnosed, and what was left explained and added. Errors in units of the record, held out."""
-    known = catalogue()
-    makers = catalogue(str(FOLDER / "laws"))
-    truth = draw(seed, makers, {name: name for name in makers if name not in known})
+    known, makers, truth = drawn(seed)
     observed = [observe(record, truth.believed) for record in records_of(truth, makers)]
     found = diagnose(PLANT, observed, truth.believed, known)
     told = {"seed": seed, "hidden": list(truth.effects), "verdict": found.verdict, "formula": "", "share": 0.0}
@@ -54,9 +49,7 @@ def proposed(seed: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         write_effect(explanation, folder, NAME)
         wider = catalogue(folder)
-        plant = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=wider),
-                                predict_driven=partial(predict.predict_driven, catalogue=wider))
-        added = add_effect(plant, observed, truth.believed, wider[NAME], wider)
+        added = add_effect(plant_of(wider), observed, truth.believed, wider[NAME], wider)
     return told | {"before": added.before, "after": added.after, "noise_floor": added.noise_floor}
 
 
@@ -67,11 +60,6 @@ def _told(seed: int) -> dict[str, Any]:
         return {"seed": seed, "fault": repr(problem)}
 
 
-def excess(one: dict[str, Any], which: str) -> float:
-    """What the error before or after holds beyond the noise."""
-    return math.sqrt(max(one[which] ** 2 - one["noise_floor"] ** 2, 0.0))
-
-
 def check() -> Section:
     """The committed results, counted."""
     title = "Effects of no catalogue, proposed and added (results of `make blind`, counted)"
@@ -80,7 +68,7 @@ def check() -> Section:
     every = [json.loads(line) for line in PROPOSED.read_text().splitlines()]
     sound = [one for one in every if "fault" not in one]
     written = [one for one in sound if one["formula"]]
-    below = [one for one in written if excess(one, "after") < 0.5 * excess(one, "before")]
+    below = [one for one in written if misfit(one, "after") < 0.5 * misfit(one, "before")]
     reach = [one for one in written if one["noise_floor"] < 0.5 * one["before"]]
     plain = [one for one in reach if one["after"] < 0.5 * one["before"]]
     rows = tuple((str(one["seed"]), " + ".join(one["hidden"]), one["formula"] or "none",
