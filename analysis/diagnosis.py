@@ -16,6 +16,7 @@ FAINT_REST = 1.05  # error over noise floor up to which what no effect lowers is
 SURE = 2.0  # standard errors of the noise floor by which that is widened: a floor from a short idle is a few per cent off
 COMPLETE = 1.15  # error over noise floor above which something is still missing
 EXPLAINED = 0.99  # share of the excess that named effects must take away where something is left: else the law is unknown
+MANY = 3  # effects from which they must leave no more than ADEQUATE: a law of no catalogue is soon made up of several known
 PARTIAL = 0.5  # share of the excess from which effects are told although something of another kind remains
 
 
@@ -110,7 +111,8 @@ def verdict_of(
         )
     share = 1.0 - excess(best.error_held_out, noise) / max(excess(base.error_held_out, noise), 1e-300)
     left = best.error_held_out / noise
-    if best.effects and (left <= COMPLETE or share >= EXPLAINED):
+    many = len(best.effects) >= MANY
+    if best.effects and (left <= (ADEQUATE if many else COMPLETE) or (share >= EXPLAINED and not many)):
         rest = f" A further effect is one of {', '.join(tied)}, which these records cannot tell apart." if tied else ""
         rest = (
             rest
@@ -135,7 +137,7 @@ def verdict_of(
             "unexplained",
             best.effects,
             f"{' and '.join(best.effects)} would take away {share:.0%} of what is unexplained, but the error is still "
-            f"{left:.2g} times the noise floor: something is missing that no effect of the catalogue explains.",
+            f"{left:.3g} times the noise floor: something is missing that no effect of the catalogue explains.",
         )
     return answer(
         "unexplained",

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.observed import Observed, Plant
-from analysis.pass_search import place_entries, settle_passes, turn_phases
+from analysis.pass_search import at_rest, place_entries, settle_passes, turn_phases
 from analysis.recurring_start import SCREENED, recurring_starts, residual_peaks
 from analysis.starts import anchored_states, free_parameters, softened
 from analysis.waveform import Fitter, Free, Linearised, State, WaveformFit
@@ -276,12 +276,15 @@ def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit) -> tuple[float, S
 
     What shifts the record in time (a sensor's lag, a speed that falls), mark angle, speed and coefficients have made up
     for: near nothing the valley is flat and bent, and no single step leads along it. From far outside it is short.
+    A law with a kink begins at whichever strength explains most: far too strong it holds everything stuck.
     """
     effect = fitting_example(fitter, effect, fit)
     wider = _extended(fitter, effect)
     worst = fit.worst(SCREENED)
-    points = starting_points(effect, fitter.records, fit, SHARES[-1:])
+    points = starting_points(effect, fitter.records, fit, SHARES[-1:] if effect.smooth else SHARES)
     states = [replace(fit.state, model=fit.state.model.with_effect(effect.name, **values)) for values in points]
+    if not effect.smooth:
+        states = [at_rest(wider, state)[0] for state in states]
     tried = sorted(((wider.cost(state, worst), state) for state in states), key=_cost)
-    found = wider.fit(tried[0][1], iterations=CORNER)
+    found = wider.fit(tried[0][1], iterations=CORNER if effect.smooth else 2 * CORNER)
     return found.cost, found.state, wider

@@ -58,9 +58,9 @@ def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) ->
         begun = sorted((finer.fit(state, iterations=BEGUN) for state in _around(finer, fit)), key=lambda one: one.cost)
         tried = [finer.fit(one.state, iterations=SETTLE) for one in begun[:KEPT]]
         best = min(tried, key=lambda one: one.cost, default=fit)
-        if not best.cost < fit.cost - 1.0:
+        before, fit = fit, min(fit, best, key=lambda one: one.cost)
+        if not fit.cost < before.cost - margin(before):
             break
-        fit = best
     alike = tuple(one.state for one in tried if one.cost <= fit.cost + margin(fit))
     return finer, along_scales(finer, laws, replace(fit, alike=alike))
 

@@ -14,16 +14,18 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from analysis.scale_hops import deeper, scales
+from analysis.scale_hops import scales
 from analysis.waveform import Fitter, WaveformFit
 from testbed.effect import Effect
 
-NEAR = 0.003  # of the logarithm of the scale, from place to place within a valley and to the one beside it,
-STEP = 0.09  # and further away
-FURTHEST = 10  # places on each side: 3 %, and a factor of 2.5
-ITERATIONS = 6  # of the fit at a place, which starts where that of its neighbour ended
+NEAR = 0.003  # of the logarithm of the scale: to the first place on each side, within a valley or in the one beside it;
+GROWTH = 2.0  # times as far to every next place,
+FURTHEST = 9  # places on each side: up to a factor of 4.6
+ITERATIONS = 6  # of the fit at a place, which starts where that of its neighbour ended,
+TOLERANCE = 1e-4  # and share of the cost below which a step of it is the last: what two engines differ by is five times as much
 ALIKE = 4.0  # cost above the least, for residuals of variance 1, that counts as alike: 1.92 is 95 %, and places are not bottoms
 SAME = 5e-4  # share of the cost that does: two engines at the same parameters differ by as much where friction sticks and slips
+BESIDE = 1.1  # times that for a place looked for at the edge of what is alike
 ROUNDS = 3  # times a deeper valley is followed
 
 
@@ -42,32 +44,39 @@ def kinked_scales(effects: Sequence[Effect]) -> list[tuple[str, tuple[float, flo
 def _along(fitter: Fitter, path: str, bounds: tuple[float, float], fit: WaveformFit) -> WaveformFit:
     held = fitter.without(path)
     for _ in range(ROUNDS):
-        walks = [list(_walk(held, path, math.exp(step), bounds, fit)) for step in (NEAR, -NEAR, STEP, -STEP)]
+        walks = [list(_walk(held, path, side * NEAR, bounds, fit)) for side in (1.0, -1.0)]
         best = min((one for walk in walks for one in walk), key=lambda one: one.cost, default=fit)
-        if not deeper(best, fit):
+        if not best.cost < fit.cost - margin(fit):
             break
         fit = replace(fitter.fit(best.state, iterations=3 * ITERATIONS), alike=fit.alike)
     places = [one for walk in walks for one in walk if one.cost <= fit.cost + margin(fit)]
-    places += [_edge(held, path, walk[0], fit) for walk in walks[:2] if walk and walk[0].cost > fit.cost + margin(fit)]
+    places += [one for walk in walks for one in _edge(held, path, walk, fit)]
     return replace(fit, alike=(*fit.alike, *(one.state for one in places)))
 
 
-def _edge(held: Fitter, path: str, beyond: WaveformFit, fit: WaveformFit) -> WaveformFit:
-    """Where, on the way to the first place, the cost has risen by the margin, the valley being a parabola."""
-    risen = max(beyond.cost - fit.cost, margin(fit))
-    way = math.log(beyond.state.model.value(path) / fit.state.model.value(path)) * math.sqrt(margin(fit) / risen)
-    value = fit.state.model.value(path) * math.exp(way)
-    return held.fit(replace(fit.state, model=fit.state.model.with_values({path: value})), iterations=ITERATIONS)
+def _edge(held: Fitter, path: str, walk: Sequence[WaveformFit], fit: WaveformFit) -> Iterator[WaveformFit]:
+    """Where a walk left what is alike for good: between two places, where the cost has risen by the margin, as a parabola."""
+    inside = max((place for place, one in enumerate(walk) if one.cost <= fit.cost + margin(fit)), default=-1)
+    if inside + 1 >= len(walk):
+        return
+    last = walk[inside] if inside >= 0 else fit
+    begin, end = (max(one.cost - fit.cost, 0.0) ** 0.5 for one in (last, walk[inside + 1]))
+    way = math.log(walk[inside + 1].state.model.value(path) / last.state.model.value(path))
+    value = last.state.model.value(path) * math.exp(way * (margin(fit) ** 0.5 - begin) / (end - begin))
+    found = held.fit(replace(last.state, model=last.state.model.with_values({path: value})), iterations=ITERATIONS)
+    if found.cost <= fit.cost + BESIDE * margin(fit):
+        yield found
 
 
-def _walk(held: Fitter, path: str, factor: float, bounds: tuple[float, float], fit: WaveformFit) -> Iterator[WaveformFit]:
+def _walk(held: Fitter, path: str, step: float, bounds: tuple[float, float], fit: WaveformFit) -> Iterator[WaveformFit]:
     """Fits with the scale held ever further away, until two in a row explain clearly less."""
     state, worse = fit.state, 0
-    for _ in range(FURTHEST):
-        value = factor * state.model.value(path)
+    for place in range(FURTHEST):
+        value = math.exp(step * GROWTH**place) * state.model.value(path)
         if not bounds[0] <= value <= bounds[1] or worse == 2:
             return
-        found = held.fit(replace(state, model=state.model.with_values({path: value})), iterations=ITERATIONS)
+        moved = replace(state, model=state.model.with_values({path: value}))
+        found = held.fit(moved, iterations=ITERATIONS, tolerance=TOLERANCE)
         yield found
         state = found.state
         worse = worse + 1 if found.cost > fit.cost + 2.0 * margin(fit) else 0

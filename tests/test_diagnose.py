@@ -11,7 +11,7 @@ from synthetic_campaign import synthetic_campaign
 from analysis.begun_anew import begun_anew
 from analysis.candidate_round import candidate_of
 from analysis.diagnose import diagnose
-from analysis.diagnosis import as_json
+from analysis.diagnosis import Candidate, as_json, verdict_of
 from analysis.effect_start import all_free
 from analysis.held_out import pooled
 from analysis.observed import observe
@@ -66,3 +66,14 @@ def test_an_effect_led_astray_by_what_the_base_model_made_up_for_is_fitted_anew(
     assert found.error_held_out < 1.05 * noise
     assert found.fit.state.model.value(f"{name}.error") == pytest.approx(0.45, abs=0.005)
     assert begun_anew(found, BELIEVED, known, found.error_held_out, pytest.fail) is found  # noise alone is left
+
+
+@pytest.mark.parametrize(("names", "left", "verdict"), [
+    (("edge_force", "helix"), 1.05, "missing_effect"),
+    (("edge_force", "helix", "tool_wear"), 1.05, "unexplained"),  # as an unknown law, made up of what lies near it
+    (("edge_force", "helix", "tool_wear"), 1.01, "missing_effect"),
+])
+def test_three_effects_are_missing_only_where_they_leave_nothing(names, left, verdict):
+    base, best = (Candidate(effects, {}, error, error, 0.0, True) for effects, error in (((), 3.0), (names, left)))
+    found = verdict_of(base, best, [base, best], (), 1.0, ())
+    assert found.verdict == verdict and found.effects == names

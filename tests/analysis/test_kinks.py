@@ -60,7 +60,6 @@ def test_the_last_fit_is_no_worse_with_finer_steps(rubbing):
 
 def test_a_scale_that_other_values_explain_as_well_has_an_interval_that_holds_them(rubbing, monkeypatch):
     monkeypatch.setattr(scale_profile, "FURTHEST", 2)
-    monkeypatch.setattr(scale_profile, "STEP", 0.003)  # this friction is strong: places further away explain far less
     fitter, fit = rubbing
     path, known = "dry_friction.presliding_displacement", catalogue()
     found = along_scales(fitter, [known["dry_friction"]], fit)

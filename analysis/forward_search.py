@@ -1,0 +1,205 @@
+"""Forward from a set of effects: the strongest candidate that passes both gates is added, then again, until nothing is left.
+
+Every larger set must be worth its name on held-out conditions and by BIC; a smaller set that a larger one shows to have been
+in a local minimum is fitted again, and what later effects made needless is taken out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.begun_anew import begun_anew
+from analysis.candidate_round import GAIN, candidate_of, try_candidates
+from analysis.diagnosis import ADEQUATE, Candidate, excess
+from analysis.effect_start import ANCHOR, origins_of
+from analysis.fine_steps import has_kinks
+from analysis.held_out import pooled
+from analysis.information import DELTA_BIC, bic, effective_size
+from analysis.settled import settled
+from analysis.starts import polish
+from analysis.waveform import Fitter
+from testbed.effect import Effect
+from testbed.machine import Model
+
+MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
+FINAL = 1.05  # error over noise floor up to which a model counts as complete
+COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
+ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
+STILL_ROUGH = 3.0  # and, once they were, from which they still are: else the quiet records take over half way
+
+
+@dataclass(frozen=True)
+class Path:
+    """A search from its first step to its last. tied: effects that the data cannot tell apart, where that ended it."""
+
+    steps: tuple[Candidate, ...]
+    seen: tuple[Candidate, ...]
+    tied: tuple[str, ...]
+
+    @property
+    def end(self) -> Candidate:
+        """The set of effects that the search ended with."""
+        return self.steps[-1]
+
+
+def _weighed(current: Candidate) -> Candidate:
+    """The current set with records weighed by what it leaves of them, where that is far more than noise; else by the noise.
+
+    A model that is rough everywhere would otherwise be fitted to the quietest record alone, and candidates with it.
+    """
+    assert current.fit is not None and current.fitter is not None
+    records = current.fitter.records
+    plain = all(record.weight is None for record in records)
+    rough = current.error_held_out > (ROUGH if plain else STILL_ROUGH) * pooled(current.errors)[1]
+    if not rough and plain:
+        return current
+    weighed = []
+    for record, rest in zip(records, current.fit.residuals, strict=True):
+        left = np.sqrt(np.mean((rest.reshape(record.data.shape) * record.scale[:, None]) ** 2, axis=1))
+        weighed.append(replace(record, weight=np.hypot(record.noise, left) if rough else None))
+    fitter = Fitter(current.fitter.plant, weighed, current.fitter.unknowns)
+    fit = polish(fitter, current.fit.state, rounds=2, iterations=20)
+    return replace(candidate_of(fitter, fit, current.effects, None, 1.0), delta_bic=current.delta_bic)
+
+
+def _by_noise(one: Candidate) -> Candidate:
+    """A set of effects as it was fitted, with residuals and covariance in units of the noise again."""
+    assert one.fit is not None and one.fitter is not None
+    if all(record.weight is None for record in one.fitter.records):
+        return one
+    records = [replace(record, weight=None) for record in one.fitter.records]
+    fitter = Fitter(one.fitter.plant, records, one.fitter.unknowns)
+    return replace(one, fitter=fitter, fit=replace(fitter.fit(one.fit.state, iterations=0), converged=one.fit.converged))
+
+
+def _complete_with_finer_steps(
+    one: Candidate, noise: float, catalogue: Mapping[str, Effect], say: Callable[[str], None]
+) -> Candidate | None:
+    """The set with finer steps, if what it leaves is but the error of the search's own; else None."""
+    if not ADEQUATE * noise < one.error_held_out < COARSE * noise or not has_kinks(one.effects, catalogue):
+        return None
+    say("taking finer steps")
+    finer = settled(_by_noise(one), catalogue)
+    return finer if finer.error_held_out <= ADEQUATE * noise else None
+
+
+def _nesting_guard(current: Candidate, tried: Sequence[Candidate]) -> Candidate:
+    """The current set refitted from where the best larger set ended: a local minimum must not pass for missing physics."""
+    assert current.fit is not None and current.fitter is not None
+    best = current
+    for one in sorted((one for one in tried if one.fit is not None), key=lambda one: one.error_fit)[:2]:
+        assert one.fit is not None
+        fit = current.fitter.fit(one.fit.state.without_effect(one.effects[-1]), iterations=12)
+        assert best.fit is not None
+        if fit.cost < best.fit.cost * (1.0 - 1e-4):
+            best = candidate_of(current.fitter, fit, current.effects, best.fit, effective_size(fit))
+    return best
+
+
+def _backward(current: Candidate, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> Candidate:
+    """The set without every effect that the later ones made needless: refitted without it, the BIC is no worse."""
+    for name in current.effects[:-1]:
+        if any(name in catalogue[other].requires for other in current.effects):
+            continue
+        assert current.fit is not None and current.fitter is not None
+        say(f"is {name} still needed?")
+        fitter = current.fitter.without(name)
+        fit = polish(fitter, current.fit.state.without_effect(name), rounds=2, iterations=15)
+        size = effective_size(current.fit)
+        if bic(fit, size) <= bic(current.fit, size) + DELTA_BIC:
+            effects = tuple(other for other in current.effects if other != name)
+            current = replace(candidate_of(fitter, fit, effects, current.fit, size), delta_bic=current.delta_bic)
+    return current
+
+
+def _against(one: Candidate, reference: Candidate) -> Candidate:
+    """A candidate's gain counted from a better reference."""
+    if one.fit is None or reference.fit is None:
+        return one
+    size = effective_size(one.fit)
+    return replace(one, delta_bic=bic(reference.fit, size) - bic(one.fit, size))
+
+
+def _passes(candidate: Candidate, current: Candidate, base: Candidate, noise: float) -> bool:
+    """Whether an effect is worth naming: by BIC, by what it takes of the present excess, and by its share of the whole one.
+
+    The last, so that where something unknown remains, no effect is named for nibbling at it; what completes the model passes.
+    """
+    before, after = excess(current.error_held_out, noise), excess(candidate.error_held_out, noise)
+    gained = before - after
+    whole = excess(min(base.error_held_out, base.error_fit), noise)  # extrapolated, a wrong law may look worse than it is
+    material = gained > MATERIAL * whole or candidate.error_held_out <= FINAL * noise
+    return candidate.delta_bic > DELTA_BIC and gained > max(GAIN * before, 1e-3 * noise**2) and material
+
+
+def _tied(first: Candidate, other: Candidate, current: Candidate, noise: float) -> bool:
+    """Whether the data cannot tell two candidates apart."""
+    if other.fit is None or first.fit is None:
+        return False
+    size = effective_size(first.fit)
+    apart = abs(bic(other.fit, size) - bic(first.fit, size))
+    gained = excess(current.error_held_out, noise) - excess(first.error_held_out, noise)
+    lost = excess(other.error_held_out, noise) - excess(first.error_held_out, noise)
+    return apart < DELTA_BIC or (lost < 0.02 * gained and apart < 3 * DELTA_BIC)
+
+
+def _told(one: Candidate) -> Candidate:
+    """A candidate as it is told: without the slopes of its fit, which fill much memory and serve its round alone."""
+    return one if one.fit is None else replace(one, fit=replace(one.fit, parts=()))
+
+
+def forward(
+    begun: Sequence[Candidate],
+    model: Model,
+    catalogue: Mapping[str, Effect],
+    most: int,
+    say: Callable[[str], None],
+) -> Path:
+    """Rounds of candidates from the last of the steps `begun` (the first: the base model), until there are `most` effects."""
+    base, current, steps = begun[0], begun[-1], list(begun)
+    noise = pooled(base.errors)[1]
+    seen: list[Candidate] = []
+    tied: tuple[str, ...] = ()
+    complete: Candidate | None = None
+    while len(current.effects) < most and current.error_held_out > ADEQUATE * noise:
+        current = _weighed(current)
+        steps[-1] = current
+        base = current if not current.effects else base
+        assert current.fit is not None and current.fitter is not None
+        anchored = not current.effects and current.error_held_out > ANCHOR * noise
+        origins = origins_of(current.fitter.plant, model, current.fitter, current.fit, anchored)
+        last = try_candidates(current, catalogue, origins, say)
+        refitted = _nesting_guard(current, last)
+        if refitted is not current:
+            current = refitted
+            steps[-1] = refitted
+            base = refitted if not refitted.effects else base
+            last = [_against(one, refitted) for one in last]
+            if current.error_held_out <= ADEQUATE * noise:
+                break
+        seen += map(_told, last)
+        passing = [one for one in last if one.fit is not None and _passes(one, current, base, noise)]
+        if not passing:
+            break
+        first = passing[0]
+        tied = tuple(one.effects[-1] for one in passing[1:] if _tied(first, one, current, noise))
+        if tied:
+            tied = (first.effects[-1], *tied)
+            if not current.effects:
+                current = first
+                steps.append(first)
+            break
+        current = _backward(begun_anew(first, model, catalogue, noise, say), catalogue, say)
+        steps.append(current)
+        if current is not first:
+            seen = [*(one for one in seen if one.effects != current.effects), _told(current)]
+        complete = _complete_with_finer_steps(current, noise, catalogue, say)
+        if complete is not None:
+            break
+    current = complete or settled(_by_noise(_weighed(current)), catalogue)
+    steps = [*map(_by_noise, steps[:-1]), current]
+    seen = [_told(current) if one.effects == current.effects else one for one in seen]
+    return Path(tuple(steps), tuple(seen), tied)

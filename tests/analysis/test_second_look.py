@@ -1,0 +1,53 @@
+"""A search that began with the wrong effect is begun again; one that left only noise is not. The data have other steps."""
+
+from functools import partial
+from types import SimpleNamespace
+
+import pytest
+
+from analysis.candidate_round import candidate_of
+from analysis.effect_start import all_free
+from analysis.forward_search import Path
+from analysis.held_out import pooled
+from analysis.observed import observe
+from analysis.second_look import looked_again
+from analysis.starts import base_fit
+from testbed.effect import catalogue
+from testbed.engines import fast, predict
+from tests.campaign_files import BELIEVED, TRUE
+from tests.synthetic_campaign import synthetic_campaign
+
+KNOWN = {name: catalogue()[name] for name in ("edge_force", "immersion_error", "tool_wear")}
+PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
+                        predict_driven=partial(predict.predict_driven, catalogue=catalogue()))
+
+
+@pytest.fixture(scope="module")
+def observed():
+    records = synthetic_campaign(partial(fast.simulate, steps=37), TRUE.with_effect("immersion_error", error=0.45), seed=6,
+                                 tests=((3500, 0.8), (2850, 2.9), (3900, 2.2)), course=(10, 30, 10))
+    return [observe(record, BELIEVED) for record in records]
+
+
+def fitted(observed, *names):
+    model = BELIEVED
+    for name in names:
+        model = model.with_effect(name, **KNOWN[name].example())
+    return candidate_of(*base_fit(PLANT, observed, model, free=all_free(observed, model, KNOWN)), names, None, 1.0)
+
+
+def test_a_search_that_began_with_the_wrong_effect_is_begun_again(observed):
+    base, wrong = fitted(observed), fitted(observed, "edge_force")
+    noise = pooled(base.errors)[1]
+    assert wrong.error_held_out > 1.5 * noise
+    found = looked_again(Path((base, wrong), (wrong,), ()), BELIEVED, KNOWN, noise, 3, lambda line: None)
+    assert found.end.effects == ("immersion_error",) and found.steps[0] is base
+    assert found.end.error_held_out < 1.05 * noise
+    assert found.end.parameters["immersion_error.error"] == pytest.approx(0.45, abs=0.005)
+    assert {one.effects for one in found.seen} >= {("edge_force",), ("immersion_error",)}  # what was tried first is told, too
+
+
+def test_a_search_that_left_only_noise_is_not_begun_again(observed):
+    right = fitted(observed, "immersion_error")
+    path = Path((fitted(observed), right), (), ())
+    assert looked_again(path, BELIEVED, KNOWN, pooled(right.errors)[1], 3, pytest.fail) is path
