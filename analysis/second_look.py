@@ -13,6 +13,7 @@ from analysis.candidate_round import candidate_of
 from analysis.diagnosis import COMPLETE, Candidate, excess
 from analysis.effect_start import all_free, applicable
 from analysis.forward_search import Path, forward
+from analysis.information import effective_size
 from analysis.starts import base_fit
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -67,4 +68,4 @@ def _alone(
     records = base.fitter.records
     believed = model.with_effect(name, **catalogue[name].example())
     fitter, fit = base_fit(base.fitter.plant, records, believed, free=all_free(records, believed, catalogue))
-    return candidate_of(fitter, fit, (name,), base.fit, 1.0)
+    return candidate_of(fitter, fit, (name,), base.fit, effective_size(fit))
