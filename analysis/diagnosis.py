@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from analysis.held_out import RecordError, holds_out, pooled_doubt
+from analysis.held_out import RecordError, holds_out, pooled_doubt, pooled_where_known
 from analysis.next_test import NextTest
 from analysis.waveform import Fitter, WaveformFit
 from testbed.machine import BASE_UNITS, Model
@@ -38,6 +38,11 @@ class Candidate:
     def held_out(self) -> bool:
         """Whether a condition could be left out of the fit; of one condition alone, error_held_out is that in the fit."""
         return self.fitter is not None and holds_out(self.fitter.records)
+
+    @property
+    def error_where_known(self) -> float:
+        """The held-out error, but in the fit of a record that shows what no other does, where those others agree."""
+        return pooled_where_known(self.errors) if self.errors else self.error_held_out
 
 
 @dataclass(frozen=True)
@@ -88,7 +93,7 @@ def verdict_of(
             verdict, effects, sentence, base.error_held_out, best.error_held_out, noise, tries, base, best, tuple(steps)
         )
 
-    ratio = base.error_held_out / noise
+    ratio = base.error_where_known / noise
     if ratio <= ADEQUATE:
         return answer(
             "adequate",
@@ -109,16 +114,15 @@ def verdict_of(
             tied,
             f"Something is missing, and {' and '.join(tied)} explain it equally well: these records cannot tell them apart.",
         )
-    share = 1.0 - excess(best.error_held_out, noise) / max(excess(base.error_held_out, noise), 1e-300)
-    left = best.error_held_out / noise
+    share = 1.0 - excess(best.error_where_known, noise) / max(excess(base.error_held_out, noise), 1e-300)
+    left = best.error_where_known / noise
     many = len(best.effects) >= MANY
     if best.effects and (left <= (ADEQUATE if many else COMPLETE) or (share >= EXPLAINED and not many)):
         rest = f" A further effect is one of {', '.join(tied)}, which these records cannot tell apart." if tied else ""
-        rest = (
-            rest
-            if left <= COMPLETE or tied
-            else f" Something more remains: the error is still {left:.2f} times the noise floor."
-        )
+        if left > COMPLETE and not tied:
+            rest = f" Something more remains: the error is still {left:.2f} times the noise floor."
+        elif left <= COMPLETE and best.error_held_out > COMPLETE * noise:
+            rest += " What one condition alone shows is explained in the fit; the others cannot foretell it."
         return answer(
             "missing_effect",
             best.effects,

@@ -164,7 +164,7 @@ def forward(
     seen: list[Candidate] = []
     tied: tuple[str, ...] = ()
     complete: Candidate | None = None
-    while len(current.effects) < most and current.error_held_out > ADEQUATE * noise:
+    while len(current.effects) < most and current.error_where_known > ADEQUATE * noise:
         current = _weighed(current)
         steps[-1] = current
         base = current if not current.effects else base
@@ -178,7 +178,7 @@ def forward(
             steps[-1] = refitted
             base = refitted if not refitted.effects else base
             last = [_against(one, refitted) for one in last]
-            if current.error_held_out <= ADEQUATE * noise:
+            if current.error_where_known <= ADEQUATE * noise:
                 break
         seen += map(_told, last)
         passing = [one for one in last if one.fit is not None and _passes(one, current, base, noise)]

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from analysis.observed import Observed
 from analysis.waveform import Fitter, State, WaveformFit
@@ -17,6 +18,7 @@ from analysis.waveform import Fitter, State, WaveformFit
 SUSPECT = 2.0  # squared error over that in sample, from which a record left out is looked at with a fit of its own
 SHORTER = (1.0, 0.3, 0.1)  # shares of a step that are tried until one helps
 REFIT = 4  # iterations of that fit
+AGREE = 0.999  # probability that noise alone lets other records prefer their own parameters by less than they do
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,8 @@ class RecordError:
     error: rms(measured - predicted) over rms(measured about its mean); noise_floor: rms of the noise over the same; residual:
     measured - predicted (channels, samples) in the channels' units. squares, size, noise_squares: the sums of squares that
     those ratios are made of, in the unit of `quantity` squared. noise_doubt: standard error of the noise floor over itself.
+    squares_in_fit: those in the joint fit, told only of a record far from the others (ten times as loud, say) that was held
+    out: they do not know what it shows, but what the joint fit makes of it suits them as well.
     """
 
     name: str
@@ -37,6 +41,7 @@ class RecordError:
     noise_squares: float
     noise_doubt: float = 0.0
     quantity: str = ""
+    squares_in_fit: float | None = None
 
 
 def conditions_of(records: Sequence[Observed]) -> list[list[int]]:
@@ -77,6 +82,12 @@ def pooled(errors: Sequence[RecordError]) -> tuple[float, float]:
     shares = _shares(errors)
     error = sum(share * one.squares for share, one in zip(shares, errors, strict=True))
     return error**0.5, sum(share * one.noise_squares for share, one in zip(shares, errors, strict=True)) ** 0.5
+
+
+def pooled_where_known(errors: Sequence[RecordError]) -> float:
+    """The pooled error with records of which the others know nothing taken as they are in the joint fit."""
+    squares = [one.squares if one.squares_in_fit is None else one.squares_in_fit for one in errors]
+    return float(sum(share * square for share, square in zip(_shares(errors), squares, strict=True)) ** 0.5)
 
 
 def pooled_doubt(errors: Sequence[RecordError]) -> float:
@@ -125,12 +136,15 @@ def held_out_errors(fitter: Fitter, fit: WaveformFit) -> list[RecordError]:
     errors: dict[int, RecordError] = {}
     for group in groups:
         others = [index for index in range(len(fitter.records)) if index not in group]
-        rests = _predicted(fitter, _stepped(fitter, fit, others), group)
+        rests, agree = _predicted(fitter, _stepped(fitter, fit, others), group), False
         inside = sum(float(fit.residuals[index] @ fit.residuals[index]) for index in group)
         if not sum(float(rest @ rest) for rest in rests) < SUSPECT * inside:
-            rests = _predicted(fitter, _refitted(fitter, fit, others), group)
+            state, agree = _refitted(fitter, fit, others)
+            rests = _predicted(fitter, state, group)
         for index, rest in zip(group, rests, strict=True):
-            errors[index] = record_error(fitter.records[index], rest)
+            record, error = fitter.records[index], record_error(fitter.records[index], rest)
+            in_fit = record_error(record, fit.residuals[index]).squares if agree else None
+            errors[index] = replace(error, squares_in_fit=in_fit)
     return [errors[index] for index in range(len(fitter.records))]
 
 
@@ -150,9 +164,14 @@ def _stepped(fitter: Fitter, fit: WaveformFit, others: Sequence[int]) -> State:
     return fitter.moved(fit.state, share * move) if share > 0.1 else fit.state
 
 
-def _refitted(fitter: Fitter, fit: WaveformFit, others: Sequence[int]) -> State:
-    """The state without the group by a fit of the records left: where one step led astray."""
+def _refitted(fitter: Fitter, fit: WaveformFit, others: Sequence[int]) -> tuple[State, bool]:
+    """The state without the group by a fit of the records left, where one step led astray; whether the joint one suits them.
+
+    It does where their own optimum explains them no better than noise alone lets it (likelihood ratio).
+    """
     left = Fitter(fitter.plant, [fitter.records[index] for index in others], fitter.unknowns)
     own = tuple(fit.state.nuisances[index] for index in others)
-    found = left.fit(replace(fit.state, nuisances=own), iterations=REFIT).state
-    return replace(found, nuisances=fit.state.nuisances)
+    joint = replace(fit.state, nuisances=own)
+    found = left.fit(joint, iterations=REFIT)
+    gain = 2.0 * (left.cost(joint) - found.cost) / max(1.0, found.variance)
+    return replace(found.state, nuisances=fit.state.nuisances), gain <= chi2.ppf(AGREE, len(fitter.names))

@@ -30,8 +30,7 @@ def looked_again(
     Which that is, the openings of the records tell. noise: the noise floor, as the errors.
     """
     cut = path.end.fitter is not None and any(record.cut is not None for record in path.end.fitter.records)
-    left = min(path.end.error_held_out, path.end.error_fit)  # a record alone in its size is foretold badly by the right law
-    if len(path.steps) < 2 or most < 2 or not cut or left <= COMPLETE * noise:
+    if len(path.steps) < 2 or most < 2 or not cut or path.end.error_where_known <= COMPLETE * noise:
         return path
     base, first = path.steps[0], path.steps[1]
     assert base.fitter is not None and base.fit is not None
