@@ -33,7 +33,8 @@ def settle_passes(fitter: Fitter, state: State, reach: int = 1) -> tuple[State, 
             turns = [replace(nuisances, angle=nuisances.angle + turn) for turn in TURNS]
             nuisances = _best(fitter, index, state, [*turns, *other_teeth(nuisances, record.flutes)])
         last = record.last_pass(state.angle, nuisances)
-        entries = range(0) if record.starts_in_cut else range(nuisances.entry - EARLIER, nuisances.entry + reach + 1)
+        held = record.starts_in_cut and nuisances.entry < record.first_pass
+        entries = range(0) if held else range(nuisances.entry - EARLIER, nuisances.entry + reach + 1)
         exits = range(0) if nuisances.exit > last else range(nuisances.exit - reach, nuisances.exit + reach + 1)
         nuisances = _best_place(fitter, index, state, nuisances, "entry", entries)
         return _best_place(fitter, index, state, nuisances, "exit", exits)
@@ -77,7 +78,10 @@ def _turned(fitter: Fitter, index: int, state: State) -> Nuisances:
 
 
 def place_entries(fitter: Fitter, state: State) -> State:
-    """The state with every cut's entry looked for from the record's start to the exit, coarse first."""
+    """The state with every cut's entry looked for from the record's start to the exit, coarse first.
+
+    A record that seems to start in the cut may idle amid loud ambient vibration: of forces alone that cannot be.
+    """
     return _placed(fitter, state, "entry")
 
 
@@ -93,7 +97,8 @@ def place_exits(fitter: Fitter, state: State) -> State:
 def _placed(fitter: Fitter, state: State, field: str) -> State:
     def one(index: int) -> Nuisances:
         record, nuisances = fitter.records[index], state.nuisances[index]
-        if record.cut is None or (field == "entry" and record.starts_in_cut):
+        forces = all(channel.startswith("force") for channel in record.channels)
+        if record.cut is None or (field == "entry" and record.starts_in_cut and forces):
             return nuisances
         last = record.last_pass(state.angle, nuisances) + 1
         first = record.first_pass if field == "entry" else nuisances.entry + 1
@@ -105,7 +110,8 @@ def _placed(fitter: Fitter, state: State, field: str) -> State:
         nuisances = _best_place(fitter, index, state, nuisances, field, sorted({*range(first, last + 1, step), now, last}))
         reach = max(step, 2 * EARLIER)  # close to it a few kicks may cancel: no descent, every pass is tried
         now = getattr(nuisances, field)
-        return _best_place(fitter, index, state, nuisances, field, range(max(first, now - reach), min(last, now + reach) + 1))
+        near = range(max(first, now - reach), min(last, now + reach) + 1)
+        return _best_place(fitter, index, state, nuisances, field, sorted({*near, now}))
 
     with ThreadPoolExecutor(WORKERS) as pool:
         return replace(state, nuisances=tuple(pool.map(one, range(len(fitter.records)))))

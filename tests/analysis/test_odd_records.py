@@ -96,3 +96,16 @@ def test_with_many_pulses_a_revolution_any_of_them_may_be_the_mark():
     _, fit = base_fit(PLANT, records, BELIEVED)
     assert math.sqrt(fit.variance) == pytest.approx(1.0, abs=0.04)
     assert fit.state.model.cutting.tangential_coefficient == pytest.approx(TRUE.cutting.tangential_coefficient, rel=0.03)
+
+
+def test_a_record_that_idles_amid_loud_ambient_vibration_is_not_taken_to_start_in_the_cut():
+    """A pump close to the resonance is as loud as a shallow cut: segments see no idling, the fit finds the entry itself."""
+    model = TRUE.with_effect("ambient_vibration", frequency=157.6, amplitude=9e-6, phase=-1.6)
+    records = synthetic_campaign(partial(fast.simulate, steps=37), model, seed=3, noise=7e-7,
+                                 tests=((3952, 0.6), (4209, 0.9), (4192, 2.3)), course=(14, 40, 20))
+    observed = [observe(record, BELIEVED) for record in records]
+    early = [record.starts_in_cut for record in observed]
+    assert any(early) and not all(early)
+    _, fit = base_fit(PLANT, observed, BELIEVED)
+    entries = [nuisances.entry for nuisances in fit.state.nuisances]
+    assert max(entries) - min(entries) <= 1
