@@ -10,9 +10,9 @@ from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
 from analysis.candidate_round import candidate_of
-from analysis.diagnose import ROUGH, _by_noise, _weighed
 from analysis.effect_start import starting_points
 from analysis.first_passes import first_nuisances
+from analysis.forward_search import ROUGH, _by_noise, _weighed
 from analysis.held_out import pooled
 from analysis.nuisances import Nuisances, other_teeth
 from analysis.observed import Observed, drift_basis, observe
