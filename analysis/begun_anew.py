@@ -6,14 +6,15 @@ start from it into a valley from which no descent returns.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from analysis.candidate_round import candidate_of
 from analysis.diagnosis import ADEQUATE, Candidate
-from analysis.effect_start import ANCHOR
+from analysis.effect_start import ANCHOR, all_free
 from analysis.fine_steps import has_kinks
 from analysis.information import DELTA_BIC
+from analysis.observed import Observed, Plant
 from analysis.starts import base_fit
 from analysis.waveform import WaveformFit
 from testbed.effect import Effect
@@ -21,6 +22,22 @@ from testbed.machine import Model
 
 CLEAN = 1.01  # error over noise floor up to which nothing is left that another valley could explain
 MUCH_CHEAPER = 0.7  # times the cost that the new fit must have where it, too, leaves more than noise
+
+
+def from_believed(
+    plant: Plant, records: Sequence[Observed], model: Model, names: Sequence[str], catalogue: Mapping[str, Effect]
+) -> Candidate:
+    """The effects of these names, each from its example, fitted from the believed `model`; its gain in BIC counts as none."""
+    believed = with_examples(model, names, catalogue)
+    fitter, fit = base_fit(plant, records, believed, free=all_free(records, believed, catalogue))
+    return candidate_of(fitter, fit, tuple(names), None, 1.0)
+
+
+def with_examples(model: Model, names: Sequence[str], catalogue: Mapping[str, Effect]) -> Model:
+    """The model with the effects of these names as strong as their examples."""
+    for name in names:
+        model = model.with_effect(name, **catalogue[name].example())
+    return model
 
 
 def begun_anew(
@@ -39,7 +56,7 @@ def begun_anew(
     believed = model
     for name in others:
         believed = believed.with_effect(name, **first.fit.state.model.effects[name])
-    believed = believed.with_effect(last, **catalogue[last].example())
+    believed = with_examples(believed, [last], catalogue)
     fitter, fit = base_fit(first.fitter.plant, first.fitter.records, believed, free=first.fitter.unknowns)
     found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
     return found if _better(found, first.fit, fit, noise) and found.error_held_out < first.error_held_out else first

@@ -35,7 +35,7 @@ def save(found: Comparison, folder: Path, tested: Constancy | None = None, state
     records = found.fitter.records
     if any(record.cut is not None for record in records):
         pictures["residual_by_tooth_angle"] = lambda figure: by_tooth_angle(figure, found)
-        if any(not channel.startswith("force") for record in records for channel in record.channels):
+        if not all(record.forces_only for record in records):
             pictures["misfit_on_chart"] = lambda figure: misfit_on_chart(figure, found)
     if tested is not None and len(tested.tests) > 1 and tested.parameters:
         pictures["constancy"] = lambda figure: by_test(figure, tested)

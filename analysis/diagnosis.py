@@ -117,7 +117,7 @@ def verdict_of(
     share = 1.0 - excess(best.error_where_known, noise) / max(excess(base.error_held_out, noise), 1e-300)
     left = best.error_where_known / noise
     many = len(best.effects) >= MANY
-    if best.effects and (left <= (ADEQUATE if many else COMPLETE) or (share >= EXPLAINED and not many)):
+    if best.effects and (left <= ADEQUATE if many else left <= COMPLETE or share >= EXPLAINED):
         rest = f" A further effect is one of {', '.join(tied)}, which these records cannot tell apart." if tied else ""
         if left > COMPLETE and not tied:
             rest = f" Something more remains: the error is still {left:.2f} times the noise floor."

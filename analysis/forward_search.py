@@ -115,7 +115,7 @@ def _backward(current: Candidate, catalogue: Mapping[str, Effect], say: Callable
     return current
 
 
-def _against(one: Candidate, reference: Candidate) -> Candidate:
+def against(one: Candidate, reference: Candidate) -> Candidate:
     """A candidate's gain counted from a better reference."""
     if one.fit is None or reference.fit is None:
         return one
@@ -177,7 +177,7 @@ def forward(
             current = refitted
             steps[-1] = refitted
             base = refitted if not refitted.effects else base
-            last = [_against(one, refitted) for one in last]
+            last = [against(one, refitted) for one in last]
             if current.error_where_known <= ADEQUATE * noise:
                 break
         seen += map(_told, last)

@@ -142,9 +142,9 @@ def held_out_errors(fitter: Fitter, fit: WaveformFit) -> list[RecordError]:
             state, agree = _refitted(fitter, fit, others)
             rests = _predicted(fitter, state, group)
         for index, rest in zip(group, rests, strict=True):
-            record, error = fitter.records[index], record_error(fitter.records[index], rest)
+            record = fitter.records[index]
             in_fit = record_error(record, fit.residuals[index]).squares if agree else None
-            errors[index] = replace(error, squares_in_fit=in_fit)
+            errors[index] = replace(record_error(record, rest), squares_in_fit=in_fit)
     return [errors[index] for index in range(len(fitter.records))]
 
 

@@ -74,6 +74,11 @@ class Observed:
     noise_doubt: float = 0.0
 
     @property
+    def forces_only(self) -> bool:
+        """Whether every channel is a force: a dynamometer's, which says nothing of a motion."""
+        return all(channel.startswith("force") for channel in self.channels)
+
+    @property
     def scale(self) -> np.ndarray:
         """What a residual of 1 stands for, per channel: the noise, or the `weight` that a rough model's misfit asks for."""
         return self.noise if self.weight is None else self.weight
@@ -252,7 +257,7 @@ def observe(record: Any, model: Model) -> Observed:
     if record.kind == "ring-down":
         return replace(base, force=np.zeros(data.shape[1]))
     ready = _with_clock(base, record, (model.cutter or Cutter()).flutes)
-    if ready.starts_in_cut and all(name.startswith("force") for name in names):
+    if ready.starts_in_cut and ready.forces_only:
         # nothing in the record shows the dynamometer's zero, and the mean force speaks of the edge: the zero is believed
         return replace(ready, drift=drift_basis(data.shape[1], 0))
     return ready
@@ -326,7 +331,7 @@ def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, fl
         states = [(n.displacement, n.velocity) for _, _, n in variants]
         return plant.predict_driven([m for m, _, _ in variants], states, observed.force, observed.rate, observed.channels)
     lines = [observed.timeline(angle, nuisances) for _, angle, nuisances in variants]
-    if all(name.startswith("force") for name in observed.channels):
+    if observed.forces_only:
         variants = [(immovable(model, observed), angle, nuisances) for model, angle, nuisances in variants]
     durations = [observed.pass_durations(cut, sampling) for cut, sampling in lines]
     kept = None if any(d is None for d in durations) else durations

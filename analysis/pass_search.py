@@ -97,8 +97,7 @@ def place_exits(fitter: Fitter, state: State) -> State:
 def _placed(fitter: Fitter, state: State, field: str) -> State:
     def one(index: int) -> Nuisances:
         record, nuisances = fitter.records[index], state.nuisances[index]
-        forces = all(channel.startswith("force") for channel in record.channels)
-        if record.cut is None or (field == "entry" and record.starts_in_cut and forces):
+        if record.cut is None or (field == "entry" and record.starts_in_cut and record.forces_only):
             return nuisances
         last = record.last_pass(state.angle, nuisances) + 1
         first = record.first_pass if field == "entry" else nuisances.entry + 1

@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from analysis.candidate_round import candidate_of
+from analysis.begun_anew import from_believed, with_examples
 from analysis.diagnosis import COMPLETE, excess
 from analysis.effect_start import all_free, applicable
-from analysis.forward_search import Path, forward
-from analysis.information import effective_size
+from analysis.forward_search import Path, against, forward
 from analysis.observed import Observed
-from analysis.starts import base_fit, opening_fit, structure_start
+from analysis.starts import opening_fit, structure_start
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -36,19 +35,18 @@ def looked_again(
     assert base.fitter is not None and base.fit is not None
     plant, records = base.fitter.plant, base.fitter.records
 
+    started = structure_start(records, model)
+
     def opened(name: str) -> float:
         say(f"{name} from the believed machine")
-        believed = model.with_effect(name, **catalogue[name].example())
-        free = all_free(records, believed, catalogue)
-        return opening_fit(plant, records, structure_start(records, believed), free).cost
+        free = all_free(records, with_examples(model, [name], catalogue), catalogue)
+        return opening_fit(plant, records, with_examples(started, [name], catalogue), free).cost
 
     say("much is left: looking at every effect again, from the believed machine")
     best = min(_could_be_first(records, model, catalogue), key=opened, default=first.effects[0])
     if (best,) == first.effects:
         return path
-    believed = model.with_effect(best, **catalogue[best].example())
-    fitter, fit = base_fit(plant, records, believed, free=all_free(records, believed, catalogue))
-    alone = candidate_of(fitter, fit, (best,), base.fit, effective_size(fit))
+    alone = against(from_believed(plant, records, model, [best], catalogue), base)
     if alone.error_held_out >= first.error_held_out:
         return path
     again = forward([base, alone], model, catalogue, most, say)

@@ -36,7 +36,7 @@ def free_parameters(records: Sequence[Observed], model: Model) -> list[Free]:
     a measured force that drives the structure makes the mass known. A dynamometer's forces say nothing of the structure.
     """
     kinds = {record.kind for record in records}
-    moving = any(not channel.startswith("force") for record in records for channel in record.channels)
+    moving = not all(record.forces_only for record in records)
     free = []
     if moving:
         structure = model.structure

@@ -5,13 +5,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from analysis.candidate_round import candidate_of
-from analysis.effect_start import all_free
+from analysis.begun_anew import from_believed
 from analysis.forward_search import Path
 from analysis.held_out import pooled
 from analysis.observed import observe
 from analysis.second_look import looked_again
-from analysis.starts import base_fit
 from testbed.effect import catalogue
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE
@@ -30,10 +28,7 @@ def observed():
 
 
 def fitted(observed, *names):
-    model = BELIEVED
-    for name in names:
-        model = model.with_effect(name, **KNOWN[name].example())
-    return candidate_of(*base_fit(PLANT, observed, model, free=all_free(observed, model, KNOWN)), names, None, 1.0)
+    return from_believed(PLANT, observed, BELIEVED, names, KNOWN)
 
 
 def test_a_search_that_began_with_the_wrong_effect_is_begun_again(observed):

@@ -15,6 +15,7 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from types import SimpleNamespace
@@ -88,6 +89,24 @@ def _true(truth: Any, path: str) -> float | None:
         return None
 
 
+def known_seeds(path: Path) -> set[int]:
+    """The seeds that a file of answers holds, one a line; none where there is no file yet."""
+    return {json.loads(line)["seed"] for line in path.read_text().splitlines()} if path.exists() else set()
+
+
+def answered(
+    answer: Callable[[int], dict[str, Any]], seeds: Sequence[int], path: Path, workers: int
+) -> Iterator[dict[str, Any]]:
+    """The answers on seeds as they come, each written to the file first, its number and seed printed."""
+    with ProcessPoolExecutor(workers) as pool, path.open("a") as file:
+        for number, done in enumerate(as_completed([pool.submit(answer, seed) for seed in seeds]), 1):
+            told = done.result()
+            file.write(json.dumps(told) + "\n")
+            file.flush()
+            print(f"{number}/{len(seeds)} seed {told['seed']} ", end="")
+            yield told
+
+
 def main(arguments: list[str]) -> int:
     """Judge the seeds that results.jsonl does not hold yet."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -95,16 +114,11 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--first", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args(arguments)
-    lines = RESULTS.read_text().splitlines() if RESULTS.exists() else []
-    known = {json.loads(line)["seed"] for line in lines}
+    known = known_seeds(RESULTS)
     seeds = [seed for seed in range(options.first, options.first + options.count) if seed not in known]
-    with ProcessPoolExecutor(options.workers) as pool, RESULTS.open("a") as file:
-        for number, answer in enumerate(as_completed([pool.submit(judged, seed) for seed in seeds]), 1):
-            told = answer.result()
-            file.write(json.dumps(told) + "\n")
-            file.flush()
-            print(f"{number}/{len(seeds)} seed {told['seed']} {told['kind']} {list(told['hidden'])} -> "
-                  f"{told.get('verdict', told.get('reason'))} {told.get('effects', '')}", flush=True)
+    for told in answered(judged, seeds, RESULTS, options.workers):
+        print(f"{told['kind']} {list(told['hidden'])} -> {told.get('verdict', told.get('reason'))} {told.get('effects', '')}",
+              flush=True)
     return 0
 
 

@@ -18,7 +18,6 @@ import argparse
 import json
 import sys
 import tempfile
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import Any
 
 from analysis.add_effect import add_effect
@@ -28,7 +27,7 @@ from analysis.observed import observe
 from testbed.cli._fitting import plant_of
 from testbed.effect import catalogue
 from tests.validation.blind.count import misfit
-from tests.validation.blind.judge import FOLDER, PLANT, RESULTS, drawn
+from tests.validation.blind.judge import FOLDER, PLANT, RESULTS, answered, drawn, known_seeds
 from tests.validation.blind.make import records_of
 from tests.validation.claims import Claim, Section
 
@@ -91,17 +90,12 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args(arguments)
-    known = {json.loads(line)["seed"] for line in PROPOSED.read_text().splitlines()} if PROPOSED.exists() else set()
+    known = known_seeds(PROPOSED)
     judged = [json.loads(line) for line in RESULTS.read_text().splitlines()]
     seeds = [one["seed"] for one in judged if one["kind"] == "unknown" and one.get("verdict") == "unexplained"
              and one["seed"] not in known]
-    with ProcessPoolExecutor(options.workers) as pool, PROPOSED.open("a") as file:
-        for number, answer in enumerate(as_completed([pool.submit(_told, seed) for seed in seeds]), 1):
-            told = answer.result()
-            file.write(json.dumps(told) + "\n")
-            file.flush()
-            print(f"{number}/{len(seeds)} seed {told['seed']} {told.get('hidden')} -> {told.get('fault', told.get('formula'))}",
-                  flush=True)
+    for told in answered(_told, seeds, PROPOSED, options.workers):
+        print(f"{told.get('hidden')} -> {told.get('fault', told.get('formula'))}", flush=True)
     return 0
 
 
