@@ -17,7 +17,7 @@ from analysis.entry_passes import entries_together
 from analysis.held_out import held_out_errors, pooled, record_error
 from analysis.information import bic, effective_size
 from analysis.pass_count import recounted
-from analysis.pass_search import at_rest
+from analysis.pass_search import at_rest, place_exits
 from analysis.scale_hops import hopped
 from analysis.starts import polish
 from analysis.waveform import Fitter, State, WaveformFit
@@ -26,6 +26,7 @@ from testbed.effect import Effect
 LEADERS = 4  # candidates refitted in full
 HOPE = 0.2  # share of the gain the gate asks for that the first step of a candidate must bring to be refitted at all
 GAIN = 0.01  # share of the held-out excess over the noise that an effect must take away
+CREEP = 15  # iterations of a law with a kink before its scales are looked for in other valleys
 HELPS = 0.95  # share of the cost that a candidate may leave for its scales to be looked for in other valleys too
 # Error over noise floor below which a leader that leaves only noise may still be the wrong one: what a helix does grows with
 # the square of its angle, so that its own first step leads nowhere, and what is left of a faint effect passes for noise.
@@ -193,6 +194,8 @@ def _refitted(
     """The entry fitted in full."""
     assert current.fit is not None
     say(f"refitting with {entry.name}")
+    if not catalogue[entry.name].smooth:  # its valleys are narrow and bent: crept along after another scale is looked for
+        iterations = min(iterations, CREEP)
     fit = polish(entry.fitter, entry.state, rounds=3, iterations=iterations)
     if not catalogue[entry.name].smooth:
         state, rested = at_rest(entry.fitter, fit.state)
@@ -202,6 +205,8 @@ def _refitted(
     found = _candidate(current, entry.fitter, fit, effects)
     if fit.cost < HELPS * current.fit.cost:
         deeper = hopped(entry.fitter, [catalogue[name] for name in effects], fit)
+        if deeper is not fit:  # exits may be many passes from where the valley it left had held them
+            deeper = polish(entry.fitter, place_exits(entry.fitter, deeper.state), rounds=3, iterations=iterations)
         other = found if deeper is fit else _candidate(current, entry.fitter, deeper, effects)
         if other.error_held_out <= found.error_held_out:  # a deeper valley that foretells less is one of this sample alone
             return other

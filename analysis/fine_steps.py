@@ -55,8 +55,9 @@ def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) ->
         return finer, fit
     tried: list[WaveformFit] = []
     for _ in range(ROUNDS):
-        begun = sorted((finer.fit(state, iterations=BEGUN) for state in _around(finer, fit)), key=lambda one: one.cost)
-        tried = [finer.fit(one.state, iterations=SETTLE) for one in begun[:KEPT]]
+        around = (finer.descend(state, iterations=BEGUN, near=fit) for state in _around(finer, fit))
+        begun = sorted(around, key=lambda one: one.cost)
+        tried = [finer.fit(one.state, iterations=SETTLE, near=one) for one in begun[:KEPT]]
         best = min(tried, key=lambda one: one.cost, default=fit)
         before, fit = fit, min(fit, best, key=lambda one: one.cost)
         if not fit.cost < before.cost - margin(before):

@@ -14,8 +14,10 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from analysis.scale_hops import scales
-from analysis.waveform import Fitter, WaveformFit
+from analysis.waveform import Descent, Fitter, Linearised, WaveformFit
 from testbed.effect import Effect
 
 NEAR = 0.003  # of the logarithm of the scale: to the first place on each side, within a valley or in the one beside it;
@@ -26,6 +28,7 @@ TOLERANCE = 1e-4  # and share of the cost below which a step of it is the last: 
 ALIKE = 4.0  # cost above the least, for residuals of variance 1, that counts as alike: 1.92 is 95 %, and places are not bottoms
 SAME = 5e-4  # share of the cost that does: two engines at the same parameters differ by as much where friction sticks and slips
 BESIDE = 1.1  # times that for a place looked for at the edge of what is alike
+FAR = 6.0  # times that from which a walk has left every valley that could matter
 ROUNDS = 3  # times a deeper valley is followed
 
 
@@ -45,8 +48,8 @@ def _along(fitter: Fitter, path: str, bounds: tuple[float, float], fit: Waveform
     held = fitter.without(path)
     for _ in range(ROUNDS):
         walks = [list(_walk(held, path, side * NEAR, bounds, fit)) for side in (1.0, -1.0)]
-        best = min((one for walk in walks for one in walk), key=lambda one: one.cost, default=fit)
-        if not best.cost < fit.cost - margin(fit):
+        best = min((one for walk in walks for one in walk), key=lambda one: one.cost, default=None)
+        if best is None or not best.cost < fit.cost - margin(fit):
             break
         fit = replace(fitter.fit(best.state, iterations=3 * ITERATIONS), alike=fit.alike)
     places = [one for walk in walks for one in walk if one.cost <= fit.cost + margin(fit)]
@@ -54,32 +57,40 @@ def _along(fitter: Fitter, path: str, bounds: tuple[float, float], fit: Waveform
     return replace(fit, alike=(*fit.alike, *(one.state for one in places)))
 
 
-def _edge(held: Fitter, path: str, walk: Sequence[WaveformFit], fit: WaveformFit) -> Iterator[WaveformFit]:
+def _edge(held: Fitter, path: str, walk: Sequence[Descent], fit: WaveformFit) -> Iterator[Descent]:
     """Where a walk left what is alike for good: between two places, where the cost has risen by the margin, as a parabola."""
     inside = max((place for place, one in enumerate(walk) if one.cost <= fit.cost + margin(fit)), default=-1)
     if inside + 1 >= len(walk):
         return
-    last = walk[inside] if inside >= 0 else fit
+    last: Descent = walk[inside] if inside >= 0 else fit
     begin, end = (max(one.cost - fit.cost, 0.0) ** 0.5 for one in (last, walk[inside + 1]))
     way = math.log(walk[inside + 1].state.model.value(path) / last.state.model.value(path))
     value = last.state.model.value(path) * math.exp(way * (margin(fit) ** 0.5 - begin) / (end - begin))
-    found = held.fit(replace(last.state, model=last.state.model.with_values({path: value})), iterations=ITERATIONS)
+    moved = replace(last.state, model=last.state.model.with_values({path: value}))
+    found = held.descend(moved, iterations=ITERATIONS, tolerance=TOLERANCE)
     if found.cost <= fit.cost + BESIDE * margin(fit):
         yield found
 
 
-def _walk(held: Fitter, path: str, step: float, bounds: tuple[float, float], fit: WaveformFit) -> Iterator[WaveformFit]:
-    """Fits with the scale held ever further away, until two in a row explain clearly less."""
-    state, worse = fit.state, 0
+def _walk(held: Fitter, path: str, step: float, bounds: tuple[float, float], fit: WaveformFit) -> Iterator[Descent]:
+    """Descents with the scale held ever further away, each from the last, until one explains far less, or two in a row less."""
+    found: Descent = replace(fit, parts=_without(fit, path))
+    worse = 0
     for place in range(FURTHEST):
-        value = math.exp(step * GROWTH**place) * state.model.value(path)
+        value = math.exp(step * GROWTH**place) * found.state.model.value(path)
         if not bounds[0] <= value <= bounds[1] or worse == 2:
             return
-        moved = replace(state, model=state.model.with_values({path: value}))
-        found = held.fit(moved, iterations=ITERATIONS, tolerance=TOLERANCE)
-        yield found
-        state = found.state
-        worse = worse + 1 if found.cost > fit.cost + 2.0 * margin(fit) else 0
+        moved = replace(found.state, model=found.state.model.with_values({path: value}))
+        found = held.descend(moved, iterations=ITERATIONS, tolerance=TOLERANCE, near=found)
+        yield replace(found, parts=())  # they fill much memory, and serve the next place alone
+        over = (found.cost - fit.cost) / margin(fit)
+        worse = 2 if over > FAR else worse + 1 if over > 2.0 else 0
+
+
+def _without(fit: WaveformFit, path: str) -> tuple[Linearised, ...]:
+    """The slopes of a fit, but for those by one unknown."""
+    place = fit.names.index(path)
+    return tuple(replace(part, shared=np.delete(part.shared, place, axis=1)) for part in fit.parts)
 
 
 def margin(fit: WaveformFit) -> float:

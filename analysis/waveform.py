@@ -73,22 +73,32 @@ class Linearised:
         return np.linalg.qr(self.own)[0] if self.own.shape[1] else self.own
 
 
-@dataclass(frozen=True)
-class WaveformFit:
-    """A finished fit. cost: half the sum of squared residuals in units of the records' scale.
+@dataclass(frozen=True, kw_only=True)
+class Descent:
+    """Where a descent ended. cost: half the sum of squared residuals in units of the records' scale.
+
+    parts: residuals and slopes about this state where they were computed `anew`, else about that before the last step.
+    """
+
+    state: State
+    cost: float
+    parts: tuple[Linearised, ...]
+    anew: bool = True
+    converged: bool
+    iterations: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class WaveformFit(Descent):
+    """A finished fit, with the slopes where it ended.
 
     names of the shared unknowns: the free parameters' paths, then `mark_angle` where it was fitted; covariance of the same.
     alike: states elsewhere, out of reach of the slopes, that explain the records as well.
     """
 
-    state: State
-    cost: float
     residuals: tuple[np.ndarray, ...]
     names: tuple[str, ...]
     covariance: np.ndarray
-    converged: bool
-    iterations: int
-    parts: tuple[Linearised, ...]
     alike: tuple[State, ...] = ()
 
     @property
@@ -320,31 +330,51 @@ class Fitter:
             changed.append(nuisances)
         return replace(state, nuisances=tuple(changed))
 
-    def fit(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5) -> WaveformFit:
-        """Levenberg-Marquardt from a state.
+    def fit(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5, near: Descent | None = None) -> WaveformFit:
+        """Levenberg-Marquardt from a state, or from where a descent ended that knows the slopes there.
 
         Converged: the last step lowered the cost by less than `tolerance` of itself, or none, however short, lowers it any
         more (at a kink of a law, or with an unknown at its bound).
+        """
+        found = self.descend(state, iterations=iterations, tolerance=tolerance, near=near)
+        parts = found.parts if found.anew else self.linearise_all(found.state)
+        size = sum(part.residual.size for part in parts)
+        covariance = self.covariance(parts, max(1.0, 2.0 * found.cost / size))
+        residuals = tuple(part.residual[: record.data.size] for part, record in zip(parts, self.records, strict=True))
+        return WaveformFit(
+            state=found.state, cost=found.cost, parts=parts, converged=found.converged, iterations=found.iterations,
+            residuals=residuals, names=self.names, covariance=covariance,
+        )
+
+    def descend(
+        self, state: State, *, iterations: int = 25, tolerance: float = 1e-5, near: Descent | None = None
+    ) -> Descent:
+        """The same, for who asks for no covariance: slopes where it ends are not computed; `near` lends those of a first step.
 
         Slopes are computed anew after every step: steps with kept slopes cost a tenth, but creep along the valley between
         the cutting coefficients, and need tens of times as many.
         """
-        parts = self.linearise_all(state)
+        anew = near is None or (near.anew and near.state is state)
+        parts = self.linearise_all(state) if near is None else near.parts if anew else self._with_slopes_of(near.parts, state)
         cost = 0.5 * sum(float(part.residual @ part.residual) for part in parts)
         damping, converged, count = 1e-3, False, 0
         while count < iterations and not converged:
+            if not anew and count:
+                parts, anew = self.linearise_all(state), True
             count += 1
             move, own = self.step(parts, damping)
             trial = self.with_own(self.moved(state, move), own)
             new = self.cost(trial)
             if np.isfinite(new) and new < cost:
-                converged = cost - new < tolerance * cost
-                state, cost, damping = trial, new, max(damping / 8.0, 1e-9)
-                parts = self.linearise_all(state)
-            else:
+                converged = anew and cost - new < tolerance * cost
+                state, cost, anew, damping = trial, new, False, max(damping / 8.0, 1e-9)
+            elif anew:
                 converged = damping > 1e4 or (np.isfinite(new) and abs(new - cost) < 1e-9 * cost)
                 damping *= 6.0
-        size = sum(part.residual.size for part in parts)
-        covariance = self.covariance(parts, max(1.0, 2.0 * cost / size))
-        residuals = tuple(part.residual[: record.data.size] for part, record in zip(parts, self.records, strict=True))
-        return WaveformFit(state, cost, residuals, self.names, covariance, converged, count, parts)
+        return Descent(state=state, cost=cost, parts=parts, anew=anew, converged=converged, iterations=count)
+
+    def _with_slopes_of(self, parts: Sequence[Linearised], state: State) -> tuple[Linearised, ...]:
+        """Residuals at a state, with slopes computed elsewhere."""
+        held = [self._held(record, own) for record, own in zip(self.records, state.nuisances, strict=True)]
+        rests = [np.append(rest, own) for rest, own in zip(self.residuals(state), held, strict=True)]
+        return tuple(replace(part, residual=rest) for part, rest in zip(parts, rests, strict=True))
