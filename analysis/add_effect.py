@@ -12,11 +12,12 @@ from analysis.compare import estimates
 from analysis.diagnosis import Candidate, judged_on
 from analysis.effect_start import ANCHOR, all_free, applicable, effect_parameters, origins_of
 from analysis.fine_steps import finely, has_kinks
+from analysis.fit_state import State, WaveformFit
 from analysis.held_out import RecordError, held_out_errors, holds_out, pooled
 from analysis.identify import Estimate
 from analysis.observed import Observed, Plant
 from analysis.starts import base_fit, polish
-from analysis.waveform import Fitter, State, WaveformFit
+from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
 

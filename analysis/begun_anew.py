@@ -13,10 +13,10 @@ from analysis.candidate_round import candidate_of
 from analysis.diagnosis import ADEQUATE, Candidate
 from analysis.effect_start import ANCHOR, all_free
 from analysis.fine_steps import has_kinks
+from analysis.fit_state import WaveformFit
 from analysis.information import DELTA_BIC
 from analysis.observed import Observed, Plant
 from analysis.starts import base_fit
-from analysis.waveform import WaveformFit
 from testbed.effect import Effect
 from testbed.machine import Model
 

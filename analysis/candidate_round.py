@@ -14,13 +14,14 @@ import numpy as np
 from analysis.diagnosis import ADEQUATE, Candidate
 from analysis.effect_start import Origin, applicable, far_step, first_step, gradual_entry
 from analysis.entry_passes import entries_together
+from analysis.fit_state import State, WaveformFit
 from analysis.held_out import held_out_errors, pooled, record_error
 from analysis.information import bic, effective_size
 from analysis.pass_count import recounted
-from analysis.pass_search import at_rest, place_exits
+from analysis.pass_search import at_rest
 from analysis.scale_hops import hopped
 from analysis.starts import polish
-from analysis.waveform import Fitter, State, WaveformFit
+from analysis.waveform import Fitter
 from testbed.effect import Effect
 
 LEADERS = 4  # candidates refitted in full
@@ -205,8 +206,6 @@ def _refitted(
     found = _candidate(current, entry.fitter, fit, effects)
     if fit.cost < HELPS * current.fit.cost:
         deeper = hopped(entry.fitter, [catalogue[name] for name in effects], fit)
-        if deeper is not fit:  # exits may be many passes from where the valley it left had held them
-            deeper = polish(entry.fitter, place_exits(entry.fitter, deeper.state), rounds=3, iterations=iterations)
         other = found if deeper is fit else _candidate(current, entry.fitter, deeper, effects)
         if other.error_held_out <= found.error_held_out:  # a deeper valley that foretells less is one of this sample alone
             return other

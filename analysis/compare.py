@@ -16,6 +16,7 @@ import numpy as np
 from scipy import stats
 
 from analysis.effect_start import all_free
+from analysis.fit_state import WaveformFit
 from analysis.held_out import RecordError, held_out_errors, holds_out, pooled, record_error
 from analysis.identify import Estimate
 from analysis.information import Z_95, autocorrelation, effective_size, independent
@@ -24,7 +25,7 @@ from analysis.observed import Observed, Plant, predict
 from analysis.segments import Segment
 from analysis.spindle_clock import turns_of
 from analysis.starts import base_fit
-from analysis.waveform import Fitter, WaveformFit
+from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import BASE_UNITS, Model
 

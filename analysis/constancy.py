@@ -19,11 +19,12 @@ import numpy as np
 from scipy import stats
 
 from analysis.compare import Adequacy, controlled, estimates
+from analysis.fit_state import Free, WaveformFit
 from analysis.identify import Estimate
 from analysis.information import Z_95
 from analysis.observed import Observed
 from analysis.starts import free_parameters
-from analysis.waveform import WORKERS, Fitter, Free, WaveformFit
+from analysis.waveform import WORKERS, Fitter
 from testbed.effect import Effect
 
 PARAMETERS = ("natural_frequency", "damping_ratio", "tangential_coefficient", "normal_coefficient")

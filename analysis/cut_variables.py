@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from analysis.fit_state import State
 from analysis.observed import Observed
-from analysis.waveform import State
 from testbed.cut import Cut
 from testbed.effect import Effect
 from testbed.machine import Cutter, Cutting, Model

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from analysis.fit_state import WaveformFit
 from analysis.held_out import RecordError, holds_out, pooled_doubt, pooled_where_known
 from analysis.next_test import NextTest
-from analysis.waveform import Fitter, WaveformFit
+from analysis.waveform import Fitter
 from testbed.machine import BASE_UNITS, Model
 
 ADEQUATE = 1.02  # error over noise floor up to which nothing is looked for

@@ -12,7 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.waveform import Fitter, WaveformFit
+from analysis.fit_state import WaveformFit
+from analysis.waveform import Fitter
 
 REACH = 4  # passes to either side that are tried
 ROUNDS = 6  # times the search is begun anew from where a fit ended

@@ -12,12 +12,12 @@ import numpy as np
 
 from analysis.cut_variables import course_of
 from analysis.diagnosis import ADEQUATE, Diagnosis
+from analysis.fit_state import State
 from analysis.force_choice import Chooser, Subset, choose, coefficients, waveform
 from analysis.force_ranking import Ranked, rank
 from analysis.force_regression import products, windows_of
 from analysis.latent_force import MissingForce, missing_force, with_force
 from analysis.observed import Observed, Plant
-from analysis.waveform import State
 from testbed.effect import Effect
 from testbed.proposal import Coefficient, ForceTerm, write_proposal
 

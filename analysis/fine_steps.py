@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from analysis.entry_passes import entries_together
+from analysis.fit_state import State, WaveformFit
 from analysis.observed import Plant
 from analysis.pass_search import at_rest
 from analysis.scale_profile import along_scales, kinked_scales, margin
-from analysis.waveform import Fitter, State, WaveformFit
+from analysis.waveform import Fitter
 from testbed.effect import Effect
 
 TIMES = 4  # as many steps: the error of second order falls to a sixteenth

@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from analysis.fit_state import WaveformFit
 from analysis.held_out import RecordError
 from analysis.latent_force import RecordForce, missing_force, motion_channels
 from analysis.observed import Plant
-from analysis.waveform import Fitter, WaveformFit
+from analysis.waveform import Fitter
 from testbed.effect import Effect
 
 MOVING = 0.1  # of the largest motion: samples nearer to rest say nothing about a force of the motion

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2
 
+from analysis.fit_state import State, WaveformFit
 from analysis.observed import Observed
-from analysis.waveform import Fitter, State, WaveformFit
+from analysis.waveform import Fitter
 
 SUSPECT = 2.0  # squared error over that in sample, from which a record left out is looked at with a fit of its own
 SHORTER = (1.0, 0.3, 0.1)  # shares of a step that are tried until one helps

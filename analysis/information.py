@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from analysis.waveform import WaveformFit
+    from analysis.fit_state import WaveformFit
 
 Z_95 = 1.959964  # standard errors to either side within which 95 % of a normal distribution lie
 DELTA_BIC = 10.0  # gain in the criterion from which something is worth having: very strong evidence

@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.cut_variables import SUBSTEPS, Course, Trajectory, course_of, model_force
+from analysis.fit_state import State
 from analysis.force_response import response
 from analysis.force_smoother import Prior, smooth, tuned_prior
 from analysis.observed import Observed, Plant, predict
-from analysis.waveform import State
 from testbed.effect import Effect
 from testbed.machine import Model
 

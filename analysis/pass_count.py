@@ -11,10 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.fit_state import State, WaveformFit
 from analysis.held_out import own_refit
 from analysis.nuisances import Nuisances
 from analysis.pass_search import place_entries, place_exits
-from analysis.waveform import Fitter, State, WaveformFit
+from analysis.waveform import Fitter
 
 MISFIT = 1.5  # mean square residual, in units of the noise, from which a record's passes are doubted
 DOUBTED = 2  # records, the worst fitted, whose passes are tried

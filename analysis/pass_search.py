@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.fit_state import State
 from analysis.nuisances import Nuisances, other_teeth, turned_by
-from analysis.waveform import WORKERS, Fitter, State
+from analysis.waveform import WORKERS, Fitter
 
 COARSE = 24  # places over a record at which an exit is looked for first
 EARLIER = 5  # passes by which a gentle entry may precede what is seen of it

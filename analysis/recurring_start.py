@@ -13,10 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.fit_state import WaveformFit
 from analysis.lines import find_peaks
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, predict
-from analysis.waveform import Fitter, WaveformFit
+from analysis.waveform import Fitter
 from testbed.effect import Effect, Parameter
 
 SMALL = 1e-4  # of the example, at which a prediction is still linear in the amplitude

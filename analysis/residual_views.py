@@ -10,11 +10,11 @@ import numpy as np
 
 from analysis.amplitude import AmplitudeDependence
 from analysis.compare import tooth_angle
+from analysis.fit_state import State
 from analysis.held_out import RecordError
 from analysis.lines import amplitude_spectrum
 from analysis.observed import Observed
 from analysis.stability import StabilityChart, stability_chart
-from analysis.waveform import State
 from testbed.machine import Model
 from testbed.recording import CHANNEL_UNITS
 

@@ -9,21 +9,29 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from analysis.waveform import Fitter, WaveformFit
+from analysis.fit_state import WaveformFit
+from analysis.pass_search import place_exits
+from analysis.starts import polish
+from analysis.waveform import Fitter
 from testbed.effect import Effect, Parameter
 
 CORNER = 8  # iterations of a fit that only has to find its valley
+SETTLE = 20  # iterations of the fit that follows
 HOPS = (0.4, 2.5, 0.8, 1.25)  # factors by which a scale is moved, far and near
 CHEAPER = 1e-5  # share of the cost, and one unit more, that another valley must save
 MUCH = 1e-3  # share of it from which there may be a deeper one further along
 
 
 def hopped(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -> WaveformFit:
-    """The fit, started again with every scale of these laws some way off, as long as that leads to a deeper valley."""
+    """The fit, started again with every scale of these laws some way off, as long as that leads to a deeper valley.
+
+    There the exits are looked for anew: the valley that was left may have held them many passes early or late.
+    """
+    first = fit
     for path, bounds in scales(effects):
         for factor in HOPS:
             fit = _along(fitter, path, factor, bounds, fit)
-    return fit
+    return fit if fit is first else polish(fitter, place_exits(fitter, fit.state), rounds=3, iterations=SETTLE)
 
 
 def scales(effects: Sequence[Effect]) -> Iterator[tuple[str, tuple[float, float]]]:

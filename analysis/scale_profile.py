@@ -16,8 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.fit_state import Descent, Linearised, WaveformFit
 from analysis.scale_hops import scales
-from analysis.waveform import Descent, Fitter, Linearised, WaveformFit
+from analysis.waveform import Fitter
 from testbed.effect import Effect
 
 NEAR = 0.003  # of the logarithm of the scale: to the first place on each side, within a valley or in the one beside it;

@@ -8,8 +8,9 @@ from dataclasses import replace
 from analysis.candidate_round import candidate_of
 from analysis.diagnosis import Candidate
 from analysis.fine_steps import finely, has_kinks
+from analysis.fit_state import WaveformFit
 from analysis.information import DELTA_BIC
-from analysis.waveform import Fitter, WaveformFit
+from analysis.waveform import Fitter
 from testbed.effect import Effect
 
 WORSE = 1.02  # times the held-out error that the last fit with finer steps may have: beyond, it went astray

@@ -12,13 +12,14 @@ from scipy.signal import csd
 
 from analysis.entry_passes import entries_together
 from analysis.first_passes import first_nuisances
+from analysis.fit_state import Free, State, WaveformFit
 from analysis.free_decay import fit_free_decay, spectral_peak
 from analysis.held_out import own_refit
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, Plant, predict
 from analysis.pass_count import recounted
 from analysis.pass_search import place_entries, place_exits, settle_passes
-from analysis.waveform import WORKERS, Fitter, Free, State, WaveformFit
+from analysis.waveform import WORKERS, Fitter
 from testbed.machine import Model
 
 ANGLES = 24

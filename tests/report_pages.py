@@ -14,13 +14,14 @@ from analysis.compare import Comparison, compare, estimates
 from analysis.diagnosis import Candidate, Diagnosis
 from analysis.effect_start import effect_parameters
 from analysis.first_passes import first_nuisances
+from analysis.fit_state import State
 from analysis.held_out import held_out_errors, pooled, record_error
 from analysis.observed import observe
 from analysis.report.compare_page import compare_page
 from analysis.report.page import Page
 from analysis.report.story_page import addition_page, diagnosis_page
 from analysis.starts import free_parameters, polish
-from analysis.waveform import Fitter, State
+from analysis.waveform import Fitter
 from testbed.effect import catalogue
 from testbed.engines import fast, predict
 

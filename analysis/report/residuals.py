@@ -9,12 +9,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from analysis.compare import Adequacy, RecordComparison
+from analysis.fit_state import State
 from analysis.held_out import RecordError
 from analysis.report.packed import even, packed, thinned
 from analysis.report.page import Cell, Page, Panel
 from analysis.report.waveforms import LEFT, Look
 from analysis.residual_views import AngleView, SpectrumView, by_angle, by_frequency
-from analysis.waveform import State
 
 View = TypeVar("View", AngleView, SpectrumView)
 KINDS = ("idle", "entry", "steady", "exit", "ring-down")

@@ -11,10 +11,11 @@ from synthetic_campaign import MARK_ANGLE, synthetic_record
 
 from analysis.constancy import COVARIATES, PARAMETERS, TestFit, constancy, judged
 from analysis.first_passes import first_nuisances
+from analysis.fit_state import State
 from analysis.identify import Estimate
 from analysis.observed import observe
 from analysis.starts import free_parameters, polish
-from analysis.waveform import Fitter, State
+from analysis.waveform import Fitter
 from testbed.effect import catalogue
 from testbed.engines import fast, predict
 

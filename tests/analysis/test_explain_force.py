@@ -8,11 +8,11 @@ from plain_cut import MARK, RATE, TRUE, motion, record
 from test_latent_force import PLANT, cut_state
 
 from analysis.explain_force import as_json, explain, formula_text, write_effect
+from analysis.fit_state import State
 from analysis.force_ranking import explained, rank
 from analysis.latent_force import missing_force
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, drift_basis, observe
-from analysis.waveform import State
 from testbed.cut import Cut
 from testbed.effect import read_effect
 

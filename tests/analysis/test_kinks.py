@@ -15,6 +15,7 @@ from analysis.fine_steps import fine, finely, has_kinks
 from analysis.held_out import RecordError, pooled_doubt
 from analysis.observed import observe
 from analysis.pass_search import at_rest
+from analysis.scale_hops import hopped
 from analysis.scale_profile import ALIKE, SAME, along_scales
 from analysis.starts import base_fit, free_parameters
 from analysis.waveform import Fitter
@@ -81,6 +82,32 @@ def test_a_start_that_only_a_model_without_friction_needed_is_given_up(rubbing):
     assert fitter.cost(state) > 1.05 * fit.cost
     assert moved and fitter.cost(found) < 1.001 * fit.cost
     assert at_rest(fitter, fit.state)[0].nuisances[0].displacement in (0.0, fit.state.nuisances[0].displacement)
+
+
+def test_in_another_valley_the_exits_are_looked_for_anew(rubbing):
+    fitter, fit = rubbing
+    true = [one.exit for one in fit.state.nuisances]
+    early = tuple(replace(one, exit=one.exit - away) for one, away in zip(fit.state.nuisances, (20, 0), strict=True))
+    model = fit.state.model.with_values({"dry_friction.presliding_displacement": 8e-7})
+    astray = fitter.fit(replace(fit.state, model=model, nuisances=early), iterations=8)
+    assert astray.cost > 1.5 * fit.cost
+    found = hopped(fitter, [catalogue()["dry_friction"]], astray)
+    assert [one.exit for one in found.state.nuisances] == true
+    assert found.cost < 1.05 * fit.cost
+
+
+def test_slopes_lent_from_near_by_lead_to_the_same_place(rubbing):
+    fitter, fit = rubbing
+    value = 1.01 * fit.state.model.value("tangential_coefficient")
+    moved = replace(fit.state, model=fit.state.model.with_values({"tangential_coefficient": value}))
+    assert fitter.cost(moved) > fit.cost + 10.0
+    lent = fitter.descend(moved, near=fit)
+    assert lent.cost == pytest.approx(fitter.descend(moved).cost, rel=1e-4)
+    assert lent.cost == pytest.approx(fitter.cost(lent.state))
+    own = fitter.descend(moved, iterations=0)
+    assert own.anew and own.state is moved
+    again = fitter.fit(moved, near=own, iterations=0)
+    assert again.parts is own.parts
 
 
 def test_a_law_without_kinks_is_left_as_it_is(rubbing):

@@ -10,12 +10,12 @@ from plain_cut import COURSE, MARK, TRUE, record
 from scipy.signal import StateSpace, lsim
 
 from analysis.cut_variables import SUBSTEPS, Trajectory, course_of, model_force
+from analysis.fit_state import State
 from analysis.force_response import response
 from analysis.force_smoother import Prior, smooth
 from analysis.latent_force import missing_force, with_force
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, drift_basis, observe
-from analysis.waveform import State
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Model, Structure
 

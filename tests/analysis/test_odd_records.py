@@ -11,11 +11,12 @@ from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
 from analysis.compare import adequacy_tests, controlled
+from analysis.fit_state import State
 from analysis.held_out import RecordError, pooled, pooled_doubt
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, drift_basis, observe
 from analysis.starts import base_fit, decay_start
-from analysis.waveform import Fitter, State
+from analysis.waveform import Fitter
 from testbed.campaign import Record
 from testbed.effect import catalogue
 from testbed.engines import fast, predict

@@ -12,9 +12,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from analysis.first_passes import first_nuisances
+from analysis.fit_state import State
 from analysis.observed import observe
 from analysis.starts import base_fit, polish
-from analysis.waveform import State
 from testbed.effect import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter

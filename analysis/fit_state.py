@@ -1,0 +1,100 @@
+"""What a fit over all records knows and finds: unknowns, states, slopes, and where a descent and a finished fit ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from analysis.nuisances import Nuisances
+from testbed.machine import Model
+
+
+@dataclass(frozen=True)
+class Free:
+    """A machine parameter that is fitted: its path, the size of a natural step, and its bounds.
+
+    periodic: an angle that goes round, kept between -pi and pi instead of at its bounds. each_record: no parameter of the
+    machine, but an angle that every record has for itself, as a shift from the model's value.
+    """
+
+    path: str
+    scale: float
+    bounds: tuple[float, float]
+    periodic: bool = False
+    each_record: bool = False
+
+
+@dataclass(frozen=True)
+class State:
+    """Where a fit stands: the model, the mark angle (rad) and every record's nuisances."""
+
+    model: Model
+    angle: float
+    nuisances: tuple[Nuisances, ...]
+
+    def without_effect(self, name: str) -> State:
+        """The state whose model lacks one effect, all else as it is."""
+        return replace(self, model=self.model.without_effect(name))
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """One record about a state: residual (values,), slopes by the shared (values, shared) and own (values, own) unknowns."""
+
+    residual: np.ndarray
+    shared: np.ndarray
+    own: np.ndarray
+
+    def without_own(self, residuals: np.ndarray) -> np.ndarray:
+        """Residuals (..., values) less what the record's own unknowns can take of them."""
+        basis = self._own_basis
+        return residuals - (residuals @ basis) @ basis.T
+
+    @cached_property
+    def _own_basis(self) -> np.ndarray:
+        return np.linalg.qr(self.own)[0] if self.own.shape[1] else self.own
+
+
+@dataclass(frozen=True, kw_only=True)
+class Descent:
+    """Where a descent ended. cost: half the sum of squared residuals in units of the records' scale.
+
+    parts: residuals and slopes about this state where they were computed `anew`, else about that before the last step.
+    """
+
+    state: State
+    cost: float
+    parts: tuple[Linearised, ...]
+    anew: bool = True
+    converged: bool
+    iterations: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class WaveformFit(Descent):
+    """A finished fit, with the slopes where it ended.
+
+    names of the shared unknowns: the free parameters' paths, then `mark_angle` where it was fitted; covariance of the same.
+    alike: states elsewhere, out of reach of the slopes, that explain the records as well.
+    """
+
+    residuals: tuple[np.ndarray, ...]
+    names: tuple[str, ...]
+    covariance: np.ndarray
+    alike: tuple[State, ...] = ()
+
+    @property
+    def squares(self) -> float:
+        """Sum of squared residuals over all records, in units of their scale."""
+        return 2.0 * self.cost
+
+    @property
+    def variance(self) -> float:
+        """Mean of the squared residuals, in units of the records' scale squared: near 1 where noise alone is left."""
+        return self.squares / sum(rest.size for rest in self.residuals)
+
+    def worst(self, count: int) -> list[int]:
+        """Places of the records fitted worst, the worst first."""
+        return [int(place) for place in np.argsort([-float(np.mean(rest**2)) for rest in self.residuals])[:count]]
