@@ -10,13 +10,14 @@ from typing import Any
 from analysis.candidate_round import candidate_of, with_effect
 from analysis.compare import estimates
 from analysis.diagnosis import Candidate, judged_on
-from analysis.effect_start import ANCHOR, all_free, applicable, effect_parameters, origins_of
+from analysis.effect_start import ANCHOR, applicable, effect_parameters, origins_of
 from analysis.fine_steps import finely, has_kinks
 from analysis.fit_state import State, WaveformFit
 from analysis.held_out import RecordError, held_out_errors, holds_out, pooled
 from analysis.identify import Estimate
+from analysis.model_fit import model_fit
 from analysis.observed import Observed, Plant
-from analysis.starts import base_fit, polish
+from analysis.starts import polish
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -55,7 +56,7 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     if not applicable(effect, records):
         raise ValueError(f"no record can show {effect.name}: it acts in the cut, and nothing is cut")
     say("fitting the model as it is")
-    fitter, fit = base_fit(plant, records, model, free=all_free(records, model, catalogue))
+    fitter, fit = model_fit(plant, records, model, catalogue)
     bare = candidate_of(fitter, fit, (), None, 1.0)
     before = bare.errors
     say(f"fitting with {effect.name}")

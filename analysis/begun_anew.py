@@ -11,12 +11,12 @@ from dataclasses import replace
 
 from analysis.candidate_round import candidate_of
 from analysis.diagnosis import ADEQUATE, Candidate
-from analysis.effect_start import ANCHOR, all_free
+from analysis.effect_start import ANCHOR
 from analysis.fine_steps import has_kinks
 from analysis.fit_state import WaveformFit
 from analysis.information import DELTA_BIC
+from analysis.model_fit import model_fit
 from analysis.observed import Observed, Plant
-from analysis.starts import base_fit
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -29,8 +29,7 @@ def from_believed(
 ) -> Candidate:
     """The effects of these names, each from its example, fitted from the believed `model`; its gain in BIC counts as none."""
     believed = with_examples(model, names, catalogue)
-    fitter, fit = base_fit(plant, records, believed, free=all_free(records, believed, catalogue))
-    return candidate_of(fitter, fit, tuple(names), None, 1.0)
+    return candidate_of(*model_fit(plant, records, believed, catalogue), tuple(names), None, 1.0)
 
 
 def with_examples(model: Model, names: Sequence[str], catalogue: Mapping[str, Effect]) -> Model:
@@ -57,7 +56,7 @@ def begun_anew(
     for name in others:
         believed = believed.with_effect(name, **first.fit.state.model.effects[name])
     believed = with_examples(believed, [last], catalogue)
-    fitter, fit = base_fit(first.fitter.plant, first.fitter.records, believed, free=first.fitter.unknowns)
+    fitter, fit = model_fit(first.fitter.plant, first.fitter.records, believed, catalogue, first.fitter.unknowns)
     found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
     return found if _better(found, first.fit, fit, noise) and found.error_held_out < first.error_held_out else first
 

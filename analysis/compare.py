@@ -15,16 +15,15 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from analysis.effect_start import all_free
 from analysis.fit_state import WaveformFit
 from analysis.held_out import RecordError, held_out_errors, holds_out, pooled, record_error
 from analysis.identify import Estimate
 from analysis.information import Z_95, autocorrelation, effective_size, independent
+from analysis.model_fit import model_fit
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, Plant, predict
 from analysis.segments import Segment
 from analysis.spindle_clock import turns_of
-from analysis.starts import base_fit
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import BASE_UNITS, Model
@@ -139,7 +138,7 @@ def mark_angle(fit: WaveformFit, pitch: float) -> float:
 
 def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> Comparison:
     """Refit the model to all records with every nuisance and say where, and by how much, it fails."""
-    fitter, fit = base_fit(plant, records, model, free=all_free(records, model, catalogue))
+    fitter, fit = model_fit(plant, records, model, catalogue)
     errors, held_out = held_out_errors(fitter, fit), holds_out(records)
     rows, tests = [], []
     for index, (record, error) in enumerate(zip(records, errors, strict=True)):

@@ -13,14 +13,13 @@ from dataclasses import replace
 
 from analysis.candidate_round import candidate_of
 from analysis.diagnosis import Candidate, Diagnosis, excess, verdict_of
-from analysis.effect_start import all_free
 from analysis.forward_search import forward
 from analysis.held_out import pooled
+from analysis.model_fit import model_fit
 from analysis.next_test import next_test
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, Plant
 from analysis.second_look import looked_again
-from analysis.starts import base_fit
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -76,7 +75,7 @@ def _search(
 ) -> Diagnosis:
     """The base fit, the rounds of candidates from it and, where much is left, from another beginning."""
     say("fitting the believed model")
-    fitter, fit = base_fit(plant, records, model, free=all_free(records, model, catalogue) if model.effects else None)
+    fitter, fit = model_fit(plant, records, model, catalogue)
     base = candidate_of(fitter, fit, (), None, 1.0)
     noise = pooled(base.errors)[1]
     path = looked_again(forward([base], model, catalogue, most, say), model, catalogue, noise, most, say)

@@ -18,7 +18,7 @@ from analysis.held_out import own_refit
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, Plant, predict
 from analysis.pass_count import recounted
-from analysis.pass_search import place_entries, place_exits, settle_passes
+from analysis.pass_search import at_rest, place_entries, place_exits, settle_passes
 from analysis.waveform import WORKERS, Fitter
 from testbed.machine import Model
 
@@ -244,8 +244,14 @@ def base_fit(
     soft = Fitter(plant, [softened(record) for record in records], free)
     best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
     fitter = Fitter(plant, records, free)
-    fit = from_the_best_half(fitter, polish(fitter, place_exits(fitter, best.state)))
+    fit = rested(fitter, from_the_best_half(fitter, polish(fitter, place_exits(fitter, best.state))))
     return fitter, recounted(fitter, entries_together(fitter, fit))
+
+
+def rested(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
+    """The fit begun again with cuts at rest, where that explains them better as they stand; never one that costs more."""
+    state, moved = at_rest(fitter, fit.state)
+    return min(fit, polish(fitter, state), key=lambda one: one.cost) if moved else fit
 
 
 def with_exits(fitter: Fitter, state: State) -> State:

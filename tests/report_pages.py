@@ -55,12 +55,12 @@ def fit_from(model, chosen, effects=()):
 @cache
 def comparison(true=HIDDEN) -> Comparison:
     """compare() without its search for a start."""
-    search = analysis.compare.base_fit
-    analysis.compare.base_fit = lambda plant, chosen, model, *, free: fit_from(TRUE, chosen)
+    search = analysis.compare.model_fit
+    analysis.compare.model_fit = lambda plant, chosen, model, known: fit_from(TRUE, chosen)
     try:
         return compare(PLANT, records(true), BELIEVED, CATALOGUE)
     finally:
-        analysis.compare.base_fit = search
+        analysis.compare.model_fit = search
 
 
 @cache

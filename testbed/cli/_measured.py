@@ -164,12 +164,11 @@ def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path
 def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catalogue: Any, model_file: object) -> Identified:
     """Fit the whole waveform of every record with the simulator, the parameters of the model's effects too."""
     from analysis.compare import estimates
-    from analysis.effect_start import all_free
-    from analysis.starts import base_fit
+    from analysis.model_fit import model_fit
     from testbed.cli._fitting import observed_records, plant_of
 
     observed = observed_records(records, model, path, model_file)
-    fitter, fit = base_fit(plant_of(catalogue), observed, model, free=all_free(observed, model, catalogue))
+    fitter, fit = model_fit(plant_of(catalogue), observed, model, catalogue)
     chi_square = fit.squares / max(1, sum(residual.size for residual in fit.residuals) - len(fit.names))
     rows = _multipliers_beside(fit.state.model, records, catalogue, path)
     return Identified(fit.state.model, estimates(fitter, fit, catalogue), rows,

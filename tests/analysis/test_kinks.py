@@ -13,11 +13,12 @@ from analysis.diagnosis import Candidate, verdict_of
 from analysis.effect_start import effect_parameters
 from analysis.fine_steps import fine, finely, has_kinks
 from analysis.held_out import RecordError, pooled_doubt
+from analysis.model_fit import model_fit
 from analysis.observed import observe
 from analysis.pass_search import at_rest
 from analysis.scale_hops import hopped
 from analysis.scale_profile import ALIKE, SAME, along_scales
-from analysis.starts import base_fit, free_parameters
+from analysis.starts import base_fit, free_parameters, rested
 from analysis.waveform import Fitter
 from testbed.cut import Cut, Sampling
 from testbed.effect import catalogue
@@ -94,6 +95,23 @@ def test_in_another_valley_the_exits_are_looked_for_anew(rubbing):
     found = hopped(fitter, [catalogue()["dry_friction"]], astray)
     assert [one.exit for one in found.state.nuisances] == true
     assert found.cost < 1.05 * fit.cost
+
+
+def test_a_model_with_friction_is_fitted_from_far_as_well_as_from_the_truth(rubbing):
+    """From a friction a third of the true one that breaks away four times as late: no descent from there finds the scale."""
+    fitter, fit = rubbing
+    believed = BELIEVED.with_effect("dry_friction", force=0.3, presliding_displacement=8e-7)
+    _, found = model_fit(PLANT, fitter.records, believed, catalogue())
+    assert found.cost < 1.02 * fit.cost
+    assert found.state.model.value("dry_friction.force") == pytest.approx(1.0, rel=0.02)
+
+
+def test_records_begun_with_a_vibration_are_begun_again_at_rest(rubbing):
+    fitter, fit = rubbing
+    shaken = tuple(replace(one, displacement=-6e-5, velocity=0.06) for one in fit.state.nuisances)
+    astray = fitter.fit(replace(fit.state, nuisances=shaken), iterations=2)
+    assert 0.9 * astray.cost > 1.05 * fit.cost > rested(fitter, astray).cost
+    assert rested(fitter, fit).cost <= fit.cost
 
 
 def test_slopes_lent_from_near_by_lead_to_the_same_place(rubbing):

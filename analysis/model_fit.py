@@ -1,0 +1,33 @@
+"""A model, with whatever effects it has, fitted to records from what is believed of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from analysis.effect_start import all_free
+from analysis.fit_state import Free, WaveformFit
+from analysis.observed import Observed, Plant
+from analysis.scale_hops import hopped
+from analysis.starts import base_fit
+from analysis.waveform import Fitter
+from testbed.effect import Effect
+from testbed.machine import Model
+
+
+def model_fit(
+    plant: Plant,
+    records: Sequence[Observed],
+    model: Model,
+    catalogue: Mapping[str, Effect],
+    free: Sequence[Free] | None = None,
+) -> tuple[Fitter, WaveformFit]:
+    """The model refitted with every nuisance; without `free`, all that these records can speak of is unknown.
+
+    Laws with kinks have valleys beside the deepest, into which even the true scale may slip on the way from a wrong opening:
+    theirs are looked for.
+    """
+    if free is None and model.effects:
+        free = all_free(records, model, catalogue)
+    fitter, fit = base_fit(plant, records, model, free=free)
+    kinked = [catalogue[name] for name in model.effects if name in catalogue and not catalogue[name].smooth]
+    return fitter, hopped(fitter, kinked, fit)
