@@ -28,6 +28,7 @@ from analysis.observed import Observed
 
 CYCLES = (6, 4, 3, 2)  # of a window, the shorter ones for decays that end soon
 LEAST = 6  # windows that a verdict needs
+SHORTEST = 16  # samples of a free decay at the least
 CLEAR = 8.0  # amplitude over its own standard error down to which windows count
 FREQUENCY_MATTERS = 1e-4  # relative change of the frequency over the decay that counts
 DAMPING_MATTERS = 0.1  # relative change of the damping over the decay that counts
@@ -91,6 +92,8 @@ class AmplitudeDependence:
 def course(values: np.ndarray, rate: float) -> Course:
     """Amplitude and phase through a free decay `values` (samples,) taken at `rate` (Hz). ValueError where none is seen."""
     values = np.asarray(values, dtype=float)
+    if len(values) < SHORTEST:
+        raise ValueError(f"a free decay of {len(values)} samples is too short")
     peak = spectral_peak(values[: max(256, len(values) // 4)] - values.mean())
     if peak <= 0:
         raise ValueError("no oscillation is seen")

@@ -19,7 +19,7 @@ import numpy as np
 from analysis.cut_variables import SUBSTEPS, Course, Trajectory, course_of, model_force
 from analysis.fit_state import State
 from analysis.force_response import response
-from analysis.force_smoother import Prior, smooth, tuned_prior
+from analysis.force_smoother import SETTLING, Prior, smooth, tuned_prior
 from analysis.observed import Observed, Plant, predict
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -130,8 +130,8 @@ def missing_force(
 
 
 def prior_of(model: Model, records: Sequence[Observed], residuals: Sequence[np.ndarray]) -> Prior:
-    """The prior tuned on the record whose motion is worst explained."""
-    moving = [index for index, record in enumerate(records) if motion_channels(record)]
+    """The prior tuned on the record whose motion is worst explained, of those long enough to tune on."""
+    moving = [index for index, record in enumerate(records) if motion_channels(record) and record.samples > 2 * SETTLING]
     if not moving:
         return Prior(1, 1.0, 1e-3)
     worst = max(moving, key=lambda index: float(np.mean((residuals[index] / records[index].noise[:, None]) ** 2)))

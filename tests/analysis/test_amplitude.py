@@ -93,7 +93,10 @@ def test_false_alarms_are_as_rare_as_promised():
     assert (alarms <= 6).all()  # 2 expected of 40 at the most
 
 
-@pytest.mark.parametrize("values", [np.zeros(4000), np.ones(300), 1e-6 * np.random.default_rng(0).standard_normal(8000)])
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "values", [np.zeros(4000), np.ones(300), np.ones(1), 1e-6 * np.random.default_rng(0).standard_normal(8000)]
+)
 def test_what_is_no_decay_is_refused(values):
     with pytest.raises(ValueError):
         amplitude_dependence(values, RATE)

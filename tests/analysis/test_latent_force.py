@@ -13,7 +13,7 @@ from analysis.cut_variables import SUBSTEPS, Trajectory, course_of, model_force
 from analysis.fit_state import State
 from analysis.force_response import response
 from analysis.force_smoother import Prior, smooth
-from analysis.latent_force import missing_force, with_force
+from analysis.latent_force import missing_force, prior_of, with_force
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, drift_basis, observe
 from testbed.engines import fast, predict
@@ -184,3 +184,12 @@ def test_a_prediction_that_diverged_does_no_harm():
     plant = SimpleNamespace(predict_driven=diverged)
     found = missing_force(plant, [one], State(STRUCTURE, 0.0, (Nuisances(),)), {}).records[0]
     assert np.isfinite(found.force).all() and np.abs(found.displacement - x).max() < 1e-5
+
+
+def test_no_prior_is_tuned_on_a_record_of_a_few_samples():
+    short = SimpleNamespace(channels=("displacement",), samples=64, noise=np.array([NOISE]), rate=RATE)
+    long = SimpleNamespace(channels=("displacement",), samples=600, noise=np.array([NOISE]), rate=RATE)
+    rest = 5e-6 * np.sin(np.arange(600) / 20.0)[None]
+    tuned = prior_of(STRUCTURE, [long], [rest])
+    assert prior_of(STRUCTURE, [short, long], [rest[:, :64] * 1e3, rest]) == tuned
+    assert prior_of(STRUCTURE, [short], [rest[:, :64]]).order == 1
