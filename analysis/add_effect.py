@@ -16,7 +16,8 @@ from analysis.fit_state import State, WaveformFit
 from analysis.held_out import RecordError, held_out_errors, holds_out, pooled
 from analysis.identify import Estimate
 from analysis.model_fit import model_fit
-from analysis.observed import Observed, Plant
+from analysis.observed import Observed
+from analysis.prediction import Plant
 from analysis.starts import polish
 from analysis.waveform import Fitter
 from testbed.effect import Effect

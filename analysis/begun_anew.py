@@ -16,7 +16,8 @@ from analysis.fine_steps import has_kinks
 from analysis.fit_state import WaveformFit
 from analysis.information import DELTA_BIC
 from analysis.model_fit import model_fit
-from analysis.observed import Observed, Plant
+from analysis.observed import Observed
+from analysis.prediction import Plant
 from testbed.effect import Effect
 from testbed.machine import Model
 

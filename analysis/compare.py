@@ -21,7 +21,8 @@ from analysis.identify import Estimate
 from analysis.information import Z_95, autocorrelation, effective_size, independent
 from analysis.model_fit import model_fit
 from analysis.nuisances import Nuisances
-from analysis.observed import Observed, Plant, predict
+from analysis.observed import Observed
+from analysis.prediction import Plant, predict
 from analysis.segments import Segment
 from analysis.spindle_clock import turns_of
 from analysis.waveform import Fitter

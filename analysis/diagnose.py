@@ -18,7 +18,8 @@ from analysis.held_out import pooled
 from analysis.model_fit import model_fit
 from analysis.next_test import next_test
 from analysis.nuisances import Nuisances
-from analysis.observed import Observed, Plant
+from analysis.observed import Observed
+from analysis.prediction import Plant
 from analysis.second_look import looked_again
 from analysis.waveform import Fitter
 from testbed.effect import Effect

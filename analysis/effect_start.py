@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.fit_state import Free, Linearised, State, WaveformFit
-from analysis.observed import Observed, Plant
+from analysis.observed import Observed
 from analysis.pass_search import at_rest, place_entries, settle_passes, turn_phases
+from analysis.prediction import Plant
 from analysis.recurring_start import SCREENED, recurring_starts, residual_peaks
 from analysis.starts import anchored_states, free_parameters, softened
 from analysis.waveform import Fitter

@@ -17,7 +17,8 @@ from analysis.force_choice import Chooser, Subset, choose, coefficients, wavefor
 from analysis.force_ranking import Ranked, rank
 from analysis.force_regression import products, windows_of
 from analysis.latent_force import MissingForce, missing_force, with_force
-from analysis.observed import Observed, Plant
+from analysis.observed import Observed
+from analysis.prediction import Plant
 from testbed.effect import Effect
 from testbed.proposal import Coefficient, ForceTerm, write_proposal
 

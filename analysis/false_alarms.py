@@ -14,7 +14,8 @@ from scipy import stats
 
 from analysis.diagnose import diagnose
 from analysis.diagnosis import Candidate
-from analysis.observed import Observed, Plant, predict
+from analysis.observed import Observed
+from analysis.prediction import Plant, predict
 from testbed.effect import Effect
 
 

@@ -17,8 +17,8 @@ import numpy as np
 
 from analysis.entry_passes import entries_together
 from analysis.fit_state import State, WaveformFit
-from analysis.observed import Plant
 from analysis.pass_search import at_rest
+from analysis.prediction import Plant
 from analysis.scale_profile import along_scales, kinked_scales, margin
 from analysis.waveform import Fitter
 from testbed.effect import Effect

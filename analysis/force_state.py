@@ -16,7 +16,7 @@ import numpy as np
 from analysis.fit_state import WaveformFit
 from analysis.held_out import RecordError
 from analysis.latent_force import RecordForce, missing_force, motion_channels
-from analysis.observed import Plant
+from analysis.prediction import Plant
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 

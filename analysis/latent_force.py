@@ -20,7 +20,8 @@ from analysis.cut_variables import SUBSTEPS, Course, Trajectory, course_of, mode
 from analysis.fit_state import State
 from analysis.force_response import response
 from analysis.force_smoother import SETTLING, Prior, smooth, tuned_prior
-from analysis.observed import Observed, Plant, predict
+from analysis.observed import Observed
+from analysis.prediction import Plant, predict
 from testbed.effect import Effect
 from testbed.machine import Model
 

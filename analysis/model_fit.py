@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from analysis.effect_start import all_free
 from analysis.fit_state import Free, WaveformFit
-from analysis.observed import Observed, Plant
+from analysis.observed import Observed
+from analysis.prediction import Plant
 from analysis.scale_hops import hopped
 from analysis.starts import base_fit
 from analysis.waveform import Fitter

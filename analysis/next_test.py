@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.delay_equation import milling_equation
-from analysis.observed import Observed, Plant, drift_basis
+from analysis.observed import Observed, drift_basis
+from analysis.prediction import Plant
 from analysis.temporal_elements import characteristic_multipliers
 from testbed.cut import Cut, Sampling
 from testbed.machine import Model

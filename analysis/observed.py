@@ -1,4 +1,4 @@
-"""A measured record made ready for fitting: its samples, its noise, what is unknown of its course, and how to predict it.
+"""A measured record made ready for fitting: its samples, its noise, and what is unknown of its course.
 
 Nuisances are kept apart from the machine: offset and slow drift are projected out (they enter linearly), the state at the
 start, the passes of entry and exit, and, without a tachometer, speed and tooth angle belong to the record; the angle between
@@ -8,10 +8,10 @@ tachometer mark and tooth entry belongs to the campaign.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -29,16 +29,7 @@ MOST_DRIFT = 10  # terms
 SWING = 8  # samples at the least in which a free decay's first large swing is looked for
 OPENING = 12  # revolutions from the entry that an opening holds at the least
 UNRESOLVED = 1e-4  # of a channel's rms: the engines' own error, which in data without noise would be a missing effect
-STIFF = 100.0  # stiffness over K b from which forces are those of a rigid machine
 WARM_UP = 60  # revolutions simulated before a record that starts in the cut
-AWAKE = 0.05  # s before such a record from which its sensor is followed: one that lags remembers
-
-
-class Plant(Protocol):
-    """The engine the analysis is handed: variants of one record in, predicted channels (runs, channels, samples) out."""
-
-    predict_cuts: Callable[..., np.ndarray]
-    predict_driven: Callable[..., np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -304,39 +295,3 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
         clock_error=error,
         starts_in_cut="idle" not in kinds and "entry" not in kinds,
     )
-
-
-def immovable(model: Model, observed: Observed) -> Model:
-    """The model with a heavy mass where the structure yields nothing to speak of under the chip: stiff against K b.
-
-    Forces are then those of a rigid machine, and no step has to follow an oscillation that nobody sees.
-    """
-    structure, cutting = model.structure, model.cutting
-    if observed.cut is None or cutting is None:
-        return model
-    largest = math.hypot(cutting.tangential_coefficient, cutting.normal_coefficient)
-    if structure.stiffness < STIFF * largest * observed.cut.axial_depth_of_cut:
-        return model
-    slow = 0.01 * observed.flutes / observed.period
-    if structure.natural_frequency <= slow:
-        return model
-    mass = structure.mass * (structure.natural_frequency / slow) ** 2
-    return model.with_values({"natural_frequency": slow, "mass": mass, "damping_ratio": 0.5})
-
-
-def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, float, Nuisances]]) -> np.ndarray:
-    """Predicted channels, shape (variants, channels, samples), for (model, mark angle, nuisances) variants of one record."""
-    variants = [(own.shifted(model), angle, own) for model, angle, own in variants]
-    if observed.cut is None:
-        states = [(n.displacement, n.velocity) for _, _, n in variants]
-        return plant.predict_driven([m for m, _, _ in variants], states, observed.force, observed.rate, observed.channels)
-    lines = [observed.timeline(angle, nuisances) for _, angle, nuisances in variants]
-    if observed.forces_only:
-        variants = [(immovable(model, observed), angle, nuisances) for model, angle, nuisances in variants]
-    durations = [observed.pass_durations(cut, sampling) for cut, sampling in lines]
-    kept = None if any(d is None for d in durations) else durations
-    lead = math.ceil(AWAKE * observed.rate) if observed.starts_in_cut else 0
-    lead = max(0, min(lead, *(math.floor(sampling.start * observed.rate) for _, sampling in lines)))  # an angle far off
-    samplings = [replace(one, count=one.count + lead, start=one.start - lead / one.rate) for _, one in lines]
-    models, cuts = [model for model, _, _ in variants], [cut for cut, _ in lines]
-    return plant.predict_cuts(models, cuts, samplings, observed.channels, durations=kept)[..., lead:]

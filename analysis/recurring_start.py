@@ -16,7 +16,8 @@ import numpy as np
 from analysis.fit_state import WaveformFit
 from analysis.lines import find_peaks
 from analysis.nuisances import Nuisances
-from analysis.observed import Observed, predict
+from analysis.observed import Observed
+from analysis.prediction import predict
 from analysis.waveform import Fitter
 from testbed.effect import Effect, Parameter
 

@@ -16,9 +16,10 @@ from analysis.fit_state import Free, State, WaveformFit
 from analysis.free_decay import fit_free_decay, spectral_peak
 from analysis.held_out import own_refit
 from analysis.nuisances import Nuisances
-from analysis.observed import Observed, Plant, predict
+from analysis.observed import Observed
 from analysis.pass_count import recounted
 from analysis.pass_search import at_rest, place_entries, place_exits, settle_passes
+from analysis.prediction import Plant, predict
 from analysis.waveform import WORKERS, Fitter
 from testbed.machine import Model
 

@@ -16,7 +16,8 @@ import numpy as np
 
 from analysis.fit_state import Descent, Free, Linearised, State, WaveformFit
 from analysis.nuisances import Nuisances, turned_by
-from analysis.observed import Observed, Plant, predict
+from analysis.observed import Observed
+from analysis.prediction import Plant, predict
 from testbed.machine import Model
 
 WORKERS = 2  # threads over a campaign's records; each record is computed alone, so that their number changes no digit

@@ -16,7 +16,7 @@ from analysis.forward_search import ROUGH, _by_noise, _weighed
 from analysis.held_out import pooled
 from analysis.nuisances import Nuisances, other_teeth
 from analysis.observed import Observed, drift_basis, observe
-from analysis.observed import predict as predicted
+from analysis.prediction import predict as predicted
 from analysis.starts import base_fit
 from testbed.cut import Cut
 from testbed.effect import catalogue
