@@ -18,9 +18,8 @@ from analysis.fit_state import State, WaveformFit
 from analysis.held_out import held_out_errors, pooled, record_error
 from analysis.information import bic, effective_size
 from analysis.pass_count import recounted
-from analysis.pass_search import at_rest
 from analysis.scale_hops import hopped
-from analysis.starts import polish
+from analysis.starts import polish, rested
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 
@@ -195,12 +194,12 @@ def _refitted(
     """The entry fitted in full."""
     assert current.fit is not None
     say(f"refitting with {entry.name}")
-    if not catalogue[entry.name].smooth:  # its valleys are narrow and bent: crept along after another scale is looked for
+    smooth = catalogue[entry.name].smooth
+    if not smooth:  # its valleys are narrow and bent: crept along after another scale is looked for
         iterations = min(iterations, CREEP)
     fit = polish(entry.fitter, entry.state, rounds=3, iterations=iterations)
-    if not catalogue[entry.name].smooth:
-        state, rested = at_rest(entry.fitter, fit.state)
-        fit = polish(entry.fitter, state, rounds=3, iterations=iterations) if rested else fit
+    if not smooth:
+        fit = rested(entry.fitter, fit, rounds=3, iterations=iterations)
     effects = (*current.effects, entry.name)
     fit = recounted(entry.fitter, entries_together(entry.fitter, fit))
     found = _candidate(current, entry.fitter, fit, effects)

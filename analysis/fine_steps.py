@@ -7,7 +7,7 @@ stuck, the phase it goes on vibrating with turns fast with every parameter: the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -42,16 +42,21 @@ def fine(plant: Plant) -> Plant:
     return finer
 
 
-def has_kinks(names: Sequence[str], catalogue: Mapping[str, Effect]) -> bool:
+def kinked(names: Iterable[str], catalogue: Mapping[str, Effect]) -> list[Effect]:
+    """Those of these laws that have a kink."""
+    return [catalogue[name] for name in names if name in catalogue and not catalogue[name].smooth]
+
+
+def has_kinks(names: Iterable[str], catalogue: Mapping[str, Effect]) -> bool:
     """Whether any of these laws has a kink."""
-    return any(not catalogue[name].smooth for name in names if name in catalogue)
+    return bool(kinked(names, catalogue))
 
 
 def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> tuple[Fitter, WaveformFit]:
     """The fit settled with finer steps in the deepest valley close by, and the fitter that did it."""
     finer = Fitter(fine(fitter.plant), fitter.records, fitter.unknowns)
     fit = entries_together(finer, finer.fit(at_rest(finer, fit.state)[0], iterations=SETTLE))
-    laws = [catalogue[name] for name in fit.state.model.effects if name in catalogue]
+    laws = kinked(fit.state.model.effects, catalogue)
     if not kinked_scales(laws):
         return finer, fit
     tried: list[WaveformFit] = []

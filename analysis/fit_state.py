@@ -34,6 +34,10 @@ class State:
     angle: float
     nuisances: tuple[Nuisances, ...]
 
+    def with_value(self, path: str, value: float) -> State:
+        """The state with one parameter of the model at another value."""
+        return replace(self, model=self.model.with_values({path: value}))
+
     def without_effect(self, name: str) -> State:
         """The state whose model lacks one effect, all else as it is."""
         return replace(self, model=self.model.without_effect(name))

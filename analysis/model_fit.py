@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from analysis.effect_start import all_free
+from analysis.fine_steps import kinked
 from analysis.fit_state import Free, WaveformFit
 from analysis.observed import Observed
 from analysis.prediction import Plant
@@ -30,5 +31,4 @@ def model_fit(
     if free is None and model.effects:
         free = all_free(records, model, catalogue)
     fitter, fit = base_fit(plant, records, model, free=free)
-    kinked = [catalogue[name] for name in model.effects if name in catalogue and not catalogue[name].smooth]
-    return fitter, hopped(fitter, kinked, fit)
+    return fitter, hopped(fitter, kinked(model.effects, catalogue), fit)

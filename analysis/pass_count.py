@@ -33,7 +33,7 @@ def recounted(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
         found = next((one for one in _tried(fitter, fit) if one.cost < fit.cost * (1.0 - 1e-3)), None)
         if found is None:
             return fit
-        fit = found if found.converged else fitter.fit(found.state, iterations=4 * ITERATIONS)
+        fit = found if found.converged else fitter.fit(found.state, iterations=4 * ITERATIONS, near=found)
     return fit
 
 

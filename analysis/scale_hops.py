@@ -7,7 +7,6 @@ model lacked when it was first fitted has often led into one of them.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 from analysis.fit_state import WaveformFit
 from analysis.pass_search import place_exits
@@ -50,18 +49,13 @@ def _is_scale(parameter: Parameter) -> bool:
 def _along(fitter: Fitter, path: str, factor: float, bounds: tuple[float, float], fit: WaveformFit) -> WaveformFit:
     """The fit with one scale multiplied by a factor again and again, and all else fitted, while that costs less."""
     while bounds[0] <= factor * fit.state.model.value(path) <= bounds[1]:
-        trial = _fitted_at(fitter, path, factor * fit.state.model.value(path), fit, CORNER)
+        trial = fitter.fit(fit.state.with_value(path, factor * fit.state.model.value(path)), iterations=CORNER)
         if not deeper(trial, fit):
             return fit
-        before, fit = fit.cost, trial if trial.converged else fitter.fit(trial.state, iterations=4 * CORNER)
+        before, fit = fit.cost, trial if trial.converged else fitter.fit(trial.state, iterations=4 * CORNER, near=trial)
         if fit.cost > (1.0 - MUCH) * before:  # the same valley, which is flat along the scale
             return fit
     return fit
-
-
-def _fitted_at(fitter: Fitter, path: str, value: float, fit: WaveformFit, iterations: int) -> WaveformFit:
-    moved = fit.state.model.with_values({path: value})
-    return fitter.fit(replace(fit.state, model=moved), iterations=iterations)
 
 
 def deeper(trial: WaveformFit, fit: WaveformFit) -> bool:

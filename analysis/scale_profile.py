@@ -67,8 +67,7 @@ def _edge(held: Fitter, path: str, walk: Sequence[Descent], fit: WaveformFit) ->
     begin, end = (max(one.cost - fit.cost, 0.0) ** 0.5 for one in (last, walk[inside + 1]))
     way = math.log(walk[inside + 1].state.model.value(path) / last.state.model.value(path))
     value = last.state.model.value(path) * math.exp(way * (margin(fit) ** 0.5 - begin) / (end - begin))
-    moved = replace(last.state, model=last.state.model.with_values({path: value}))
-    found = held.descend(moved, iterations=ITERATIONS, tolerance=TOLERANCE)
+    found = held.descend(last.state.with_value(path, value), iterations=ITERATIONS, tolerance=TOLERANCE)
     if found.cost <= fit.cost + BESIDE * margin(fit):
         yield found
 
@@ -81,7 +80,7 @@ def _walk(held: Fitter, path: str, step: float, bounds: tuple[float, float], fit
         value = math.exp(step * GROWTH**place) * found.state.model.value(path)
         if not bounds[0] <= value <= bounds[1] or worse == 2:
             return
-        moved = replace(found.state, model=found.state.model.with_values({path: value}))
+        moved = found.state.with_value(path, value)
         found = held.descend(moved, iterations=ITERATIONS, tolerance=TOLERANCE, near=found)
         yield replace(found, parts=())  # they fill much memory, and serve the next place alone
         over = (found.cost - fit.cost) / margin(fit)

@@ -249,10 +249,10 @@ def base_fit(
     return fitter, recounted(fitter, entries_together(fitter, fit))
 
 
-def rested(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
-    """The fit begun again with cuts at rest, where that explains them better as they stand; never one that costs more."""
+def rested(fitter: Fitter, fit: WaveformFit, *, rounds: int = 4, iterations: int = 40) -> WaveformFit:
+    """The fit begun again with cuts at rest, where that explains them better as they stand."""
     state, moved = at_rest(fitter, fit.state)
-    return min(fit, polish(fitter, state), key=lambda one: one.cost) if moved else fit
+    return polish(fitter, state, rounds=rounds, iterations=iterations) if moved else fit
 
 
 def with_exits(fitter: Fitter, state: State) -> State:

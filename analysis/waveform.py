@@ -266,8 +266,7 @@ class Fitter:
         Slopes are computed anew after every step: steps with kept slopes cost a tenth, but creep along the valley between
         the cutting coefficients, and need tens of times as many.
         """
-        anew = near is None or (near.anew and near.state is state)
-        parts = self.linearise_all(state) if near is None else near.parts if anew else self._with_slopes_of(near.parts, state)
+        parts, anew = self._first_slopes(state, near)
         cost = 0.5 * sum(float(part.residual @ part.residual) for part in parts)
         damping, converged, count = 1e-3, False, 0
         while count < iterations and not converged:
@@ -285,8 +284,12 @@ class Fitter:
                 damping *= 6.0
         return Descent(state=state, cost=cost, parts=parts, anew=anew, converged=converged, iterations=count)
 
-    def _with_slopes_of(self, parts: Sequence[Linearised], state: State) -> tuple[Linearised, ...]:
-        """Residuals at a state, with slopes computed elsewhere."""
+    def _first_slopes(self, state: State, near: Descent | None) -> tuple[tuple[Linearised, ...], bool]:
+        """Residuals and slopes to descend from a state with, and whether the slopes are its own and not lent from near by."""
+        if near is None:
+            return self.linearise_all(state), True
+        if near.anew and near.state is state:
+            return near.parts, True
         held = [self._held(record, own) for record, own in zip(self.records, state.nuisances, strict=True)]
         rests = [np.append(rest, own) for rest, own in zip(self.residuals(state), held, strict=True)]
-        return tuple(replace(part, residual=rest) for part, rest in zip(parts, rests, strict=True))
+        return tuple(replace(part, residual=rest) for part, rest in zip(near.parts, rests, strict=True)), False
