@@ -7,9 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from analysis.begun_anew import with_examples
 from analysis.candidate_round import candidate_of, with_effect
 from analysis.compare import estimates
-from analysis.diagnosis import Candidate, judged_on
+from analysis.diagnosis import ADEQUATE, Candidate, judged_on
 from analysis.effect_start import ANCHOR, applicable, effect_parameters, origins_of
 from analysis.fine_steps import finely, has_kinks
 from analysis.fit_state import State, WaveformFit
@@ -19,6 +20,7 @@ from analysis.model_fit import model_fit
 from analysis.observed import Observed
 from analysis.prediction import Plant
 from analysis.starts import polish
+from analysis.unheard import agreed, misfit
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -30,7 +32,8 @@ WIDE = 0.5  # half an interval over its value from which the value is called poo
 class Addition:
     """The model with the effect, held-out errors without and with it, parameters with intervals, and warnings.
 
-    fit: with the effect; bare: the fit before, without it, on the same records.
+    fit: with the effect; bare: the fit before, without it, on the same records. unheard: names of records without a say in
+    the fit with the effect.
     """
 
     effect: str
@@ -46,6 +49,13 @@ class Addition:
     warnings: tuple[str, ...]
     fit: WaveformFit
     bare: WaveformFit
+    unheard: tuple[str, ...] = ()
+
+    def heard(self) -> tuple[float, float, float]:
+        """(error before, error after, noise floor) over the records that had a say in the fit."""
+        before, after = ([one for one in some if one.name not in self.unheard]
+                         for some in (self.records_before, self.records_after))
+        return pooled(before)[0], *pooled(after)
 
 
 def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: Effect, catalogue: Mapping[str, Effect],
@@ -61,7 +71,7 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     bare = candidate_of(fitter, fit, (), None, 1.0)
     before = bare.errors
     say(f"fitting with {effect.name}")
-    wider, with_it = _fit_with(plant, model, {**catalogue, effect.name: effect}, effect, bare, say)
+    wider, with_it = _best_fit_with(plant, model, {**catalogue, effect.name: effect}, effect, bare, say)
     say("looking again for a fit without it")
     again = polish(fitter, with_it.state.without_effect(effect.name), rounds=1, iterations=8)
     if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
@@ -69,8 +79,25 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     after = held_out_errors(wider, with_it)
     found = estimates(wider, with_it, catalogue)
     result = Addition(effect.name, with_it.state.model, pooled(before)[0], pooled(after)[0], pooled(after)[1],
-                      before, tuple(after), holds_out(records), found, with_it.converged, (), with_it, fit)
+                      before, tuple(after), holds_out(records), found, with_it.converged, (), with_it, fit,
+                      tuple(record.name for record in wider.records if not record.heard))
     return replace(result, warnings=tuple(_warnings(result, wider, catalogue)))
+
+
+def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
+                   say: Callable[[str], None]) -> tuple[Fitter, WaveformFit]:
+    """The fit with the effect; where it leaves more than noise, the one from the believed machine if that explains more.
+
+    What the model without a strong effect made up for can lead every start from its fit astray.
+    """
+    found = agreed(*_fit_with(plant, model, catalogue, effect, bare, say))
+    before, (likelihood, left) = pooled(bare.errors), misfit(*found)
+    if left <= ADEQUATE**2 or before[0] <= ANCHOR * before[1]:
+        return found
+    say(f"fitting with {effect.name} from the believed machine")
+    assert bare.fitter is not None
+    anew = agreed(*model_fit(plant, bare.fitter.records, with_examples(model, [effect.name], catalogue), catalogue))
+    return anew if misfit(*anew)[0] < likelihood else found
 
 
 def _fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
@@ -103,9 +130,14 @@ def _with_neutral(state: State, effect: Effect) -> State:
 def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect]) -> list[str]:
     """What the data do not determine, in sentences."""
     said = []
+    before, after, noise = result.heard()
+    if names := result.unheard:
+        said.append(f"{', '.join(names)}: not followed by a model that explains all other records down to their noise, and so "
+                    "without a say in the fit (chaotic, or disturbed); over the others the error goes from "
+                    f"{before:.4f} to {after:.4f} (noise floor {noise:.4f})")
     if not result.converged:
         said.append("the fit did not converge: the values are those of its last step")
-    if result.after > result.before * (1 - 1e-3):
+    if after > before * (1 - 1e-3):
         said.append(f"{result.effect} does not lower the error {judged_on(result.held_out)}: nothing speaks for it")
     bounds = {one.path: one.bounds for one in fitter.free}
     for path, one in result.parameters.items():

@@ -21,12 +21,14 @@ from analysis.nuisances import Nuisances
 from analysis.observed import Observed
 from analysis.prediction import Plant
 from analysis.second_look import looked_again
+from analysis.unheard import agreed
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
 
 LONG = 16384  # samples of an excited record that are searched
 MOST_EFFECTS = 3
+MOST_LOOKED_AT = 5  # sets of effects that are fitted without the records that stand out
 CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
 
 
@@ -45,13 +47,39 @@ def diagnose(
     """
     parts = [record.loudest(LONG) for record in records]
     if all(part is record for part, record in zip(parts, records, strict=True)):
-        return _with_next_test(_search(plant, records, model, catalogue, most, say), plant, records, say)
+        found = _search(plant, records, model, catalogue, most, say)
+        return _with_strange_records(_with_next_test(found, plant, records, say), say)
     found = _search(plant, parts, model, catalogue, most, say)
     say("fitting the whole records")
     steps = [_on_whole(step, records) for step in found.steps]
     noise = pooled(steps[0].errors)[1]
     tied = found.effects if found.verdict == "undecided" else ()
     return verdict_of(steps[0], steps[-1], steps, found.candidates, noise, tied)
+
+
+def _with_strange_records(result: Diagnosis, say: Callable[[str], None]) -> Diagnosis:
+    """An unexplained campaign's diagnosis with what all records but a few agree on, if there is such a thing."""
+    if result.verdict != "unexplained":
+        return result
+    say("looking for records that stand alone")
+    fitted = [one for one in (result.base, *result.steps, *result.candidates) if one.fit is not None]
+    tried = {one.effects: one for one in sorted(fitted, key=lambda one: (len(one.effects), one.error_fit))}
+    for one in [*tried.values()][:MOST_LOOKED_AT]:
+        assert one.fit is not None and one.fitter is not None
+        plain = Fitter(one.fitter.plant, [replace(record, weight=None) for record in one.fitter.records], one.fitter.unknowns)
+        fitter, _ = agreed(plain, plain.fit(one.fit.state, iterations=0))
+        strange = [record.name for record in fitter.records if not record.heard]
+        if strange:
+            return replace(result, sentence=f"{result.sentence} {_but(strange, one.effects)}")
+    return result
+
+
+def _but(strange: Sequence[str], effects: Sequence[str]) -> str:
+    """In words, that all records but the strange ones agree with a model of these effects."""
+    them = "them" if len(strange) > 1 else "it"
+    model = f"a model with {' and '.join(effects)}" if effects else "the model as it is"
+    return (f"All records but {', '.join(strange)} agree with {model} down to their noise: look at {them} first "
+            f"(chaotic, disturbed, or alone in showing what is missing), or leave {them} out.")
 
 
 def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:

@@ -13,7 +13,7 @@ import numpy as np
 from analysis.cut_variables import course_of
 from analysis.diagnosis import ADEQUATE, Diagnosis
 from analysis.fit_state import State
-from analysis.force_choice import Chooser, Subset, choose, coefficients, waveform
+from analysis.force_choice import Choice, Chooser, Subset, choose, coefficients, waveform
 from analysis.force_ranking import Ranked, rank
 from analysis.force_regression import products, windows_of
 from analysis.latent_force import MissingForce, missing_force, with_force
@@ -64,14 +64,14 @@ def left_unexplained(
     found: Diagnosis,
     catalogue: Mapping[str, Effect],
     say: Callable[[str], None] = lambda text: None,
-) -> Explanation | None:
-    """What describes the force that a diagnosis left unexplained; None where it left nothing beyond the noise.
+) -> list[Explanation]:
+    """What describes the force that a diagnosis left unexplained, as `explanations`; none where it left but noise.
 
     ValueError where the force cannot be estimated.
     """
     chosen = found.best if found.verdict == "missing_effect" else found.base
     if chosen.fit is None or chosen.error_held_out <= ADEQUATE * found.noise_floor:
-        return None
+        return []
     states = [chosen.fit.state]
     if found.verdict != "missing_effect" and found.best.fit is not None and found.best.effects:
         # what partly helps has led the base parameters nearer to the truth: the force is looked for from there, too
@@ -79,8 +79,8 @@ def left_unexplained(
         for name in found.best.effects:
             bare = bare.without_effect(name)
         states.append(bare)
-    told = [explain(missing_force(plant, records, state, catalogue, say), say) for state in states]
-    return max(told, key=lambda one: one.share)
+    told = [explanations(missing_force(plant, records, state, catalogue, say), say) for state in states]
+    return max(told, key=lambda some: some[0].share)
 
 
 def corrected(state: State, corrections: dict[str, float]) -> State:
@@ -102,38 +102,43 @@ def corrected(state: State, corrections: dict[str, float]) -> State:
 
 def explain(missing: MissingForce, say: Callable[[str], None] = lambda text: None) -> Explanation:
     """Rank what the missing force depends on and find a short formula for it. ValueError where records are too short."""
+    return explanations(missing, say)[0]
+
+
+def explanations(missing: MissingForce, say: Callable[[str], None] = lambda text: None) -> list[Explanation]:
+    """As `explain`; behind the best formula those that the regression cannot tell from it. ValueError as there."""
     turning = any(len(one.chip[np.isfinite(one.chip)]) for one in missing.records)
     chooser = Chooser(products(missing, angles=ANGLES if turning else (0.0,), say=say))
     say("choosing a formula")
-    chosen, levels, excess = choose(chooser)
-    base = levels[0][0].held_out
-    if turning and chosen.places:  # the tooth angle is better known now: choose once more there
-        terms = [chooser.terms[place] for place in chosen.places]
-        _, _, turned = _settled(missing, terms, chooser, chosen)
+    choice = choose(chooser)
+    if turning and choice.chosen.places:  # the tooth angle is better known now: choose once more there
+        terms = [chooser.terms[place] for place in choice.chosen.places]
+        _, _, turned = _settled(missing, terms, chooser, choice.chosen)
         chooser = Chooser(products(missing, angles=(turned,), say=say))
-        chosen, levels, _ = choose(chooser)
-        best = min(one.held_out for level in levels for one in level)
-        excess = max(base - min(float(chooser.rows), best), 1e-12)
-    if chosen.held_out - (base - excess) > (1 - EXPLAINED) * excess:
-        chosen = waveform(chooser, chosen, excess)
-    others = sorted((one for level in levels[1:3] for one in level), key=lambda one: one.held_out)[:8]
-    alternatives = tuple(
-        (tuple(chooser.terms[place].law or "1" for place in one.places), (base - one.held_out) / excess) for one in others
-    )
-    terms = [chooser.terms[place] for place in chosen.places]
-    chooser, chosen, turned = _settled(missing, terms, chooser, chosen)
+        choice = choose(chooser).against(choice.levels[0][0])
+    if choice.share(choice.chosen) < EXPLAINED:
+        choice = replace(choice, chosen=waveform(chooser, choice.chosen, choice.excess))
+    say("ranking what the force depends on")
+    return [_explanation(missing, chooser, choice, one) for one in (choice.chosen, *choice.rivals(chooser))]
+
+
+def _explanation(missing: MissingForce, chooser: Chooser, choice: Choice, wanted: Subset) -> Explanation:
+    """What one subset of the terms says of the missing force."""
+    terms = [chooser.terms[place] for place in wanted.places]
+    alternatives = tuple((tuple(chooser.terms[place].law or "1" for place in one.places), choice.share(one))
+                         for one in choice.alternatives())  # fmt: skip
+    significant = choice.excess > 4.0 * math.sqrt(2.0 * chooser.rows) and bool(wanted.places)
+    chooser, chosen, turned = _settled(missing, terms, chooser, wanted)
     found, corrections = coefficients(chooser, chosen)
     if "mark_angle" in corrections:
         corrections["mark_angle"] += turned
-    share = (base - chosen.held_out) / excess
-    significant = excess > 4.0 * math.sqrt(2.0 * chooser.rows) and bool(chosen.places)
+    share = choice.share(chosen)
     drive = max(1.0 + corrections.get("drive", 0.0), 0.1)
     written = tuple(
         replace(one, value=one.value / drive, low=one.low / drive, high=one.high / drive)
         for one in found if one.term.expression
     ) if significant else ()  # fmt: skip
     only_named = tuple(one.term.meaning for one in found if not one.term.expression) if significant else ()
-    say("ranking what the force depends on")
     state = corrected(missing.state, corrections)
     maps = _maps(with_force(missing, state))
     in_cut, out = (rank(maps[name]) for name in ("in_cut", "out_of_cut"))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,8 @@ NEAR = 1e-3  # share of the excess within which the simpler of two formulas is t
 REACH = 0.035  # rad, how far from each of them the linear change by the angle is believed
 RIDGE = 1e-11
 BEAM = 12  # subsets that are extended by one term more
+RIVALS = 3  # formulas beside the chosen one that may be kept for a closer look,
+TIED = 0.05  # where they explain as much up to this share of the excess: the response to neighbouring powers is much alike
 
 
 @dataclass(frozen=True)
@@ -105,13 +107,47 @@ def _best(chooser: Chooser, tried: Sequence[Subset], excess: float) -> Subset:
     return min(near, key=lambda one: (round(chooser.complexity(one), 6), one.held_out))
 
 
-def choose(chooser: Chooser) -> tuple[Subset, list[list[Subset]], float]:
-    """(chosen subset, subsets tried by size, excess of the model alone over what the fullest formula leaves)."""
+@dataclass(frozen=True)
+class Choice:
+    """The chosen subset, those tried by size, and the excess of the model alone over what the fullest formula leaves."""
+
+    chosen: Subset
+    levels: tuple[tuple[Subset, ...], ...]
+    excess: float
+
+    def share(self, subset: Subset) -> float:
+        """Share of the excess that a subset explains on held-out conditions."""
+        return (self.levels[0][0].held_out - subset.held_out) / self.excess
+
+    def against(self, base: Subset) -> Choice:
+        """The same choice with the excess counted from another subset of no terms, found at other tooth angles."""
+        floor = self.levels[0][0].held_out - self.excess
+        return replace(self, levels=((base,), *self.levels[1:]), excess=max(base.held_out - floor, 1e-12))
+
+    def alternatives(self) -> list[Subset]:
+        """The best few subsets of one or two terms."""
+        return sorted((one for level in self.levels[1:3] for one in level), key=_held_out)[:8]
+
+    def rivals(self, chooser: Chooser) -> list[Subset]:
+        """The subsets, no longer than the chosen one, that explain all but as much and that an effect file can hold."""
+        least = self.chosen.held_out + TIED * self.excess
+        near = [one for level in self.levels[1 : 1 + len(self.chosen.places)] for one in level
+                if one.held_out < least and one.places != self.chosen.places
+                and all(chooser.terms[place].expression for place in one.places)]  # fmt: skip
+        return sorted(near, key=_held_out)[:RIVALS]
+
+
+def _held_out(subset: Subset) -> float:
+    return subset.held_out
+
+
+def choose(chooser: Chooser) -> Choice:
+    """Which terms to believe, from ever larger subsets."""
     count = len(chooser.terms)
     levels = [[chooser.subset(())], [chooser.subset((place,)) for place in range(count)]]
     levels.append([chooser.subset(pair) for pair in itertools.combinations(range(count), 2)])
     while len(levels) <= MOST_TERMS:
-        leaders = sorted(levels[-1], key=lambda one: one.held_out)[:BEAM]
+        leaders = sorted(levels[-1], key=_held_out)[:BEAM]
         wider = {tuple(sorted((*one.places, place))) for one in leaders for place in range(count) if place not in one.places}
         levels.append([chooser.subset(places) for places in sorted(wider)])
     levels = [level for level in levels if level]
@@ -128,7 +164,7 @@ def choose(chooser: Chooser) -> tuple[Subset, list[list[Subset]], float]:
         worth = chosen.held_out - trial.held_out > more * WORTH * excess
         if gain > DELTA_BIC and worth:
             chosen = trial
-    return chosen, levels, excess
+    return Choice(chosen, tuple(map(tuple, levels)), excess)
 
 
 def waveform(chooser: Chooser, chosen: Subset, excess: float) -> Subset:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
-from analysis.effect_start import all_free
+from analysis.effect_start import all_free, grown
 from analysis.fine_steps import kinked
 from analysis.fit_state import Free, WaveformFit
 from analysis.observed import Observed
 from analysis.prediction import Plant
 from analysis.scale_hops import hopped
-from analysis.starts import base_fit
+from analysis.starts import base_fit, structure_start
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -26,9 +27,12 @@ def model_fit(
     """The model refitted with every nuisance; without `free`, all that these records can speak of is unknown.
 
     Laws with kinks have valleys beside the deepest, into which even the true scale may slip on the way from a wrong opening:
-    theirs are looked for.
+    theirs are looked for. So have free decays alone, whose phases run apart: those are fitted from their openings on.
     """
     if free is None and model.effects:
         free = all_free(records, model, catalogue)
     fitter, fit = base_fit(plant, records, model, free=free)
+    if model.effects and all(record.kind == "ring-down" for record in records):
+        believed = replace(fit.state, model=structure_start(records, model))
+        fit = min(fit, grown(fitter, [believed, fit.state]), key=lambda one: one.cost)
     return fitter, hopped(fitter, kinked(model.effects, catalogue), fit)

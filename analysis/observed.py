@@ -39,7 +39,7 @@ class Observed:
     period: of one revolution (s); first_mark: time of the first mark, s. durations: measured time of every revolution
     where the speed is not constant. clock_error: standard deviations of a record's own tooth angle (rad) and relative
     speed, from the scatter of its marks. segments and conditions as read. force (samples,) drives an excited record.
-    noise_doubt: standard error of the first channel's noise over itself.
+    heard: whether it has a say in the fit. noise_doubt: standard error of the first channel's noise over itself.
     """
 
     name: str
@@ -62,6 +62,7 @@ class Observed:
     starts_in_cut: bool = False
     clock_error: tuple[float, float] | None = None
     weight: np.ndarray | None = None
+    heard: bool = True
     noise_doubt: float = 0.0
 
     @property

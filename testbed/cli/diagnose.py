@@ -58,7 +58,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     _say(answer, found, said, campaign, model_file)
     if decoys:
         said["decoys"] = _decoys(answer, found, catalogue)
-    explanation = _propose(answer, found, records, catalogue, propose, campaign, model_file) if propose else None
+    explanation = _propose(answer, found, records, model, catalogue, propose, campaign, model_file) if propose else None
     if explanation is not None:
         said["proposal"] = explanation
     if alarms:
@@ -86,15 +86,18 @@ def _force_maps(found: Any, catalogue: Any) -> list[Any]:
     return [(one.name, one.x, one.v, one.force) for one in states]
 
 
-def _propose(answer: Answer, found: Any, records: Any, catalogue: Any, folder: str, campaign: str, model_file: str) -> Any:
+def _propose(answer: Answer, found: Any, records: Any, model: Any, catalogue: Any, folder: str, campaign: str,
+             model_file: str) -> Any:
     """Estimate what force is missing, say what it depends on, and write it as an effect; None where nothing is left."""
     from analysis.explain_force import as_json, left_unexplained, write_effect
+    from analysis.formula_trial import Jury
     from testbed.cli._fitting import plant_of, sign_of_life
     from testbed.proposal import free_name
 
     try:
         with sign_of_life("estimating the missing force", answer.quiet) as say:
-            explanation = left_unexplained(plant_of(catalogue), records, found, catalogue, say)
+            told = left_unexplained(plant_of(catalogue), records, found, catalogue, say)
+            explanation = Jury(plant_of, records, model, catalogue, say).likeliest(told) if told else None
     except ValueError as problem:
         raise InputProblem(campaign, f"the missing force cannot be estimated: {problem}", "record more cuts") from None
     if explanation is None:

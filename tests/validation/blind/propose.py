@@ -23,6 +23,7 @@ from typing import Any
 from analysis.add_effect import add_effect
 from analysis.diagnose import diagnose
 from analysis.explain_force import formula_text, left_unexplained, write_effect
+from analysis.formula_trial import Jury
 from analysis.observed import observe
 from testbed.cli._fitting import plant_of
 from testbed.effect import catalogue
@@ -41,15 +42,17 @@ def proposed(seed: int) -> dict[str, Any]:
     observed = [observe(record, truth.believed) for record in records_of(truth, makers)]
     found = diagnose(PLANT, observed, truth.believed, known)
     told = {"seed": seed, "hidden": list(truth.effects), "verdict": found.verdict, "formula": "", "share": 0.0}
-    explanation = left_unexplained(PLANT, observed, found, known)
-    if explanation is None or not explanation.formula:
+    explanations = left_unexplained(PLANT, observed, found, known)
+    if not explanations or not explanations[0].formula:
         return told
+    explanation = Jury(plant_of, observed, truth.believed, known).likeliest(explanations)
     told |= {"formula": formula_text(explanation.formula), "share": explanation.share}
     with tempfile.TemporaryDirectory() as folder:
         write_effect(explanation, folder, NAME)
         wider = catalogue(folder)
         added = add_effect(plant_of(wider), observed, truth.believed, wider[NAME], wider)
-    return told | {"before": added.before, "after": added.after, "noise_floor": added.noise_floor}
+    return told | {"before": added.before, "after": added.after, "noise_floor": added.noise_floor,
+                   "unheard": list(added.unheard), "heard": added.heard()}
 
 
 def _told(seed: int) -> dict[str, Any]:

@@ -1,0 +1,99 @@
+"""Formulas that a regression cannot tell apart, told apart by fits of the whole model to the records.
+
+A regression takes the motion as measured and everything else as linear: neighbouring powers of a displacement then look
+alike. In a fit the wrong one shifts the vibration's phase, which runs apart over a record.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from analysis.begun_anew import with_examples
+from analysis.effect_start import all_free
+from analysis.explain_force import Explanation, explanations, formula_text, write_effect
+from analysis.fit_state import State
+from analysis.latent_force import missing_force
+from analysis.model_fit import model_fit
+from analysis.observed import Observed
+from analysis.prediction import Plant
+from analysis.starts import polish
+from analysis.unheard import agreed, misfit
+from analysis.waveform import Fitter
+from testbed.effect import Effect, read_effect
+from testbed.machine import Model
+
+ENOUGH = 1.05  # mean square residual of the median record, in noise, from which another formula is looked for
+MOST_TRIALS = 8
+_NAME = "formula_on_trial"
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """An explanation with what its formula leaves when it is fitted (see `misfit`), and the fitted state without it."""
+
+    explanation: Explanation
+    misfit: float
+    left: float
+    bare: State
+
+
+@dataclass(frozen=True)
+class Jury:
+    """What every formula is tried with: the engine with a catalogue, the records, the believed model and its effects."""
+
+    plant_of: Callable[[Mapping[str, Effect]], Plant]
+    records: Sequence[Observed]
+    model: Model
+    catalogue: Mapping[str, Effect]
+    say: Callable[[str], None] = lambda text: None
+
+    def likeliest(self, told: Sequence[Explanation]) -> Explanation:
+        """The explanation whose formula, fitted to the records, leaves least. ValueError where nothing was told.
+
+        They are tried in turn until one leaves but noise. A fit leads the model's own parameters nearer to the truth: from
+        there the force is looked for again, and what is then found comes first.
+        """
+        if not told:
+            raise ValueError("no explanation to choose from")
+        if not told[0].formula:
+            return told[0]
+        waiting = [one for one in told if one.formula]
+        known = set(map(_terms, waiting))
+        best, seen_from = self._trial(waiting.pop(0)), None
+        for _ in range(MOST_TRIALS - 1):
+            if best.left <= ENOUGH:
+                break
+            if best is not seen_from:
+                seen_from = best
+                new = [one for one in self._from(best.bare) if one.formula and _terms(one) not in known]
+                known |= set(map(_terms, new))
+                waiting = [*new, *waiting]
+            if not waiting:
+                break
+            best = min(best, self._trial(waiting.pop(0)), key=lambda one: one.misfit)
+        return best.explanation
+
+    def _from(self, bare: State) -> list[Explanation]:
+        """What explains the force that the model of a state without a formula lacks."""
+        missing = missing_force(self.plant_of(self.catalogue), self.records, bare, self.catalogue, self.say)
+        return explanations(missing, self.say)
+
+    def _trial(self, explanation: Explanation) -> _Trial:
+        self.say(f"fitting {formula_text(explanation.formula)}")
+        with tempfile.TemporaryDirectory() as folder:
+            wider = {**self.catalogue, _NAME: read_effect(write_effect(explanation, folder, _NAME))}
+            plant, model = self.plant_of(wider), with_examples(self.model, [_NAME], wider)
+            fitter = Fitter(plant, self.records, all_free(self.records, model, wider))
+            fitter, fit = agreed(fitter, polish(fitter, explanation.start(_NAME)))
+            found = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(_NAME))
+            if found.left <= ENOUGH:
+                return found
+            fitter, fit = agreed(*model_fit(plant, self.records, model, wider))  # the regression's own state may be astray
+        other = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(_NAME))
+        return min(found, other, key=lambda one: one.misfit)
+
+
+def _terms(explanation: Explanation) -> frozenset[str]:
+    return frozenset(one.term.name for one in explanation.formula)

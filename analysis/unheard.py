@@ -1,0 +1,70 @@
+"""Records that have no say in a fit, because no model follows them while the others agree.
+
+A strong vibration may be chaotic: two that begin a nanometre apart have nothing in common a hundred turns later. Another
+record may be disturbed. Such a one rules a least-squares fit and takes every parameter astray. It is still predicted, and its
+error told.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.first_passes import first_nuisances
+from analysis.fit_state import State, WaveformFit
+from analysis.held_out import record_error
+from analysis.pass_search import settle_passes
+from analysis.starts import polish
+from analysis.waveform import Fitter
+
+LOUD = 4.0  # mean square residual over the median record's, from which a record is doubted
+SOUND = 1.15  # mean square residual, in noise, up to which the others, fitted alone, count as explained
+MOST = 0.3  # share of the records that may be without a say
+FEWEST = 3  # records that must be left
+MUTE = 1e9  # times its own size that such a record's scale is
+
+
+def agreed(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
+    """The fit of those records that agree down to their noise, where a few that stand far out bend it; else the fit itself."""
+    left = np.array([float(np.mean(rest**2)) for rest in fit.residuals])
+    loud = left > LOUD * max(float(np.median(left)), 1.0)
+    kept = [int(place) for place in np.flatnonzero(~loud)]
+    if not loud.any() or loud.sum() > MOST * len(left) or len(kept) < FEWEST:
+        return fitter, fit
+    few = Fitter(fitter.plant, [fitter.records[place] for place in kept], fitter.unknowns)
+    alone = polish(few, replace(fit.state, nuisances=tuple(fit.state.nuisances[place] for place in kept)))
+    if max(float(np.mean(rest**2)) for rest in alone.residuals) > SOUND:
+        return fitter, fit
+    records, nuisances = list(fitter.records), list(fit.state.nuisances)
+    for place, own in zip(kept, alone.state.nuisances, strict=True):
+        nuisances[place] = own
+    for place in map(int, np.flatnonzero(loud)):
+        nuisances[place] = _own(fitter, place, replace(alone.state, nuisances=(nuisances[place],))).nuisances[0]
+        size = records[place].data.std(axis=1)
+        records[place] = replace(records[place], weight=MUTE * np.maximum(size, records[place].noise), heard=False)
+    wider = Fitter(fitter.plant, records, fitter.unknowns)
+    return wider, wider.fit(replace(alone.state, nuisances=tuple(nuisances)), iterations=4)
+
+
+def misfit(fitter: Fitter, fit: WaveformFit) -> tuple[float, float]:
+    """(minus twice the log likelihood with a variance for every record, mean square residual in noise of the median record).
+
+    Both are hardly touched by a record that no model follows.
+    """
+    told = [record_error(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
+    left = [one.squares / one.noise_squares for one in told]
+    likelihood = sum(rest.size * math.log(max(one, 1e-300)) for rest, one in zip(fit.residuals, left, strict=True))
+    return likelihood, sorted(left)[len(left) // 2]
+
+
+def _own(fitter: Fitter, place: int, state: State) -> State:
+    """The state of one record alone, its course as it was fitted or as its segments show it, whichever explains more."""
+    record, own = fitter.records[place], state.nuisances[0]
+    single = Fitter(fitter.plant, [record], fitter.unknowns)
+    if record.cut is None:
+        return state
+    fresh = replace(first_nuisances(record, state.angle + own.angle), angle=own.angle, speed=own.speed)
+    seen, _ = settle_passes(single, replace(state, nuisances=(fresh,)), reach=2)
+    return min(state, seen, key=single.cost)

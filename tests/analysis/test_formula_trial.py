@@ -1,0 +1,50 @@
+"""Formulas alike to a regression: does a fit of the whole model to the records tell the true one from the others?"""
+
+from functools import partial
+from types import SimpleNamespace
+
+import pytest
+from test_explain_force import WRONG, decays
+
+from analysis import force_choice
+from analysis.explain_force import explanations
+from analysis.formula_trial import Jury
+from testbed.effect import catalogue
+from testbed.engines import predict
+
+STRENGTH = 4e20
+
+
+def plant_of(known):
+    return SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=known),
+                           predict_driven=partial(predict.predict_driven, catalogue=known))
+
+
+@pytest.fixture(scope="module")
+def missing():
+    return decays(lambda x, v: -STRENGTH * x**5)
+
+
+def names(explanation):
+    return [one.term.name for one in explanation.formula]
+
+
+def test_what_a_wrong_formula_has_led_nearer_to_the_truth_shows_the_right_one(missing, monkeypatch):
+    monkeypatch.setattr(force_choice, "TIED", 0.6)
+    told = explanations(missing)
+    assert names(told[0]) == ["stiffness_5"] and len(told) > 1
+    wrong = next(one for one in told if names(one) == ["stiffness_3"])
+    said = []
+    jury = Jury(plant_of, missing.observed, WRONG, catalogue(), said.append)
+    best = jury.likeliest([wrong])
+    assert names(best) == ["stiffness_5"]
+    assert best.formula[0].value == pytest.approx(STRENGTH, rel=0.05)
+    tried = [text for text in said if text.startswith("fitting")]
+    assert len(tried) == 2 and "x^3" in tried[0] and "x^5" in tried[1]  # the second leaves but noise: no third is tried
+
+
+def test_without_a_formula_nothing_is_fitted():
+    with pytest.raises(ValueError, match="no explanation"):
+        Jury(plant_of, (), WRONG, {}).likeliest([])
+    nothing = explanations(decays(lambda x, v: 0.0))
+    assert Jury(plant_of, (), WRONG, {}).likeliest(nothing) is nothing[0]
