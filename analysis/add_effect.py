@@ -10,7 +10,7 @@ from typing import Any
 from analysis.begun_anew import with_examples
 from analysis.candidate_round import candidate_of, with_effect
 from analysis.compare import estimates
-from analysis.diagnosis import ADEQUATE, Candidate, judged_on
+from analysis.diagnosis import Candidate, judged_on
 from analysis.effect_start import ANCHOR, applicable, effect_parameters, origins_of
 from analysis.fine_steps import finely, has_kinks
 from analysis.fit_state import State, WaveformFit
@@ -20,7 +20,7 @@ from analysis.model_fit import model_fit
 from analysis.observed import Observed
 from analysis.prediction import Plant
 from analysis.starts import polish
-from analysis.unheard import agreed, misfit
+from analysis.unheard import SOUND, agreed, misfit
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -92,7 +92,7 @@ def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], 
     """
     found = agreed(*_fit_with(plant, model, catalogue, effect, bare, say))
     before, (likelihood, left) = pooled(bare.errors), misfit(*found)
-    if left <= ADEQUATE**2 or before[0] <= ANCHOR * before[1]:
+    if left <= SOUND or before[0] <= ANCHOR * before[1]:
         return found
     say(f"fitting with {effect.name} from the believed machine")
     assert bare.fitter is not None

@@ -106,7 +106,7 @@ def explain(missing: MissingForce, say: Callable[[str], None] = lambda text: Non
 
 
 def explanations(missing: MissingForce, say: Callable[[str], None] = lambda text: None) -> list[Explanation]:
-    """As `explain`; behind the best formula those that the regression cannot tell from it. ValueError as there."""
+    """As `explain`; behind the best formula the next best, which fits may prefer. ValueError as there."""
     turning = any(len(one.chip[np.isfinite(one.chip)]) for one in missing.records)
     chooser = Chooser(products(missing, angles=ANGLES if turning else (0.0,), say=say))
     say("choosing a formula")

@@ -24,8 +24,8 @@ NEAR = 1e-3  # share of the excess within which the simpler of two formulas is t
 REACH = 0.035  # rad, how far from each of them the linear change by the angle is believed
 RIDGE = 1e-11
 BEAM = 12  # subsets that are extended by one term more
-RIVALS = 3  # formulas beside the chosen one that may be kept for a closer look,
-TIED = 0.05  # where they explain as much up to this share of the excess: the response to neighbouring powers is much alike
+RIVALS = 4  # formulas beside the chosen one that are kept for a closer look,
+RIVAL = 0.5  # where they explain this share of what it does: parameters bent by a strong law favour another one
 
 
 @dataclass(frozen=True)
@@ -129,10 +129,9 @@ class Choice:
         return sorted((one for level in self.levels[1:3] for one in level), key=_held_out)[:8]
 
     def rivals(self, chooser: Chooser) -> list[Subset]:
-        """The subsets, no longer than the chosen one, that explain all but as much and that an effect file can hold."""
-        least = self.chosen.held_out + TIED * self.excess
+        """The next best subsets, no longer than the chosen one, that explain much as well and that an effect file can hold."""
         near = [one for level in self.levels[1 : 1 + len(self.chosen.places)] for one in level
-                if one.held_out < least and one.places != self.chosen.places
+                if one.places != self.chosen.places and self.share(one) > RIVAL * self.share(self.chosen)
                 and all(chooser.terms[place].expression for place in one.places)]  # fmt: skip
         return sorted(near, key=_held_out)[:RIVALS]
 

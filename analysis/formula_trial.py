@@ -1,7 +1,8 @@
-"""Formulas that a regression cannot tell apart, told apart by fits of the whole model to the records.
+"""Formulas that a regression prefers, told apart by fits of the whole model to the records.
 
 A regression takes the motion as measured and everything else as linear: neighbouring powers of a displacement then look
-alike. In a fit the wrong one shifts the vibration's phase, which runs apart over a record.
+alike, and what the base model made up for tells against the true law. In a fit the wrong one shifts the vibration's phase,
+which runs apart over a record.
 """
 
 from __future__ import annotations
@@ -19,13 +20,12 @@ from analysis.model_fit import model_fit
 from analysis.observed import Observed
 from analysis.prediction import Plant
 from analysis.starts import polish
-from analysis.unheard import agreed, misfit
+from analysis.unheard import SOUND, agreed, misfit
 from analysis.waveform import Fitter
 from testbed.effect import Effect, read_effect
 from testbed.machine import Model
 
-ENOUGH = 1.05  # mean square residual of the median record, in noise, from which another formula is looked for
-MOST_TRIALS = 8
+MOST_TRIALS = 7
 _NAME = "formula_on_trial"
 
 
@@ -63,7 +63,7 @@ class Jury:
         known = set(map(_terms, waiting))
         best, seen_from = self._trial(waiting.pop(0)), None
         for _ in range(MOST_TRIALS - 1):
-            if best.left <= ENOUGH:
+            if best.left <= SOUND:
                 break
             if best is not seen_from:
                 seen_from = best
@@ -88,7 +88,7 @@ class Jury:
             fitter = Fitter(plant, self.records, all_free(self.records, model, wider))
             fitter, fit = agreed(fitter, polish(fitter, explanation.start(_NAME)))
             found = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(_NAME))
-            if found.left <= ENOUGH:
+            if found.left <= SOUND:
                 return found
             fitter, fit = agreed(*model_fit(plant, self.records, model, wider))  # the regression's own state may be astray
         other = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(_NAME))

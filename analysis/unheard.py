@@ -20,7 +20,7 @@ from analysis.starts import polish
 from analysis.waveform import Fitter
 
 LOUD = 4.0  # mean square residual over the median record's, from which a record is doubted
-SOUND = 1.15  # mean square residual, in noise, up to which the others, fitted alone, count as explained
+SOUND = 1.15  # mean square residual, in noise, up to which a record counts as explained
 MOST = 0.3  # share of the records that may be without a say
 FEWEST = 3  # records that must be left
 MUTE = 1e9  # times its own size that such a record's scale is
@@ -49,14 +49,14 @@ def agreed(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
 
 
 def misfit(fitter: Fitter, fit: WaveformFit) -> tuple[float, float]:
-    """(minus twice the log likelihood with a variance for every record, mean square residual in noise of the median record).
+    """(minus twice the log likelihood with a variance for every record, mean square residual in noise of the worst).
 
-    Both are hardly touched by a record that no model follows.
+    The first is hardly touched by a record that no model follows.
     """
     told = [record_error(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
     left = [one.squares / one.noise_squares for one in told]
     likelihood = sum(rest.size * math.log(max(one, 1e-300)) for rest, one in zip(fit.residuals, left, strict=True))
-    return likelihood, sorted(left)[len(left) // 2]
+    return likelihood, max(left)
 
 
 def _own(fitter: Fitter, place: int, state: State) -> State:
