@@ -73,7 +73,19 @@ class Jury:
             if not waiting:
                 break
             best = min(best, self._trial(waiting.pop(0)), key=lambda one: one.misfit)
-        return best.explanation
+        return self._shortened(best).explanation
+
+    def _shortened(self, best: _Trial) -> _Trial:
+        """The trial of a shorter formula that leaves but noise, too, if there is one.
+
+        A term may only have made up for what the base model's parameters had made up for; from the right ones it is not seen.
+        """
+        terms = len(best.explanation.formula)
+        if terms > 1 and best.left <= SOUND:
+            shorter = next((one for one in self._from(best.bare) if 0 < len(one.formula) < terms), None)
+            trial = self._trial(shorter) if shorter is not None else best
+            return trial if trial.left <= SOUND else best
+        return best
 
     def _from(self, bare: State) -> list[Explanation]:
         """What explains the force that the model of a state without a formula lacks."""
@@ -84,7 +96,10 @@ class Jury:
         self.say(f"fitting {formula_text(explanation.formula)}")
         with tempfile.TemporaryDirectory() as folder:
             wider = {**self.catalogue, _NAME: read_effect(write_effect(explanation, folder, _NAME))}
-            plant, model = self.plant_of(wider), with_examples(self.model, [_NAME], wider)
+            plant, model = self.plant_of(wider), self.model
+            for name, values in explanation.state.model.effects.items():  # those that the diagnosis has named
+                model = model.with_effect(name, **values)
+            model = with_examples(model, [_NAME], wider)
             fitter = Fitter(plant, self.records, all_free(self.records, model, wider))
             fitter, fit = agreed(fitter, polish(fitter, explanation.start(_NAME)))
             found = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(_NAME))

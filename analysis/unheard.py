@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis.first_passes import first_nuisances
 from analysis.fit_state import State, WaveformFit
-from analysis.held_out import record_error
+from analysis.held_out import own_refit, record_error
 from analysis.pass_search import settle_passes
 from analysis.starts import polish
 from analysis.waveform import Fitter
@@ -28,24 +28,34 @@ MUTE = 1e9  # times its own size that such a record's scale is
 
 def agreed(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
     """The fit of those records that agree down to their noise, where a few that stand far out bend it; else the fit itself."""
-    left = np.array([float(np.mean(rest**2)) for rest in fit.residuals])
+    left = np.array([_left(rest) for rest in fit.residuals])
     loud = left > LOUD * max(float(np.median(left)), 1.0)
     kept = [int(place) for place in np.flatnonzero(~loud)]
     if not loud.any() or loud.sum() > MOST * len(left) or len(kept) < FEWEST:
         return fitter, fit
     few = Fitter(fitter.plant, [fitter.records[place] for place in kept], fitter.unknowns)
     alone = polish(few, replace(fit.state, nuisances=tuple(fit.state.nuisances[place] for place in kept)))
-    if max(float(np.mean(rest**2)) for rest in alone.residuals) > SOUND:
+    if max(map(_left, alone.residuals)) > SOUND:
         return fitter, fit
-    records, nuisances = list(fitter.records), list(fit.state.nuisances)
+    nuisances = list(fit.state.nuisances)
     for place, own in zip(kept, alone.state.nuisances, strict=True):
         nuisances[place] = own
     for place in map(int, np.flatnonzero(loud)):
         nuisances[place] = _own(fitter, place, replace(alone.state, nuisances=(nuisances[place],))).nuisances[0]
-        size = records[place].data.std(axis=1)
-        records[place] = replace(records[place], weight=MUTE * np.maximum(size, records[place].noise), heard=False)
+    state = replace(alone.state, nuisances=tuple(nuisances))
+    strange = [int(place) for place in np.flatnonzero(loud) if _left(fitter.residual_of(int(place), state)) > LOUD]
+    if not strange:  # but its passes were wrong
+        return fitter, min(fit, polish(fitter, state), key=lambda one: one.cost)
+    records = list(fitter.records)
+    for place in strange:
+        size = np.maximum(records[place].data.std(axis=1), records[place].noise)
+        records[place] = replace(records[place], weight=MUTE * size, heard=False)
     wider = Fitter(fitter.plant, records, fitter.unknowns)
-    return wider, wider.fit(replace(alone.state, nuisances=tuple(nuisances)), iterations=4)
+    return wider, wider.fit(state, iterations=4)
+
+
+def _left(rest: np.ndarray) -> float:
+    return float(np.mean(rest**2))
 
 
 def misfit(fitter: Fitter, fit: WaveformFit) -> tuple[float, float]:
@@ -65,6 +75,9 @@ def _own(fitter: Fitter, place: int, state: State) -> State:
     single = Fitter(fitter.plant, [record], fitter.unknowns)
     if record.cut is None:
         return state
-    fresh = replace(first_nuisances(record, state.angle + own.angle), angle=own.angle, speed=own.speed)
-    seen, _ = settle_passes(single, replace(state, nuisances=(fresh,)), reach=2)
-    return min(state, seen, key=single.cost)
+    fresh = replace(first_nuisances(record, state.angle + own.angle), angle=own.angle)
+    tried = [state]
+    for speed in (own.speed, fresh.speed):
+        seen, _ = settle_passes(single, replace(state, nuisances=(replace(fresh, speed=speed),)), reach=2)
+        tried.append(own_refit(single, seen, [0], rounds=4))
+    return min(tried, key=single.cost)

@@ -1,5 +1,6 @@
 """Formulas alike to a regression: does a fit of the whole model to the records tell the true one from the others?"""
 
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -39,6 +40,14 @@ def test_what_a_wrong_formula_has_led_nearer_to_the_truth_shows_the_right_one(mi
     assert best.formula[0].value == pytest.approx(STRENGTH, rel=0.05)
     tried = [text for text in said if text.startswith("fitting")]
     assert len(tried) == 2 and "x^3" in tried[0] and "x^5" in tried[1]  # the second leaves but noise: no third is tried
+
+
+def test_a_term_that_the_fit_does_not_need_is_left_out(missing):
+    right, other, *_ = explanations(missing)
+    needless = replace(other.formula[0], value=1e-3 * other.formula[0].value)
+    best = Jury(plant_of, missing.observed, WRONG, catalogue()).likeliest(
+        [replace(right, formula=(*right.formula, needless))])
+    assert names(best) == ["stiffness_5"]
 
 
 def test_without_a_formula_nothing_is_fitted():

@@ -65,6 +65,17 @@ def test_a_fit_in_which_no_record_stands_out_stays_as_it_is(linear):
     assert agreed(few, alone)[1] is alone
 
 
+def test_a_record_whose_passes_were_wrong_is_heard_again():
+    fitter, fit = base_fit(PLANT, campaign(TRUE, None), BELIEVED)
+    own = list(fit.state.nuisances)
+    own[0] = replace(own[0], entry=own[0].entry + 9, exit=own[0].exit - 7)
+    bent = fitter.fit(replace(fit.state, nuisances=tuple(own)), iterations=15)
+    assert bent.cost > 10.0 * fit.cost
+    quiet, found = agreed(fitter, bent)
+    assert quiet is fitter and all(record.heard for record in quiet.records)
+    assert found.cost < 1.001 * fit.cost
+
+
 def test_a_diagnosis_says_which_record_stands_alone():
     records = campaign(TRUE, 3)
     found = diagnose(PLANT, records, BELIEVED, {name: KNOWN[name] for name in ("helix", LAW)})
