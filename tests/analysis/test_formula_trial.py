@@ -8,7 +8,7 @@ import pytest
 from test_explain_force import WRONG, decays
 
 from analysis.explain_force import explanations
-from analysis.formula_trial import Jury
+from analysis.formula_trial import Jury, _Trial
 from testbed.effect import catalogue
 from testbed.engines import predict
 
@@ -42,12 +42,16 @@ def test_what_a_wrong_formula_has_led_nearer_to_the_truth_shows_the_right_one(mi
     assert len(tried) == 2 and "x^3" in tried[0] and "x^5" in tried[1]  # the second leaves but noise: no third is tried
 
 
-def test_a_term_that_the_fit_does_not_need_is_left_out(missing):
+def test_a_term_that_the_fit_does_not_need_is_left_out(missing, monkeypatch):
     right, other, *_ = explanations(missing)
-    needless = replace(other.formula[0], value=1e-3 * other.formula[0].value)
-    best = Jury(plant_of, missing.observed, WRONG, catalogue()).likeliest(
-        [replace(right, formula=(*right.formula, needless))])
-    assert names(best) == ["stiffness_5"]
+    both = replace(right, formula=(*right.formula, *other.formula))
+    left = {1: 1.0, 2: 1.0}  # by the number of terms: what their fits leave
+    monkeypatch.setattr(Jury, "_trial", lambda self, one: _Trial(one, 0.0, left[len(one.formula)], right.state))
+    monkeypatch.setattr(Jury, "_from", lambda self, bare: [both, right])
+    jury = Jury(plant_of, (), WRONG, {})
+    assert names(jury.likeliest([both])) == ["stiffness_5"]
+    left[1] = 2.0
+    assert len(names(jury.likeliest([both]))) == 2  # the shorter one leaves more than noise
 
 
 def test_without_a_formula_nothing_is_fitted():

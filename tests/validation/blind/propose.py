@@ -62,6 +62,11 @@ def _told(seed: int) -> dict[str, Any]:
         return {"seed": seed, "fault": repr(problem)}
 
 
+def _heard(one: dict[str, Any]) -> dict[str, Any]:
+    """The errors of a campaign over those records that had a say in the fit."""
+    return dict(zip(("before", "after", "noise_floor"), one["heard"], strict=True)) if one.get("unheard") else one
+
+
 def check() -> Section:
     """The committed results, counted."""
     title = "Effects of no catalogue, proposed and added (results of `make blind`, counted)"
@@ -71,20 +76,24 @@ def check() -> Section:
     sound = [one for one in every if "fault" not in one]
     written = [one for one in sound if one["formula"]]
     below = [one for one in written if misfit(one, "after") < 0.5 * misfit(one, "before")]
+    followed = [one for one in written if misfit(_heard(one), "after") < 0.5 * misfit(_heard(one), "before")]
     reach = [one for one in written if one["noise_floor"] < 0.5 * one["before"]]
     plain = [one for one in reach if one["after"] < 0.5 * one["before"]]
     rows = tuple((str(one["seed"]), " + ".join(one["hidden"]), one["formula"] or "none",
-                  *(f"{one[key] / one['noise_floor']:.2f}" if key in one else "-" for key in ("before", "after")))
+                  *(f"{one[key] / one['noise_floor']:.2f}" if key in one else "-" for key in ("before", "after")),
+                  f"{_heard(one)['after'] / _heard(one)['noise_floor']:.2f}" if one.get("unheard") else "")
                  for one in sorted(sound, key=lambda one: one["seed"]))
     claims = (
         Claim("faults of the program", "0", str(len(every) - len(sound)), len(every) == len(sound)),
         Claim("unexplained campaigns for which an effect was proposed", "told", f"{len(written)} of {len(sound)}", None),
         Claim("after adding it: held-out error beyond the noise below half", "all", f"{len(below)} of {len(sound)}",
               len(below) == len(sound)),
+        Claim("the same over records that had a say in the fit (one that no model follows has none)", "all",
+              f"{len(followed)} of {len(sound)}", len(followed) == len(sound)),
         Claim("held-out error itself below half, where the noise lets it", "told",
               f"{len(plain)} of {len(reach)}", None),
     )
-    head = ("seed", "hidden", "proposed", "error / noise before", "after")
+    head = ("seed", "hidden", "proposed", "error / noise before", "after", "without records that had no say")
     return Section(title, claims, (("What was proposed", head, rows),))
 
 
