@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from analysis.candidate_round import candidate_of
 from analysis.diagnosis import Candidate, Diagnosis, excess, verdict_of
-from analysis.forward_search import forward
+from analysis.forward_search import by_noise, forward
 from analysis.held_out import pooled
 from analysis.model_fit import model_fit
 from analysis.next_test import next_test
@@ -62,12 +62,13 @@ def _with_strange_records(result: Diagnosis, say: Callable[[str], None]) -> Diag
     if result.verdict != "unexplained":
         return result
     say("looking for records that stand alone")
-    fitted = [one for one in (result.base, *result.steps, *result.candidates) if one.fit is not None]
-    tried = {one.effects: one for one in sorted(fitted, key=lambda one: (len(one.effects), one.error_fit))}
-    for one in [*tried.values()][:MOST_LOOKED_AT]:
+    fitted = [one for one in (result.base, *result.candidates) if one.fit is not None]
+    best: dict[tuple[str, ...], Candidate] = {}
+    for one in sorted(fitted, key=lambda one: (len(one.effects), one.error_fit)):
+        best.setdefault(one.effects, one)
+    for one in map(by_noise, [*best.values()][:MOST_LOOKED_AT]):
         assert one.fit is not None and one.fitter is not None
-        plain = Fitter(one.fitter.plant, [replace(record, weight=None) for record in one.fitter.records], one.fitter.unknowns)
-        fitter, _ = agreed(plain, plain.fit(one.fit.state, iterations=0))
+        fitter, _ = agreed(one.fitter, one.fit)
         strange = [record.name for record in fitter.records if not record.heard]
         if strange:
             return replace(result, sentence=f"{result.sentence} {_but(strange, one.effects)}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -33,21 +34,37 @@ class Explanation:
     """What was found of a missing force.
 
     formula: terms with coefficients and 95 % intervals, empty where none is worth writing. share: of the missing motion's
-    excess over the noise, explained on conditions held out. in_cut and out_of_cut: variables ranked. corrections: change
-    of the model's own parameters that goes with the formula (SI). named_only: what was found that no effect file can
-    carry. maps: force-state maps `in_cut` and `out_of_cut`, arrays of displacement (m), velocity (m/s), force (N).
+    excess over the noise, explained on conditions held out. corrections: change of the model's own parameters that goes with
+    the formula (SI). named_only: what was found that no effect file can carry. state: the fitted one with the corrections.
     """
 
-    sentence: str
     formula: tuple[Coefficient, ...]
     share: float
-    in_cut: tuple[Ranked, ...]
-    out_of_cut: tuple[Ranked, ...]
     alternatives: tuple[tuple[tuple[str, ...], float], ...]
     corrections: dict[str, float]
     named_only: tuple[str, ...]
     state: State
-    maps: dict[str, dict[str, np.ndarray]] = field(repr=False)
+    missing: MissingForce = field(repr=False)
+
+    @cached_property
+    def maps(self) -> dict[str, dict[str, np.ndarray]]:
+        """Force-state maps `in_cut` and `out_of_cut`, arrays of displacement (m), velocity (m/s), force (N)."""
+        return _maps(with_force(self.missing, self.state))
+
+    @cached_property
+    def in_cut(self) -> tuple[Ranked, ...]:
+        """What the missing force depends on in the cut: variables ranked."""
+        return rank(self.maps["in_cut"])
+
+    @cached_property
+    def out_of_cut(self) -> tuple[Ranked, ...]:
+        """What the missing force depends on out of the cut: variables ranked."""
+        return rank(self.maps["out_of_cut"])
+
+    @property
+    def sentence(self) -> str:
+        """What was found, in words."""
+        return _sentence(self)
 
     def start(self, name: str) -> State:
         """The fitted state with the corrections and the formula as effect `name`: where a refit may begin."""
@@ -118,7 +135,6 @@ def explanations(missing: MissingForce, say: Callable[[str], None] = lambda text
         choice = choose(chooser).against(choice.levels[0][0])
     if choice.share(choice.chosen) < EXPLAINED:
         choice = replace(choice, chosen=waveform(chooser, choice.chosen, choice.excess))
-    say("ranking what the force depends on")
     return [_explanation(missing, chooser, choice, one) for one in (choice.chosen, *choice.rivals(chooser))]
 
 
@@ -139,12 +155,8 @@ def _explanation(missing: MissingForce, chooser: Chooser, choice: Choice, wanted
         for one in found if one.term.expression
     ) if significant else ()  # fmt: skip
     only_named = tuple(one.term.meaning for one in found if not one.term.expression) if significant else ()
-    state = corrected(missing.state, corrections)
-    maps = _maps(with_force(missing, state))
-    in_cut, out = (rank(maps[name]) for name in ("in_cut", "out_of_cut"))
-    sentence = _sentence(written, only_named, share, in_cut, out, significant)
-    return Explanation(sentence, written, share if significant else 0.0, in_cut, out, alternatives, corrections, only_named,
-                       state, maps)  # fmt: skip
+    return Explanation(written, share if significant else 0.0, alternatives, corrections, only_named,
+                       corrected(missing.state, corrections), missing)  # fmt: skip
 
 
 def _settled(
@@ -220,15 +232,15 @@ def _leading(ranked: Sequence[Ranked]) -> str:
     return f"with {' and '.join(best.variables)} ({best.share:.0%} of its variance on held-out conditions)"
 
 
-def _sentence(formula: Sequence[Coefficient], only_named: Sequence[str], share: float, in_cut: Sequence[Ranked],
-              out: Sequence[Ranked], significant: bool) -> str:  # fmt: skip
+def _sentence(found: Explanation) -> str:
+    formula, only_named = found.formula, found.named_only
     depends = "; ".join(
         f"{place} the missing force goes {_leading(ranked)}"
-        for place, ranked in (("in the cut", in_cut), ("out of the cut", out))
+        for place, ranked in (("in the cut", found.in_cut), ("out of the cut", found.out_of_cut))
         if ranked
     )
     depends = depends[:1].upper() + depends[1:]
-    if not significant:
+    if not formula and not only_named:
         return f"No force of the library explains what is missing. {depends}."
     if only_named:
         depends += f". There is a {' and a '.join(only_named)}, which no effect file can carry"
@@ -236,8 +248,8 @@ def _sentence(formula: Sequence[Coefficient], only_named: Sequence[str], share: 
         return f"{depends}."
     wave = all(one.term.name.split("_")[0] in ("cos", "sin", "edge") for one in formula) and len(formula) > 2
     kind = "is described by a waveform of the tooth angle only" if wave else "is described by"
-    good = "" if share >= EXPLAINED else ", which is only part of it"
-    law = f"{formula_text(formula)} ({min(share, 1.0):.0%} of the misfit on held-out conditions{good})"
+    good = "" if found.share >= EXPLAINED else ", which is only part of it"
+    law = f"{formula_text(formula)} ({min(found.share, 1.0):.0%} of the misfit on held-out conditions{good})"
     return f"The missing force {kind}: {law}. {depends}."
 
 

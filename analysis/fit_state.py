@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -37,6 +38,10 @@ class State:
     def with_value(self, path: str, value: float) -> State:
         """The state with one parameter of the model at another value."""
         return replace(self, model=self.model.with_values({path: value}))
+
+    def of_records(self, places: Sequence[int]) -> State:
+        """The state of a fit of the records at these places alone."""
+        return replace(self, nuisances=tuple(self.nuisances[place] for place in places))
 
     def without_effect(self, name: str) -> State:
         """The state whose model lacks one effect, all else as it is."""
@@ -99,6 +104,11 @@ class WaveformFit(Descent):
         """Mean of the squared residuals, in units of the records' scale squared: near 1 where noise alone is left."""
         return self.squares / sum(rest.size for rest in self.residuals)
 
+    @property
+    def mean_squares(self) -> np.ndarray:
+        """Mean squared residual (records,) of every record, in units of its scale squared."""
+        return np.array([float(np.mean(rest**2)) for rest in self.residuals])
+
     def worst(self, count: int) -> list[int]:
         """Places of the records fitted worst, the worst first."""
-        return [int(place) for place in np.argsort([-float(np.mean(rest**2)) for rest in self.residuals])[:count]]
+        return [int(place) for place in np.argsort(-self.mean_squares)[:count]]

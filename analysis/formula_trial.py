@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from analysis.begun_anew import with_examples
 from analysis.effect_start import all_free
-from analysis.explain_force import Explanation, explanations, formula_text, write_effect
+from analysis.explain_force import Explanation, explanations, formula_text
 from analysis.fit_state import State
 from analysis.latent_force import missing_force
 from analysis.model_fit import model_fit
@@ -24,6 +24,7 @@ from analysis.unheard import SOUND, agreed, misfit
 from analysis.waveform import Fitter
 from testbed.effect import Effect, read_effect
 from testbed.machine import Model
+from testbed.proposal import write_proposal
 
 MOST_TRIALS = 7
 _NAME = "formula_on_trial"
@@ -95,7 +96,8 @@ class Jury:
     def _trial(self, explanation: Explanation) -> _Trial:
         self.say(f"fitting {formula_text(explanation.formula)}")
         with tempfile.TemporaryDirectory() as folder:
-            wider = {**self.catalogue, _NAME: read_effect(write_effect(explanation, folder, _NAME))}
+            path = write_proposal(explanation.formula, folder, _NAME, share=explanation.share, story="")
+            wider = {**self.catalogue, _NAME: read_effect(path)}
             plant, model = self.plant_of(wider), self.model
             for name, values in explanation.state.model.effects.items():  # those that the diagnosis has named
                 model = model.with_effect(name, **values)

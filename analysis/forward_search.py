@@ -65,7 +65,7 @@ def _weighed(current: Candidate) -> Candidate:
     return replace(candidate_of(fitter, fit, current.effects, None, 1.0), delta_bic=current.delta_bic)
 
 
-def _by_noise(one: Candidate) -> Candidate:
+def by_noise(one: Candidate) -> Candidate:
     """A set of effects as it was fitted, with residuals and covariance in units of the noise again."""
     assert one.fit is not None and one.fitter is not None
     if all(record.weight is None for record in one.fitter.records):
@@ -82,7 +82,7 @@ def _complete_with_finer_steps(
     if not ADEQUATE * noise < one.error_held_out < COARSE * noise or not has_kinks(one.effects, catalogue):
         return None
     say("taking finer steps")
-    finer = settled(_by_noise(one), catalogue)
+    finer = settled(by_noise(one), catalogue)
     return finer if finer.error_held_out <= ADEQUATE * noise else None
 
 
@@ -199,7 +199,7 @@ def forward(
         complete = _complete_with_finer_steps(current, noise, catalogue, say)
         if complete is not None:
             break
-    current = complete or settled(_by_noise(_weighed(current)), catalogue)
-    steps = [*map(_by_noise, steps[:-1]), current]
+    current = complete or settled(by_noise(_weighed(current)), catalogue)
+    steps = [*map(by_noise, steps[:-1]), current]
     seen = [_told(current) if one.effects == current.effects else one for one in seen]
     return Path(tuple(steps), tuple(seen), tied)

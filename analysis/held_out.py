@@ -113,7 +113,7 @@ def own_refit(fitter: Fitter, state: State, indices: Sequence[int], rounds: int 
     """The state with the own unknowns of some records refitted at fixed machine parameters; no record gets worse."""
     changed = list(state.nuisances)
     for index in indices:
-        single = Fitter(fitter.plant, [fitter.records[index]], fitter.unknowns)
+        single = fitter.of_records([index])
         own = replace(state, nuisances=(changed[index],))
         for _ in range(rounds):
             part = single.linearise(0, own)
@@ -170,9 +170,7 @@ def _refitted(fitter: Fitter, fit: WaveformFit, others: Sequence[int]) -> tuple[
 
     It does where their own optimum explains them no better than noise alone lets it (likelihood ratio).
     """
-    left = Fitter(fitter.plant, [fitter.records[index] for index in others], fitter.unknowns)
-    own = tuple(fit.state.nuisances[index] for index in others)
-    joint = replace(fit.state, nuisances=own)
+    left, joint = fitter.of_records(others), fit.state.of_records(others)
     found = left.fit(joint, iterations=REFIT)
     gain = 2.0 * (left.cost(joint) - found.cost) / max(1.0, found.variance)
     return replace(found.state, nuisances=fit.state.nuisances), gain <= chi2.ppf(AGREE, len(fitter.names))

@@ -271,13 +271,11 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2) -> Wave
     are free, and its passes are looked for again.
     """
     for _ in range(tries):
-        ratio = np.array([float(np.mean(rest**2)) for rest in fit.residuals])
+        ratio = fit.mean_squares
         if len(ratio) < 4 or ratio.max() < UNEVEN * float(np.median(ratio)):
             return fit
         kept = sorted(int(place) for place in np.argsort(ratio)[: (len(ratio) + 1) // 2])
-        half = Fitter(fitter.plant, [fitter.records[place] for place in kept], fitter.unknowns)
-        own = tuple(fit.state.nuisances[place] for place in kept)
-        found = polish(half, replace(fit.state, nuisances=own), rounds=2, iterations=12).state
+        found = polish(fitter.of_records(kept), fit.state.of_records(kept), rounds=2, iterations=12).state
         nuisances = []
         for place, record in enumerate(fitter.records):
             fresh = first_nuisances(record, found.angle + fit.state.nuisances[place].angle)

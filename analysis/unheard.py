@@ -28,22 +28,22 @@ MUTE = 1e9  # times its own size that such a record's scale is
 
 def agreed(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
     """The fit of those records that agree down to their noise, where a few that stand far out bend it; else the fit itself."""
-    left = np.array([_left(rest) for rest in fit.residuals])
+    left = fit.mean_squares
     loud = left > LOUD * max(float(np.median(left)), 1.0)
     kept = [int(place) for place in np.flatnonzero(~loud)]
     if not loud.any() or loud.sum() > MOST * len(left) or len(kept) < FEWEST:
         return fitter, fit
-    few = Fitter(fitter.plant, [fitter.records[place] for place in kept], fitter.unknowns)
-    alone = polish(few, replace(fit.state, nuisances=tuple(fit.state.nuisances[place] for place in kept)))
-    if max(map(_left, alone.residuals)) > SOUND:
+    alone = polish(fitter.of_records(kept), fit.state.of_records(kept))
+    if alone.mean_squares.max() > SOUND:
         return fitter, fit
     nuisances = list(fit.state.nuisances)
     for place, own in zip(kept, alone.state.nuisances, strict=True):
         nuisances[place] = own
-    for place in map(int, np.flatnonzero(loud)):
+    doubted = [int(place) for place in np.flatnonzero(loud)]
+    for place in doubted:
         nuisances[place] = _own(fitter, place, replace(alone.state, nuisances=(nuisances[place],))).nuisances[0]
     state = replace(alone.state, nuisances=tuple(nuisances))
-    strange = [int(place) for place in np.flatnonzero(loud) if _left(fitter.residual_of(int(place), state)) > LOUD]
+    strange = [place for place in doubted if float(np.mean(fitter.residual_of(place, state) ** 2)) > LOUD]
     if not strange:  # but its passes were wrong
         return fitter, min(fit, polish(fitter, state), key=lambda one: one.cost)
     records = list(fitter.records)
@@ -52,10 +52,6 @@ def agreed(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
         records[place] = replace(records[place], weight=MUTE * size, heard=False)
     wider = Fitter(fitter.plant, records, fitter.unknowns)
     return wider, wider.fit(state, iterations=4)
-
-
-def _left(rest: np.ndarray) -> float:
-    return float(np.mean(rest**2))
 
 
 def misfit(fitter: Fitter, fit: WaveformFit) -> tuple[float, float]:
@@ -72,7 +68,7 @@ def misfit(fitter: Fitter, fit: WaveformFit) -> tuple[float, float]:
 def _own(fitter: Fitter, place: int, state: State) -> State:
     """The state of one record alone, its course as it was fitted or as its segments show it, whichever explains more."""
     record, own = fitter.records[place], state.nuisances[0]
-    single = Fitter(fitter.plant, [record], fitter.unknowns)
+    single = fitter.of_records([place])
     if record.cut is None:
         return state
     fresh = replace(first_nuisances(record, state.angle + own.angle), angle=own.angle)

@@ -49,6 +49,10 @@ class Fitter:
         known = [one for one in self.unknowns if path not in (one.path, one.path.partition(".")[0])]
         return Fitter(self.plant, self.records, known)
 
+    def of_records(self, places: Sequence[int]) -> Fitter:
+        """The same fit to the records at these places alone."""
+        return Fitter(self.plant, [self.records[place] for place in places], self.unknowns)
+
     @property
     def steps(self) -> np.ndarray:
         """Natural steps of the shared unknowns, each in its own unit."""

@@ -1,23 +1,16 @@
 """Formulas alike to a regression: does a fit of the whole model to the records tell the true one from the others?"""
 
 from dataclasses import replace
-from functools import partial
-from types import SimpleNamespace
 
 import pytest
 from test_explain_force import WRONG, decays
 
 from analysis.explain_force import explanations
 from analysis.formula_trial import Jury, _Trial
+from testbed.cli._fitting import plant_of
 from testbed.effect import catalogue
-from testbed.engines import predict
 
 STRENGTH = 4e20
-
-
-def plant_of(known):
-    return SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=known),
-                           predict_driven=partial(predict.predict_driven, catalogue=known))
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,8 @@ from synthetic_campaign import synthetic_campaign
 from analysis.candidate_round import candidate_of
 from analysis.effect_start import starting_points
 from analysis.first_passes import first_nuisances
-from analysis.forward_search import ROUGH, _by_noise, _weighed
+from analysis.forward_search import ROUGH, _weighed
+from analysis.forward_search import by_noise as in_noise
 from analysis.held_out import pooled
 from analysis.nuisances import Nuisances, other_teeth
 from analysis.observed import Observed, drift_basis, observe
@@ -82,8 +83,8 @@ def test_a_rough_model_is_fitted_to_all_records_alike():
                 for record, rest in zip(one.fitter.records, one.fit.residuals, strict=True)]
 
     assert max(relative(weighed)) < 0.95 * max(relative(by_noise))  # no record is given up for the sake of another
-    back = _by_noise(weighed)
+    back = in_noise(weighed)
     assert all(one.weight is None for one in back.fitter.records)
     assert back.fit.state == weighed.fit.state
     assert back.fit.cost > weighed.fit.cost
-    assert _by_noise(by_noise) is by_noise
+    assert in_noise(by_noise) is by_noise

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,14 +11,14 @@ from analysis.diagnose import diagnose
 from analysis.observed import observe
 from analysis.starts import base_fit
 from analysis.unheard import agreed
+from testbed.cli._fitting import plant_of
 from testbed.effect import catalogue
-from testbed.engines import fast, predict
+from testbed.engines import fast
 from tests.campaign_files import BELIEVED, TRUE
 from tests.synthetic_campaign import synthetic_record
 
 KNOWN = catalogue()
-PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
-                        predict_driven=partial(predict.predict_driven, catalogue=KNOWN))
+PLANT = plant_of(KNOWN)
 LAW, STRENGTH = "cubic_stiffness", 6e13
 TESTS = ((3500, 0.8), (2850, 2.9), (3900, 2.2), (2700, 1.5))
 FREED = ("natural_frequency", "damping_ratio", "tangential_coefficient", "normal_coefficient")
@@ -58,10 +57,8 @@ def test_the_others_decide_where_one_record_is_strange(linear):
 
 def test_a_fit_in_which_no_record_stands_out_stays_as_it_is(linear):
     fitter, fit = linear
-    kept = [place for place in range(len(TESTS)) if place != 3]
-    few = type(fitter)(fitter.plant, [fitter.records[place] for place in kept], fitter.unknowns)
-    own = tuple(fit.state.nuisances[place] for place in kept)
-    alone = few.fit(replace(fit.state, nuisances=own))
+    few = fitter.of_records([0, 1, 2])
+    alone = few.fit(fit.state.of_records([0, 1, 2]))
     assert agreed(few, alone)[1] is alone
 
 
