@@ -20,14 +20,13 @@ from analysis.model_fit import model_fit
 from analysis.observed import Observed
 from analysis.prediction import Plant
 from analysis.starts import polish
+from analysis.trial_law import NAME, trial_law
 from analysis.unheard import SOUND, agreed, misfit
 from analysis.waveform import Fitter
-from testbed.effect import Effect, read_effect
+from testbed.effect import Effect
 from testbed.machine import Model
-from testbed.proposal import write_proposal
 
 MOST_TRIALS = 7
-_NAME = "formula_on_trial"
 
 
 @dataclass(frozen=True)
@@ -96,19 +95,18 @@ class Jury:
     def _trial(self, explanation: Explanation) -> _Trial:
         self.say(f"fitting {formula_text(explanation.formula)}")
         with tempfile.TemporaryDirectory() as folder:
-            path = write_proposal(explanation.formula, folder, _NAME, share=explanation.share, story="")
-            wider = {**self.catalogue, _NAME: read_effect(path)}
+            wider = {**self.catalogue, NAME: trial_law(explanation, folder)}
             plant, model = self.plant_of(wider), self.model
             for name, values in explanation.state.model.effects.items():  # those that the diagnosis has named
                 model = model.with_effect(name, **values)
-            model = with_examples(model, [_NAME], wider)
+            model = with_examples(model, [NAME], wider)
             fitter = Fitter(plant, self.records, all_free(self.records, model, wider))
-            fitter, fit = agreed(fitter, polish(fitter, explanation.start(_NAME)))
-            found = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(_NAME))
+            fitter, fit = agreed(fitter, polish(fitter, explanation.start(NAME)))
+            found = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(NAME))
             if found.left <= SOUND:
                 return found
             fitter, fit = agreed(*model_fit(plant, self.records, model, wider))  # the regression's own state may be astray
-        other = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(_NAME))
+        other = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(NAME))
         return min(found, other, key=lambda one: one.misfit)
 
 

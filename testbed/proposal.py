@@ -19,7 +19,7 @@ from testbed.effect import HOOKS, catalogue
 from testbed.problem import InputProblem
 
 HOOK_ORDER = ("structure_force", "tangential_force", "normal_force")
-_SPAN = 1e3  # bounds of a coefficient, in times its found value
+SPAN = 1e3  # bounds of a coefficient, in times its found value
 _SYMBOLS = {"structure_force": "F", "tangential_force": "F_t", "normal_force": "F_n"}
 
 
@@ -117,8 +117,11 @@ def free_name(folder: str | Path, name: str = "proposal") -> str:
     return chosen
 
 
-def effect_text(name: str, coefficients: Sequence[Coefficient], share: float, story: str) -> str:
-    """The text of an effect file for a formula. ValueError where there is nothing to write."""
+def effect_text(name: str, coefficients: Sequence[Coefficient], share: float, story: str, *, switched: bool = False) -> str:
+    """The text of an effect file for a formula. ValueError where there is nothing to write.
+
+    switched: every term is passed over while its coefficient is zero, for a law of many terms of which few are in use.
+    """
     if not coefficients:
         raise ValueError("a formula without terms is no effect")
     if len({one.term.name for one in coefficients}) < len(coefficients):
@@ -139,7 +142,7 @@ def effect_text(name: str, coefficients: Sequence[Coefficient], share: float, st
         share=min(max(share, 0.0), 1.0),
         found=values,
     )
-    functions = [_function(hook, [one.term for one in coefficients if one.term.hook == hook]) for hook in laws]
+    functions = [_function(hook, [one.term for one in coefficients if one.term.hook == hook], switched) for hook in laws]
     uses_math = "import math\n\n" if any("math." in text for text in functions) else ""
     card = _CARD.format(
         title=title,
@@ -163,7 +166,7 @@ def _parameter(one: Coefficient) -> str:
         raise ValueError(f"the coefficient of {one.term.law} was not found")
     return _PARAMETER.format(
         value=one.value, low=one.low, high=one.high, name=one.term.name, unit=one.term.unit, meaning=one.term.meaning,
-        bound=_number(_SPAN * abs(one.value), 2), example=_number(one.value, 6),
+        bound=_number(SPAN * abs(one.value), 2), example=_number(one.value, 6),
     )  # fmt: skip
 
 
@@ -173,7 +176,7 @@ def _number(value: float, digits: int) -> str:
     return text if "e" in text or "." in text else f"{text}.0"
 
 
-def _function(hook: str, terms: Sequence[ForceTerm]) -> str:
+def _function(hook: str, terms: Sequence[ForceTerm], switched: bool) -> str:
     offers = HOOKS[hook].offers
     used = {argument for term in terms for argument in term.arguments}
     contact = hook != "structure_force"
@@ -186,10 +189,16 @@ def _function(hook: str, terms: Sequence[ForceTerm]) -> str:
     parts = [f"-{t.name} * {t.expression[1:]}" if t.expression.startswith("-") else f"{t.name} * {t.expression}" for t in terms]
     if len(parts) == 1:
         lines.append(f"    return {parts[0]}")
+        return "\n".join([*lines, ""])
+    added = [f"force -= {part[1:]}" if part.startswith("-") else f"force += {part}" for part in parts]
+    if switched:
+        lines.append("    force = 0.0")
+        for term, line in zip(terms, added, strict=True):
+            lines += [f"    if {term.name} != 0.0:", f"        {line}"]
     else:
         lines.append(f"    force = {parts[0]}")
-        lines += [f"    force -= {part[1:]}" if part.startswith("-") else f"    force += {part}" for part in parts[1:]]
-        lines.append("    return force")
+        lines += [f"    {line}" for line in added[1:]]
+    lines.append("    return force")
     return "\n".join([*lines, ""])
 
 

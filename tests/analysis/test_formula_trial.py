@@ -5,8 +5,10 @@ from dataclasses import replace
 import pytest
 from test_explain_force import WRONG, decays
 
+from analysis.effect_start import effect_parameters
 from analysis.explain_force import explanations
 from analysis.formula_trial import Jury, _Trial
+from analysis.trial_law import NAME, trial_law
 from testbed.cli._fitting import plant_of
 from testbed.effect import catalogue
 
@@ -52,3 +54,18 @@ def test_without_a_formula_nothing_is_fitted():
         Jury(plant_of, (), WRONG, {}).likeliest([])
     nothing = explanations(decays(lambda x, v: 0.0))
     assert Jury(plant_of, (), WRONG, {}).likeliest(nothing) is nothing[0]
+
+
+def test_formulas_on_trial_share_one_engine_and_free_their_own_terms_alone(missing, tmp_path):
+    right, *others = explanations(missing)
+    other = next(one for one in others if names(one) == ["stiffness_3"])
+    texts = []
+    for told in (right, other):
+        law = trial_law(told, tmp_path)
+        texts.append(law.path.read_text())
+        assert [one.path for one in effect_parameters(law, missing.observed)] == [f"{NAME}.{term}" for term in names(told)]
+        values = {**law.neutral(), **law.example()}
+        force = law.hooks["structure_force"](displacement=7e-5, velocity=0.3, **values)
+        order = int(names(told)[0][-1])
+        assert force == pytest.approx(-told.formula[0].value * 7e-5**order)
+    assert texts[0] == texts[1]  # engines are kept by the text of the file
