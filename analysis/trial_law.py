@@ -8,7 +8,8 @@ from pathlib import Path
 
 from analysis.explain_force import Explanation
 from analysis.force_regression import library
-from testbed.effect import Effect, Parameter, read_effect
+from testbed.catalogue import read_effect
+from testbed.effect import Effect, Parameter
 from testbed.proposal import SPAN, Coefficient, ForceTerm, effect_text
 
 NAME = "formula_on_trial"

@@ -13,8 +13,8 @@ import math
 import time
 from dataclasses import replace
 
+from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
-from testbed.effect import catalogue
 from testbed.engines import fast
 from testbed.engines import fast_kernel as fk
 from testbed.engines.packing import pack

@@ -22,8 +22,8 @@ import numpy as np
 
 from analysis.stability import stability_chart
 from benchmarks import peers
+from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling, whole_cut_sampling
-from testbed.effect import catalogue
 from testbed.engines import fast, linear_kernel, mujoco_engine
 from testbed.engines import sampling_kernel as sk
 from testbed.engines.packing import pack

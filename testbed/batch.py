@@ -60,7 +60,7 @@ def _write(job: Job, first: int, last: int, rows: Iterator[tuple[Run, Recording]
 
 
 def _rows(job: Job, first: int, last: int, tell: Tell | None, together: bool) -> Iterator[tuple[Run, Recording]]:
-    from testbed.effect import catalogue
+    from testbed.catalogue import catalogue
 
     effects = catalogue(*job.folders) if job.folders else None
     group = _TOGETHER if together else 1

@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from testbed.atomic import write_text
+from testbed.catalogue import catalogue as known_effects
 from testbed.effect import Effect
-from testbed.effect import catalogue as known_effects
 from testbed.machine import Cutter, Cutting, Direction, Model, Structure, radial_immersion_fraction
 from testbed.units import UnitProblem, format_quantity, parse_quantity
 from testbed.yaml_text import Document, Path_, Strict, above_zero, did_you_mean, in_unit, load, parse, validate

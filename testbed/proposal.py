@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from testbed.atomic import write_text
-from testbed.effect import HOOKS, catalogue
+from testbed.catalogue import catalogue
+from testbed.effect import HOOKS
 from testbed.problem import InputProblem
 
 HOOK_ORDER = ("structure_force", "tangential_force", "normal_force")

@@ -22,11 +22,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from testbed.axis import axis, check_all
+from testbed.catalogue import catalogue as known_effects
 from testbed.design_file import MAX_RUNS, read_design
 from testbed.draws import KINDS, Distribution
 from testbed.draws_file import distribution, read_random
 from testbed.effect import Effect
-from testbed.effect import catalogue as known_effects
 from testbed.model_file import model_from, read_model
 from testbed.noise import NoiseRecipe
 from testbed.recording import CHANNEL_UNITS

@@ -17,11 +17,11 @@ from typing import Any
 
 from testbed.atomic import write_text
 from testbed.batch import Job, Simulate
+from testbed.catalogue import catalogue as known_effects
 from testbed.chunk_writer import Compression, check_packing, chunk_rows, kind_of
 from testbed.consolidate import consolidate
 from testbed.data_set import is_data_set, read_data_set
 from testbed.effect import Effect
-from testbed.effect import catalogue as known_effects
 from testbed.model_file import model_text
 from testbed.pool import STALL, work
 from testbed.problem import InputProblem

@@ -22,7 +22,7 @@ from analysis.report.page import Page
 from analysis.report.story_page import addition_page, diagnosis_page
 from analysis.starts import free_parameters, polish
 from analysis.waveform import Fitter
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 
 CATALOGUE = catalogue()

@@ -5,7 +5,7 @@ import pytest
 
 from analysis.observed import observe
 from analysis.starts import base_fit
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.validation.blind.draw import draw
 from tests.validation.blind.make import records_of

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from testbed.catalogue import catalogue
 from testbed.cli import ORDER, main
 from testbed.data_set import read_data_set
-from testbed.effect import catalogue
 from testbed.model_file import read_model
 from tests.shell import Shell
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from testbed.campaign import load_campaign
+from testbed.catalogue import catalogue
 from testbed.cli import main
-from testbed.effect import catalogue
 from testbed.effects import process_damping
 from testbed.engines import fast
 from testbed.model_file import read_model

@@ -9,9 +9,9 @@ import sys
 import numpy as np
 from click.testing import CliRunner
 
+from testbed.catalogue import catalogue
 from testbed.cli._fingerprint import picture
 from testbed.cli.effects import command
-from testbed.effect import catalogue
 
 
 def run(*arguments: str):

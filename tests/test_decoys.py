@@ -6,9 +6,9 @@ from functools import partial
 import numpy as np
 import pytest
 
+from testbed.catalogue import DECOYS, catalogue
 from testbed.cli import main
 from testbed.cut import Cut, whole_cut_sampling
-from testbed.effect import DECOYS, catalogue
 from testbed.engines import fast
 from testbed.workshop import write_campaign
 from tests.campaign_files import BELIEVED, TRUE

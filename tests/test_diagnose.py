@@ -17,7 +17,7 @@ from analysis.held_out import pooled
 from analysis.observed import observe
 from analysis.starts import base_fit
 from analysis.waveform import Fitter
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
 

@@ -15,8 +15,8 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
+from testbed.catalogue import catalogue
 from testbed.cut import Cut, whole_cut_sampling
-from testbed.effect import catalogue
 from testbed.engines import fast, mujoco_engine
 from testbed.engines import fast_kernel as fk
 from testbed.engines import sampling_kernel as sk

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from testbed.effect import catalogue, read_effect
+from testbed.catalogue import catalogue, read_effect
 from testbed.problem import InputProblem
 
 GOOD = '''"""An effect of one's own."""

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from independent_simulator import simulate as plain_simulate
 
+from testbed.catalogue import catalogue
 from testbed.cut import Sampling, whole_cut_sampling
-from testbed.effect import catalogue
 from testbed.engines import fast, mujoco_engine
 from tests.validation import published
 from tests.validation.claims import FLEXURE, rpm

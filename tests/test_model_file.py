@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.model_file import machines, model_from_text, model_text, read_model, write_model
 from testbed.problem import InputProblem

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import models
+from testbed.catalogue import catalogue
 from testbed.cut import Cut, whole_cut_sampling
-from testbed.effect import catalogue
 from testbed.engines import fast, mujoco_abi, mujoco_engine
 from testbed.machine import Cutter, Cutting, Model
 

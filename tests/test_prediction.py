@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from testbed.catalogue import catalogue
 from testbed.cut import Sampling, whole_cut_sampling
-from testbed.effect import catalogue
 from testbed.engines import fast
 from testbed.engines import sampling_kernel as sk
 from testbed.engines.packing import stiffening

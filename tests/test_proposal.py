@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from testbed.catalogue import read_effect
 from testbed.compilable import check_compilable
 from testbed.cut import Cut, whole_cut_sampling
-from testbed.effect import read_effect
 from testbed.engines import fast
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.problem import InputProblem

@@ -25,7 +25,7 @@ def _records(bench: Bench) -> dict[str, Recording]:
     cut = course_of(cut_at(SPEED, DEPTH), PASSES, RING_DOWN)
     records = {"abrupt stop": clean_record(bench.reference, IDENTIFIED, cut)}
     if not bench.quick:  # the ramp is an effect of this folder: it is compiled when it is first used
-        from testbed.effect import catalogue
+        from testbed.catalogue import catalogue
 
         effects = {"exit_ramp": catalogue(str(SHIPPED))["exit_ramp"]}
         model = IDENTIFIED.with_effect("exit_ramp", extent=RAMP, begin=RAMP_BEGINS * cut.feed_per_tooth)

@@ -132,8 +132,8 @@ def run_loop(sealed: Sealed, say: Callable[[str], None] = lambda text: None) -> 
     from analysis.add_effect import add_effect
     from analysis.diagnose import diagnose
     from analysis.diagnosis import as_json
+    from testbed.catalogue import catalogue
     from testbed.cli._fitting import channel_units, plant_of, read_both
-    from testbed.effect import catalogue
     from testbed.model_file import read_model, write_model
 
     effects = catalogue()
@@ -160,7 +160,7 @@ class Revealed:
 
 def open_truth(sealed: Sealed, loop: Loop) -> Revealed:
     """Open the sealed file, last of all. RuntimeError where it is not what was sealed."""
-    from testbed.effect import catalogue
+    from testbed.catalogue import catalogue
     from testbed.machine import BASE_UNITS
 
     content = sealed.truth.read_bytes()

@@ -43,7 +43,7 @@ import numpy as np
 import pytest
 
 from testbed.cut import Cut, whole_cut_sampling
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.engines import fast
 from testbed.machine import Cutter, Cutting, Model, Structure
 

@@ -99,7 +99,7 @@ effects_option = click.option("--effects", "folders", multiple=True, metavar="DI
 
 def catalogue_of(folders: tuple[str, ...]) -> Any:
     """The effects known to this command."""
-    from testbed.effect import catalogue
+    from testbed.catalogue import catalogue
 
     return catalogue(*folders)
 

@@ -39,8 +39,8 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     """
     from analysis.diagnose import diagnose
     from analysis.diagnosis import as_json
+    from testbed.catalogue import DECOYS
     from testbed.cli._fitting import channel_units, doubts, plant_of, read_both, sign_of_life, uncalibrated
-    from testbed.effect import DECOYS
 
     answer = Answer(json_file, quiet)
     folder = output_folder(output) if output else None
@@ -114,7 +114,7 @@ def _propose(answer: Answer, found: Any, records: Any, model: Any, catalogue: An
 
 
 def _decoys(answer: Answer, found: Any, catalogue: Any) -> dict[str, Any]:
-    from testbed.effect import DECOYS
+    from testbed.catalogue import DECOYS
 
     offered = [name for name, effect in catalogue.items() if effect.path is not None and effect.path.parent == DECOYS]
     named = [name for name in found.effects if name in offered]

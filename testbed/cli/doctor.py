@@ -98,7 +98,7 @@ def _moves(engine: str) -> str:
 
 
 def _effects() -> str:
-    from testbed.effect import catalogue
+    from testbed.catalogue import catalogue
 
     return f"{len(catalogue())} effects"
 

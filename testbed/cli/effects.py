@@ -112,8 +112,8 @@ def _write_template(name: str, answer: Answer) -> None:
     from pathlib import Path
 
     from testbed.atomic import write_text
+    from testbed.catalogue import catalogue
     from testbed.cli._effect_template import EFFECT, TEST
-    from testbed.effect import catalogue
 
     if not name.isidentifier() or name.startswith(("_", "test_")):
         raise InputProblem(name, "is no name for an effect", "use letters, digits and _, a letter first")

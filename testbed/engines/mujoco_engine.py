@@ -17,9 +17,9 @@ import mujoco
 import numpy as np
 
 import models
+from testbed.catalogue import catalogue as known_effects
 from testbed.cut import Cut, Sampling
 from testbed.effect import Effect
-from testbed.effect import catalogue as known_effects
 from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
 from testbed.engines import mujoco_kernel as mk

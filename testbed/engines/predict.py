@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from testbed.catalogue import catalogue as known_effects
 from testbed.cut import Cut, Sampling
 from testbed.effect import Effect
-from testbed.effect import catalogue as known_effects
 from testbed.engines import fast
 from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, compose

@@ -13,9 +13,9 @@ from types import ModuleType
 
 import numpy as np
 
+from testbed.catalogue import catalogue as known_effects
 from testbed.cut import Cut
 from testbed.effect import Effect
-from testbed.effect import catalogue as known_effects
 from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
 from testbed.engines.compose import Layout, compose

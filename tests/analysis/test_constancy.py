@@ -16,7 +16,7 @@ from analysis.identify import Estimate
 from analysis.observed import observe
 from analysis.starts import free_parameters, polish
 from analysis.waveform import Fitter
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 
 CATALOGUE = catalogue()

@@ -13,8 +13,8 @@ from analysis.force_ranking import explained, rank
 from analysis.latent_force import missing_force
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, drift_basis, observe
+from testbed.catalogue import read_effect
 from testbed.cut import Cut
-from testbed.effect import read_effect
 
 NOISE = 1e-6
 WRONG = TRUE.with_values({"natural_frequency": 146.7, "damping_ratio": 0.0045})

@@ -9,7 +9,7 @@ from analysis.begun_anew import from_believed
 from analysis.diagnosis import verdict_of
 from analysis.held_out import pooled
 from analysis.observed import observe
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE
 from tests.synthetic_campaign import synthetic_record

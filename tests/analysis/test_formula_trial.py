@@ -9,8 +9,8 @@ from analysis.effect_start import effect_parameters
 from analysis.explain_force import explanations
 from analysis.formula_trial import Jury, _Trial
 from analysis.trial_law import NAME, trial_law
+from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
-from testbed.effect import catalogue
 
 STRENGTH = 4e20
 

@@ -10,7 +10,7 @@ from synthetic_campaign import synthetic_campaign
 from analysis.effect_start import gradual_entry
 from analysis.observed import observe
 from analysis.starts import anchored_states, base_fit, polish
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
 

@@ -20,8 +20,8 @@ from analysis.scale_hops import hopped
 from analysis.scale_profile import ALIKE, SAME, along_scales
 from analysis.starts import base_fit, free_parameters, rested
 from analysis.waveform import Fitter
+from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
-from testbed.effect import catalogue
 from testbed.engines import fast, predict
 from testbed.workshop import RPM
 from tests.campaign_files import BELIEVED, TRUE

@@ -9,8 +9,8 @@ import pytest
 from analysis.collocation import collocation_entry_state, collocation_multipliers
 from analysis.delay_equation import milling_equation
 from analysis.linearise import linearise, principal_passes
+from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
-from testbed.effect import catalogue
 from testbed.engines import fast
 from testbed.engines.regenerative_loop import regenerative_loop
 from testbed.machine import Cutter, Cutting, Model, Structure

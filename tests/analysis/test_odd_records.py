@@ -18,7 +18,7 @@ from analysis.observed import Observed, drift_basis, observe
 from analysis.starts import base_fit, decay_start
 from analysis.waveform import Fitter
 from testbed.campaign import Record
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.recording import CHANNEL_UNITS, Recording

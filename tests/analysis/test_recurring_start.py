@@ -16,7 +16,7 @@ from analysis.observed import observe
 from analysis.recurring_start import recurring_starts
 from analysis.starts import base_fit, polish
 from analysis.waveform import Fitter
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
 

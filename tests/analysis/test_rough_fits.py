@@ -19,8 +19,8 @@ from analysis.nuisances import Nuisances, other_teeth
 from analysis.observed import Observed, drift_basis, observe
 from analysis.prediction import predict as predicted
 from analysis.starts import base_fit
+from testbed.catalogue import catalogue
 from testbed.cut import Cut
-from testbed.effect import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
 

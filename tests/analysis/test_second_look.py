@@ -10,7 +10,7 @@ from analysis.forward_search import Path
 from analysis.held_out import pooled
 from analysis.observed import observe
 from analysis.second_look import looked_again
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE
 from tests.synthetic_campaign import synthetic_campaign

@@ -11,8 +11,8 @@ from analysis.diagnose import diagnose
 from analysis.observed import observe
 from analysis.starts import base_fit
 from analysis.unheard import agreed
+from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
-from testbed.effect import catalogue
 from testbed.engines import fast
 from tests.campaign_files import BELIEVED, TRUE
 from tests.synthetic_campaign import synthetic_record

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from direct import KN, KT, MODEL, WINDOW, cut, engine, error, forces, integrate, rigid
 
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 
 Q, H0, E0 = 0.75, 1.0e-4, 5.0e-6
 CURVED = MODEL.with_effect("chip_force_exponent", exponent=Q)

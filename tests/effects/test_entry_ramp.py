@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from direct import KN, KT, MODEL, RADIUS, WINDOW, cut, engine, error, forces, integrate, rigid
 
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.machine import Cutting
 
 GATE = catalogue()["entry_ramp"].hooks["engagement"]

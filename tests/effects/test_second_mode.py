@@ -7,8 +7,8 @@ from base_flexure import FEED, FREQUENCY, MASS, ZETA, flexure, stable_cut
 from scipy.integrate import solve_ivp
 
 from analysis.effect_start import effect_parameters
+from testbed.catalogue import catalogue
 from testbed.cut import Sampling
-from testbed.effect import catalogue
 from testbed.engines import fast
 
 MODE = {"mass_ratio": 0.5, "frequency": 480.0, "damping_ratio": 0.01, "participation": 0.6}

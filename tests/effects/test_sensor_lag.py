@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from base_flexure import flexure, samples, stable_cut
 
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.engines import fast
 
 

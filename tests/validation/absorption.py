@@ -15,7 +15,7 @@ from analysis.first_passes import first_nuisances
 from analysis.fit_state import State
 from analysis.observed import observe
 from analysis.starts import base_fit, polish
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter
 from tests.synthetic_campaign import MARK_ANGLE, synthetic_campaign

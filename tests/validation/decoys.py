@@ -10,8 +10,8 @@ from concurrent.futures import ProcessPoolExecutor
 
 from analysis.diagnose import diagnose
 from analysis.observed import observe
+from testbed.catalogue import DECOYS, catalogue
 from testbed.cli._fitting import plant_of
-from testbed.effect import DECOYS, catalogue
 from tests.validation.blind.draw import SINGLES, draw
 from tests.validation.blind.make import records_of
 from tests.validation.claims import Claim, Section

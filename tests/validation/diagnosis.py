@@ -15,8 +15,8 @@ from analysis.diagnose import diagnose
 from analysis.diagnosis import Candidate, Diagnosis
 from analysis.observed import observe
 from testbed.campaign import Record, load_campaign
+from testbed.catalogue import catalogue
 from testbed.cli.diagnose import MANY
-from testbed.effect import catalogue
 from testbed.engines import mujoco_engine, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.recording import Recording

@@ -8,8 +8,8 @@ from types import ModuleType
 
 import numpy as np
 
+from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
-from testbed.effect import catalogue
 from testbed.engines import fast, mujoco_engine
 from testbed.machine import Cutter, Model
 from tests.validation.claims import FLEXURE, Claim, Section, rpm

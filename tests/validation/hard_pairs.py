@@ -19,8 +19,8 @@ from analysis.diagnose import diagnose
 from analysis.diagnosis import Diagnosis
 from analysis.observed import observe
 from testbed.campaign import Record
+from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
-from testbed.effect import catalogue
 from testbed.engines import mujoco_engine, predict
 from testbed.machine import Model
 from testbed.recording import Recording

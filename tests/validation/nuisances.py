@@ -19,8 +19,8 @@ import numpy as np
 from analysis.compare import Comparison, compare
 from analysis.observed import observe
 from testbed.campaign import Record, load_campaign
+from testbed.catalogue import catalogue
 from testbed.cut import Cut
-from testbed.effect import catalogue
 from testbed.engines import mujoco_engine, predict
 from testbed.recording import Recording
 from testbed.workshop import Measurement, measured_cut, write_campaign

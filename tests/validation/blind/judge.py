@@ -27,7 +27,7 @@ from analysis.effect_start import all_free
 from analysis.held_out import held_out_errors, pooled
 from analysis.observed import observe
 from analysis.starts import base_fit
-from testbed.effect import catalogue
+from testbed.catalogue import catalogue
 from testbed.engines import predict
 from tests.validation.blind.draw import draw
 from tests.validation.blind.make import records_of

@@ -25,8 +25,8 @@ from analysis.diagnose import diagnose
 from analysis.explain_force import formula_text, left_unexplained, write_effect
 from analysis.formula_trial import Jury
 from analysis.observed import observe
+from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
-from testbed.effect import catalogue
 from tests.validation.blind.count import misfit
 from tests.validation.blind.judge import FOLDER, PLANT, RESULTS, answered, drawn, known_seeds
 from tests.validation.blind.make import records_of

@@ -1,0 +1,157 @@
+"""The catalogue of effects: effect files found in folders, read and checked."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import re
+import sys
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import lru_cache
+from hashlib import sha256
+from importlib.machinery import SourceFileLoader
+from pathlib import Path
+from types import CodeType, MappingProxyType, ModuleType
+
+from testbed.compilable import check_compilable
+from testbed.effect import HOOKS, Effect
+from testbed.problem import InputProblem
+from testbed.units import nearest
+
+BUILT_IN = Path(__file__).parent / "effects"
+SENSOR_EFFECTS = Path(__file__).parent / "sensors"
+DECOYS = Path(__file__).parent / "decoys"  # laws that no machine has, in a catalogue only where they are asked for
+
+
+class _FromSource(SourceFileLoader):
+    """Reads a file as it stands. Python's own cache of compiled files overlooks a change of the same size within a second."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+
+def _load_module(path: Path) -> ModuleType:
+    # named by content, as the cache of compiled kernels is: what it holds refers to the module by this name
+    if not path.stem.isidentifier():
+        raise InputProblem(path, f"'{path.stem}' is no name for an effect", "use letters, digits and _, a letter first")
+    try:
+        content = path.read_bytes()
+        name = f"testbed_effect_{path.stem}_{sha256(content).hexdigest()[:8]}"
+        content.decode()
+    except UnicodeDecodeError as fault:
+        line = content.count(b"\n", 0, fault.start) + 1
+        raise InputProblem(path, "is not UTF-8 text", "save it as UTF-8", line) from None
+    except OSError as fault:
+        raise InputProblem(path, f"cannot be read ({fault.strerror})", "check the file and its permissions") from None
+    spec = importlib.util.spec_from_file_location(name, path, loader=_FromSource(name, str(path)))
+    if spec is None or spec.loader is None:
+        raise InputProblem(path, "cannot be read as Python", "give a .py file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as fault:  # a user's file may fail in any way; it becomes one clear line
+        del sys.modules[name]
+        raise _problem_of(path, fault) from fault
+    return module
+
+
+def _problem_of(path: Path, fault: BaseException) -> InputProblem:
+    """What went wrong while the file was read, at the last of its lines that had a part in it."""
+    line = getattr(fault, "lineno", None)
+    for frame in traceback.extract_tb(fault.__traceback__):
+        line = frame.lineno if Path(frame.filename).resolve() == path.resolve() else line
+    lacking = re.search(r"(\w+)\.__init__\(\) missing .* arguments?: (.*)", str(fault))
+    ours = type(fault) is ValueError and str(fault).startswith("parameter ")
+    text = fault.msg if isinstance(fault, SyntaxError) else str(fault)
+    what = f"{lacking[1]} lacks {lacking[2]}" if lacking else text if ours else f"{type(fault).__name__}: {text}"
+    return InputProblem(path, what, "mend the effect's file", line)
+
+
+def _is_own_hook(module: ModuleType, function: object) -> bool:
+    """Whether the file defines this function, or takes it over from a built-in effect whose law is the same."""
+    places = (module.__name__, "testbed.effects.", "testbed.sensors.")
+    return inspect.isfunction(function) and function.__module__.startswith(places)
+
+
+def _check_helper(path: Path, name: str, function: Callable) -> None:
+    """Refuse a function that no engine would call: a hook's name misspelt, or a helper that looks like a hook."""
+    if not name.startswith("_"):
+        close = nearest(name, [*HOOKS, "derivative_STATE"])
+        hint = f"did you mean {close}? " if close else ""
+        do = f"{hint}the hooks are {', '.join(HOOKS)}; a helper's name begins with _"
+        raise InputProblem(path, f"{name}() is no hook", do, function.__code__.co_firstlineno)
+
+
+def _check_hook(path: Path, effect: Effect, name: str, function: Callable) -> None:
+    place = "derivative" if name.startswith("derivative_") else name
+    line = function.__code__.co_firstlineno
+    if place != name and name.removeprefix("derivative_") not in effect.states:
+        raise InputProblem(path, f"{name}() belongs to no state", "name the state in `states`", line)
+    known = {*HOOKS[place].offers, *effect.states, *(parameter.name for parameter in effect.parameters)}
+    for argument in inspect.signature(function).parameters:
+        if argument not in known:
+            raise InputProblem(path, f"{name}() asks for '{argument}'", f"it may ask for {', '.join(sorted(known))}", line)
+
+
+def read_effect(path: Path) -> Effect:
+    """Read and check one effect file. InputProblem where the contract is broken."""
+    module = _load_module(path)
+    effect = getattr(module, "EFFECT", None)
+    if not isinstance(effect, Effect):
+        raise InputProblem(path, "no EFFECT = Effect(...) in it", "see `testbed effects --new NAME` for a template")
+    hooks = {}
+    for name, function in vars(module).items():
+        place = "derivative" if name.startswith("derivative_") else name
+        if place in HOOKS and _is_own_hook(module, function):
+            _check_hook(path, effect, name, function)
+            hooks[name] = function
+        elif inspect.isfunction(function) and function.__module__ == module.__name__:
+            _check_helper(path, name, function)
+    lines = path.read_text("utf-8").splitlines()
+    line = next((number for number, text in enumerate(lines, 1) if text.startswith("EFFECT")), None)
+    if not hooks:
+        raise InputProblem(path, "no hook function in it", f"define one of {', '.join(HOOKS)}", line)
+    for state in effect.states:
+        if f"derivative_{state}" not in hooks:
+            raise InputProblem(path, f"state '{state}' has no derivative", f"define derivative_{state}(...)", line)
+    for position, rate in effect.oscillators:
+        if (position, rate) not in zip(effect.states, effect.states[1:], strict=False):
+            raise InputProblem(path, f"oscillator ({position}, {rate}) is no pair of neighbouring states", "see `states`", line)
+    if effect.parameters and not any(parameter.vanishes for parameter in effect.parameters):
+        raise InputProblem(path, "no parameter switches the effect off", "give one a neutral value with vanishes=True", line)
+    names = [parameter.name for parameter in effect.parameters]
+    if len(set(names)) != len(names):
+        raise InputProblem(path, "two parameters of one name", "rename one", line)
+    return replace(effect, name=path.stem, manual=(module.__doc__ or "").strip(), path=path, hooks=MappingProxyType(hooks))
+
+
+def catalogue(*folders: str | Path) -> Mapping[str, Effect]:
+    """The effects found in the built-in folders and in `folders`, by name, in alphabetical order."""
+    return _catalogue(folders, tuple(Path(folder).resolve() for folder in folders))
+
+
+@lru_cache(maxsize=8)
+def _catalogue(folders: tuple[str | Path, ...], _places: tuple[Path, ...]) -> Mapping[str, Effect]:
+    """Read once for the places that the folders are: a relative one is another place in another working folder."""
+    found: dict[str, Effect] = {}
+    for folder in (BUILT_IN, SENSOR_EFFECTS, *map(Path, folders)):
+        if not folder.is_dir():
+            raise InputProblem(folder, "is not a folder", "name a folder of effect files")
+        for path in sorted(folder.glob("*.py")):
+            if path.name.startswith("_") or path.stem == "chain" or path.name.startswith("test_"):
+                continue
+            if path.stem in found:
+                raise InputProblem(
+                    path, f"an effect named '{path.stem}' exists already ({found[path.stem].path})", "rename the file"
+                )
+            found[path.stem] = read_effect(path)
+            if folder not in (BUILT_IN, SENSOR_EFFECTS):  # the built-in ones are compiled by their tests
+                check_compilable(found[path.stem])
+    for effect in found.values():
+        unknown = [name for name in effect.requires if name not in found]
+        if unknown:
+            raise InputProblem(effect.path, f"requires the unknown effect '{unknown[0]}'", f"known: {', '.join(sorted(found))}")
+    return MappingProxyType(dict(sorted(found.items())))
