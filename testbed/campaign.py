@@ -115,14 +115,11 @@ class Campaign:
         return tuple(f"{record.name}: {note}" for record in self.records for note in record.notes)
 
 
-def load_campaign(
-    path: str | Path, folder: str | Path | None = None, highest_frequency: float | None = None
-) -> Campaign:
+def load_campaign(path: str | Path, folder: str | Path | None = None) -> Campaign:
     """Read a manifest and every file it names.
 
-    Files are looked for beside the manifest or in `folder`, there in the manifest's own `folder:`. highest_frequency
-    (Hz): a note is made of records sampled too slowly for it. Raises InputProblem with the line for the manifest, with
-    the place for a data file.
+    Files are looked for beside the manifest or in `folder`, there in the manifest's own `folder:`. Raises InputProblem with
+    the line for the manifest, with the place for a data file.
     """
     path = Path(path)
     document = load(path)
@@ -132,7 +129,7 @@ def load_campaign(
     records: list[Record] = []
     for index, entry in enumerate(manifest.records):
         name = _name(document, index, entry, records)
-        records.append(_record(document, manifest, index, entry, name, base, highest_frequency))
+        records.append(_record(document, manifest, index, entry, name, base))
     return Campaign(manifest.name, tuple(_doubles_noted(records)), path)
 
 
@@ -176,7 +173,6 @@ def _record(
     entry: RecordEntry,
     name: str,
     base: Path,
-    highest_frequency: float | None,
 ) -> Record:
     place = ("records", index)
     shared = {
@@ -216,8 +212,7 @@ def _record(
         conditions=conditions,
     )
     checks.long_enough(file, name, recording, conditions["spindle_speed"] if entry.kind == "cut" else None)
-    extra = checks.rate_notes(recording.sampling_rate, highest_frequency)
-    extra += checks.plausible_notes(recording, conditions, entry.kind)
+    extra = checks.plausible_notes(recording, conditions, entry.kind)
     return Record(name, entry.kind, recording, MappingProxyType(conditions), (*notes, *extra), file, shared["feed"])
 
 

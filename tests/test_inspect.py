@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from campaign_files import TRUE
 from click.testing import CliRunner
 from made_files import write
 from real_data import MANIFESTS, MEASUREMENTS, needs
@@ -152,10 +153,14 @@ def test_a_data_set_that_is_a_folder_of_shards(tmp_path: Path, capsys: pytest.Ca
 
 
 def test_compare_says_what_reading_found_doubtful_and_a_speed_that_the_signal_contradicts(campaign: Path) -> None:
-    said = doubts(load_campaign(campaign).records)
+    said = doubts(load_campaign(campaign).records, TRUE)
     assert any(note.startswith("cut: nominal spindle speed 3900 rpm, found 3810") for note in said)
     assert any(note.startswith("blind: nominal spindle speed 3900 rpm, found 38") and "mend" in note for note in said)
     assert sum(note.startswith("blind: nominal") for note in said) == 1
+    assert not any("sampled" in note for note in said)
+    fast = TRUE.with_values({"natural_frequency": 6000.0})
+    slow = [note for note in doubts(load_campaign(campaign).records, fast) if "sampled" in note]
+    assert slow and all("less than 2.5 times the model's natural frequency 6000 Hz" in note for note in slow)
 
 
 def test_thinning_for_a_picture_keeps_the_extremes_and_the_whole_length() -> None:

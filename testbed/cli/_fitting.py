@@ -70,13 +70,16 @@ def uncalibrated(records: Sequence[Any]) -> list[str]:
             for name, (unit, usual) in found.items()]
 
 
-def doubts(records: Sequence[Any]) -> list[str]:
-    """What reading found doubtful of each record, and cuts without a tachometer whose signal contradicts the stated speed."""
+def doubts(records: Sequence[Any], model: Any) -> list[str]:
+    """What is doubtful of each record: what reading found, sampling too slow for the model, a speed that the signal of a cut
+    without tachometer contradicts."""
     from analysis.record_report import report
+    from testbed.readers.checks import rate_notes
 
     found = []
     for record in records:
         notes = [note for note in record.notes if "uncalibrated" not in note]
+        notes += rate_notes(record.recording.sampling_rate, model.structure.natural_frequency)
         if record.kind == "cut" and not len(record.recording.marks):
             seen = report(record.recording, record.name, "cut", ())
             notes += [f"{note}: mend the campaign if the signal is right" for note in seen.notes if "spindle speed" in note]

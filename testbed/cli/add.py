@@ -48,7 +48,7 @@ def command(name: str, model_file: str, campaign: str, output: str, report: str 
     except ValueError as problem:
         raise InputProblem(campaign, str(problem), "add a record that shows it") from None
     write_model(found.model, output, catalogue)
-    notes = [*uncalibrated(read), *doubts(read)]
+    notes = [*uncalibrated(read), *doubts(read, model)]
     _say(answer, found, notes)
     answer.say(f"written: {output}")
     if folder is not None:

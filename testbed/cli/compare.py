@@ -38,7 +38,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     model, records, read = read_both(campaign, model_file, catalogue)
     with sign_of_life("fitting the believed model to all records", quiet):
         found = compare(plant_of(catalogue), records, model, catalogue)
-    notes = [*uncalibrated(read), *doubts(read)]
+    notes = [*uncalibrated(read), *doubts(read, model)]
     _say(answer, found, notes, model)
     if pictures is not None:
         from analysis.compare_plots import save

@@ -51,7 +51,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     with sign_of_life("fitting the believed model to all records", quiet) as say:
         found = diagnose(plant_of(catalogue), records, model, catalogue, say=say,
                          **({"most": MANY} if until_adequate else {}))
-    notes = [*uncalibrated(read), *doubts(read)]
+    notes = [*uncalibrated(read), *doubts(read, model)]
     for note in notes:
         answer.say(note)
     said = as_json(found, model) | {"notes": notes}

@@ -46,7 +46,7 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
     except (ValueError, ArithmeticError) as problem:
         raise InputProblem(data, str(problem), "add tests with a clear entry transient, or try --method waveform"
                            if multipliers else "check the records with testbed inspect") from None
-    notes = [*([] if multipliers else uncalibrated(records)), *doubts(records)]  # multipliers have no unit
+    notes = [*([] if multipliers else uncalibrated(records)), *doubts(records, model)]  # multipliers have no unit
     for note in notes:
         answer.say(note)
     _say(answer, found)

@@ -247,11 +247,11 @@ def repeated_samples(channels: list[np.ndarray]) -> int:
     return count if count > 3 + 5 * chance * len(same) else 0
 
 
-def rate_notes(rate: float, highest_frequency: float | None) -> list[str]:
-    """A note where the sampling is too slow for the highest frequency (Hz) that the model has."""
-    if highest_frequency is None or rate >= 2.5 * highest_frequency:
+def rate_notes(rate: float, natural_frequency: float) -> list[str]:
+    """A note where the sampling is too slow for a vibration of this frequency (Hz)."""
+    if rate >= 2.5 * natural_frequency:
         return []
-    return [f"sampled at {rate:.6g} Hz, less than 2.5 times the model's highest frequency {highest_frequency:.6g} Hz"]
+    return [f"sampled at {rate:.6g} Hz, less than 2.5 times the model's natural frequency {natural_frequency:.6g} Hz"]
 
 
 def speed_notes(nominal: float | None, found: float | None, source: str) -> list[str]:
