@@ -110,7 +110,7 @@ def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect])
     """Every fitted machine parameter with its 95 % interval.
 
     The interval is that of the linearised fit, widened for residuals that are larger than the noise and correlated, and to
-    hold what other states that explain as much would give, within the bounds of the law. A strength whose direction is unknown
+    hold what other states that explain as much would give, within what is possible. A strength whose direction is unknown
     is at least what it is along the direction found.
     """
     count = sum(rest.size for rest in fit.residuals)
@@ -126,8 +126,7 @@ def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect])
         name, _, parameter = one.path.partition(".")
         if name in adrift and catalogue[name].parameter(parameter).vanishes:
             high = max(high, most)
-        if parameter:
-            low, high = min(max(low, least), value), max(min(high, most), value)
+        low, high = min(max(low, least), value), max(min(high, most), value)
         found[one.path] = Estimate(value, low, high, unit_of(one.path, catalogue))
     return found
 

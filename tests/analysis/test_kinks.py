@@ -75,6 +75,14 @@ def test_a_scale_that_other_values_explain_as_well_has_an_interval_that_holds_th
     assert one.high - one.low > alone.high - alone.low
 
 
+def test_no_interval_reaches_beyond_what_is_possible(rubbing):
+    fitter, fit = rubbing
+    blurred = estimates(fitter, replace(fit, covariance=1e12 * fit.covariance), catalogue())
+    for one in fitter.free:
+        assert one.bounds[0] <= blurred[one.path].low <= blurred[one.path].value <= blurred[one.path].high <= one.bounds[1]
+    assert blurred["natural_frequency"].low > 0.0 and blurred["damping_ratio"].high < 1.0
+
+
 def test_a_start_that_only_a_model_without_friction_needed_is_given_up(rubbing):
     fitter, fit = rubbing
     shaken = [replace(one, displacement=-6e-5, velocity=0.06) for one in fit.state.nuisances]
