@@ -1,7 +1,8 @@
 """The chatter line of a cut: found where it is strong, followed through the record while it drifts.
 
 A line that is no multiple of the spindle, no hum and not the free vibration's own, and yet the strongest of the cut, is the
-cut's self-excited vibration; its frequency moves as the amplitude grows.
+cut's self-excited vibration (at odd multiples of half the tooth-passing frequency where it repeats every other pass); its
+frequency moves as the amplitude grows.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ PERIODS = 100.0  # of the line in a window: long enough to tell it from neighbou
 SEEN = 0.15  # of its largest amplitude: below it a neighbour, hum say, may lead the search astray
 FAR = 10.0  # s, how far from the steady cut a line is followed
 FEWEST = 6  # windows
+SELF_EXCITED = ("other", "half tooth-passing")
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ def chatter_track(
     middle: a time (s) amid the stretch that the lines were found in; start: time of the first sample. None where the
     strongest line is the spindle's, hum or the structure's own, and where it cannot be followed.
     """
-    if not lines or lines[0].kind != "other":
+    if not lines or lines[0].kind not in SELF_EXCITED:
         return None
     line = lines[0].frequency
     window = PERIODS / line

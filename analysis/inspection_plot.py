@@ -25,6 +25,7 @@ _LINE_COLOURS = {
     "hum": "#7f7f7f",
     "spindle": "#9467bd",
     "tooth-passing": "#2ca02c",
+    "half tooth-passing": "#ff7f0e",
     "natural": "#1f77b4",
     "other": "#d62728",
 }

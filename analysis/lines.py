@@ -8,8 +8,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-LineKind = Literal["hum", "spindle", "tooth-passing", "natural", "other"]
+LineKind = Literal["hum", "spindle", "tooth-passing", "half tooth-passing", "natural", "other"]
 _HARMONICS_OF_HUM = 40
+FINE = 0.1  # of the spindle frequency: width of a line up to which half orders are told from what lies between them
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,8 @@ def spectral_lines(
     """The lines of a record, strongest first.
 
     A multiple of 50 or 60 Hz is hum only where the idling (`idle`, samples) has it too or the spindle cannot make it; a
-    line of the idling is never tooth passing. natural_frequencies in Hz, spindle_speed in rad/s.
+    line of the idling is never tooth passing. natural_frequencies in Hz, spindle_speed in rad/s. Odd multiples of half the
+    tooth-passing frequency, of a motion that repeats every other pass, are told where no multiple of the spindle's is as near.
     """
     width = 1.5 * rate / len(values)
     quiet = find_peaks(idle, rate) if idle is not None and len(idle) > 256 else []
@@ -94,20 +96,29 @@ def spectral_lines(
         in_idle = any(
             abs(frequency - other) < max(width, quiet_width) and level > 0.3 * amplitude for other, level in quiet
         )
-        kind, order = "other", 0
-        if turning is not None:
-            order = round(frequency / turning)
-            if order and abs(frequency - order * turning) < width + 1e-3 * frequency:
-                kind = "tooth-passing" if order % flutes == 0 else "spindle"
-                order = order // flutes if kind == "tooth-passing" else order
+        kind, order = _of_the_spindle(frequency, turning, flutes, width)
         if mains and _on_comb(frequency, mains, max(width, 0.1)) and (kind == "other" or in_idle):
             kind, order = "hum", round(frequency / mains)
-        elif kind == "other":
-            order = 0
-            if any(abs(frequency - natural) < max(width, 0.02 * natural) for natural in natural_frequencies):
-                kind = "natural"
-        lines.append(SpectralLine(frequency, amplitude, kind, order))  # type: ignore[arg-type]
+        elif kind == "other" and any(abs(frequency - one) < max(width, 0.02 * one) for one in natural_frequencies):
+            kind = "natural"
+        lines.append(SpectralLine(frequency, amplitude, kind, order))
     return tuple(lines)
+
+
+def _of_the_spindle(frequency: float, turning: float | None, flutes: int, width: float) -> tuple[LineKind, int]:
+    """What a line is to a spindle that turns at `turning` (Hz), and its order; ("other", 0) where it is nothing to it."""
+    if turning is None:
+        return "other", 0
+
+    def order_of(base: float) -> int:
+        order = round(frequency / base)
+        return order if abs(frequency - order * base) < width + 1e-3 * frequency else 0
+
+    order = order_of(turning)
+    if order:
+        return ("spindle", order) if order % flutes else ("tooth-passing", order // flutes)
+    halves = order_of(0.5 * flutes * turning) if width < FINE * turning else 0
+    return ("half tooth-passing", halves) if halves % 2 else ("other", 0)
 
 
 def _on_comb(frequency: float, base: float, width: float) -> bool:

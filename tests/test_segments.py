@@ -133,6 +133,20 @@ def test_hum_tooth_passing_and_natural_lines_are_told_apart() -> None:
     assert ring[0].kind == "natural" and abs(ring[0].frequency - FREQUENCY) < 0.2
 
 
+@pytest.mark.parametrize(("rpm", "depth", "kind"), [(3635.0, 2.0e-3, "half tooth-passing"), (3050.0, 2.7e-3, "other")])
+def test_chatter_that_repeats_every_other_pass_is_told_from_chatter_of_its_own_frequency(rpm, depth, kind) -> None:
+    recording, truth = milling_record(rpm=rpm, depth=depth, cut=100)
+    last = slice(round((120 * truth.period - 40 * truth.period) * 12800), round(120 * truth.period * 12800))
+    values = recording.channels["displacement"][last]
+    lines = spectral_lines(values, 12800.0, spindle_speed=2 * np.pi / truth.period)
+    strange = [line for line in lines if line.kind not in ("tooth-passing", "spindle")]
+    assert [line.kind for line in strange[:2]] == [kind, kind]
+    halves = [line for line in lines if line.kind == "half tooth-passing"]
+    assert all(line.order % 2 and abs(line.frequency * truth.period - line.order / 2) < 0.05 for line in halves)
+    turned = spectral_lines(values, 12800.0, spindle_speed=np.pi / truth.period, flutes=2)  # of two teeth it may be runout
+    assert not any(line.kind == "half tooth-passing" for line in turned)
+
+
 def test_the_speed_is_found_from_the_spectrum_alone() -> None:
     recording, truth = milling_record(noise=1e-6)
     part = next(part for part in find_segments(recording) if part.kind == "steady")

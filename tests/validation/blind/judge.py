@@ -23,10 +23,9 @@ from typing import Any
 
 from analysis.compare import estimates
 from analysis.diagnose import diagnose
-from analysis.effect_start import all_free
 from analysis.held_out import held_out_errors, pooled
+from analysis.model_fit import model_fit
 from analysis.observed import observe
-from analysis.starts import base_fit
 from testbed.catalogue import catalogue
 from testbed.engines import predict
 from tests.validation.blind.draw import draw
@@ -78,7 +77,7 @@ def _diagnosed(truth: Any, records: Any, known: Any) -> dict[str, Any]:
 def _left_by(name: str, truth: Any, observed: Any, known: Any) -> float:
     """Error over noise floor of the fit that begins at the truth without the other effect: is that one visible at all?"""
     model = truth.believed.with_effect(name, **truth.effects[name])
-    error, noise = pooled(held_out_errors(*base_fit(PLANT, observed, model, free=all_free(observed, model, known))))
+    error, noise = pooled(held_out_errors(*model_fit(PLANT, observed, model, known)))
     return error / noise
 
 
