@@ -17,6 +17,7 @@ from analysis.fit_state import State
 from analysis.force_choice import Choice, Chooser, Subset, choose, coefficients, waveform
 from analysis.force_ranking import Ranked, rank
 from analysis.force_regression import products, windows_of
+from analysis.held_out import holds_out
 from analysis.latent_force import MissingForce, missing_force, with_force
 from analysis.observed import Observed
 from analysis.prediction import Plant
@@ -60,6 +61,11 @@ class Explanation:
     def out_of_cut(self) -> tuple[Ranked, ...]:
         """What the missing force depends on out of the cut: variables ranked."""
         return rank(self.maps["out_of_cut"])
+
+    @property
+    def held_out(self) -> bool:
+        """Whether there was more than one operating condition, and `share` is of those held out; else of the regression."""
+        return holds_out(self.missing.observed)
 
     @property
     def sentence(self) -> str:
@@ -222,20 +228,21 @@ def _with_value(term: ForceTerm, value: float) -> str:
     return f"{sign:.3g} {law}".rstrip()
 
 
-def _leading(ranked: Sequence[Ranked]) -> str:
+def _leading(ranked: Sequence[Ranked], where: str) -> str:
     single = next((one for one in ranked if len(one.variables) == 1), None)
     best = ranked[0] if ranked else None
     if best is None or best.share < CLEAR:
         return "with nothing that was measured"
     if single is not None and single.share > best.share - 0.05:
         best = single
-    return f"with {' and '.join(best.variables)} ({best.share:.0%} of its variance on held-out conditions)"
+    return f"with {' and '.join(best.variables)} ({best.share:.0%} of its variance on {where})"
 
 
 def _sentence(found: Explanation) -> str:
     formula, only_named = found.formula, found.named_only
+    where = "held-out conditions" if found.held_out else "held-out stretches"
     depends = "; ".join(
-        f"{place} the missing force goes {_leading(ranked)}"
+        f"{place} the missing force goes {_leading(ranked, where)}"
         for place, ranked in (("in the cut", found.in_cut), ("out of the cut", found.out_of_cut))
         if ranked
     )
@@ -249,7 +256,8 @@ def _sentence(found: Explanation) -> str:
     wave = all(one.term.name.split("_")[0] in ("cos", "sin", "edge") for one in formula) and len(formula) > 2
     kind = "is described by a waveform of the tooth angle only" if wave else "is described by"
     good = "" if found.share >= EXPLAINED else ", which is only part of it"
-    law = f"{formula_text(formula)} ({min(found.share, 1.0):.0%} of the misfit on held-out conditions{good})"
+    where = "on held-out conditions" if found.held_out else "in the regression itself"
+    law = f"{formula_text(formula)} ({min(found.share, 1.0):.0%} of the misfit {where}{good})"
     return f"The missing force {kind}: {law}. {depends}."
 
 
@@ -257,7 +265,8 @@ def write_effect(explanation: Explanation, folder: str | Path, name: str) -> Pat
     """Write the formula as an effect file NAME.py into a folder. ValueError where no formula was found."""
     if not explanation.formula:
         raise ValueError("no formula was found: there is nothing to write")
-    return write_proposal(explanation.formula, folder, name, share=explanation.share, story=explanation.sentence)
+    return write_proposal(explanation.formula, folder, name, share=explanation.share, story=explanation.sentence,
+                          held_out=explanation.held_out)  # fmt: skip
 
 
 def as_json(explanation: Explanation) -> dict[str, Any]:

@@ -67,8 +67,8 @@ Source: sparse regression on the force that the model lacked; no textbook stands
 regression alone; `testbed add` refits everything and gives the ones to quote.
 {found}
 
-Valid: within the amplitudes, speeds, depths and feeds it was found on; there it explained {share:.0%} of the misfit on
-operating conditions held out of the regression.
+Valid: within the amplitudes, speeds, depths and feeds it was found on; there it explained {share:.0%} of the misfit
+{where}.
 
 Start of a fit: the values found, which are the examples below.
 """
@@ -118,10 +118,12 @@ def free_name(folder: str | Path, name: str = "proposal") -> str:
     return chosen
 
 
-def effect_text(name: str, coefficients: Sequence[Coefficient], share: float, story: str, *, switched: bool = False) -> str:
+def effect_text(name: str, coefficients: Sequence[Coefficient], share: float, story: str, *, held_out: bool = True,
+                switched: bool = False) -> str:  # fmt: skip
     """The text of an effect file for a formula. ValueError where there is nothing to write.
 
-    switched: every term is passed over while its coefficient is zero, for a law of many terms of which few are in use.
+    share: of the misfit that it explains, on operating conditions held out of the regression where `held_out`. switched:
+    every term is passed over while its coefficient is zero, for a law of many terms of which few are in use.
     """
     if not coefficients:
         raise ValueError("a formula without terms is no effect")
@@ -142,6 +144,7 @@ def effect_text(name: str, coefficients: Sequence[Coefficient], share: float, st
         story=textwrap.fill(story.replace('"', "'").replace("\\", "/"), 118),
         share=min(max(share, 0.0), 1.0),
         found=values,
+        where="on operating conditions held out of the regression" if held_out else "in the regression itself",
     )
     functions = [_function(hook, [one.term for one in coefficients if one.term.hook == hook], switched) for hook in laws]
     uses_math = "import math\n\n" if any("math." in text for text in functions) else ""
@@ -203,11 +206,15 @@ def _function(hook: str, terms: Sequence[ForceTerm], switched: bool) -> str:
     return "\n".join([*lines, ""])
 
 
-def write_proposal(coefficients: Sequence[Coefficient], folder: str | Path, name: str, *, share: float, story: str) -> Path:
-    """Write NAME.py into a folder (made where there is none) and return its path; InputProblem where that cannot be."""
+def write_proposal(coefficients: Sequence[Coefficient], folder: str | Path, name: str, *, share: float, story: str,
+                   held_out: bool = True) -> Path:  # fmt: skip
+    """Write NAME.py (see `effect_text`) into a folder (made where there is none) and return its path.
+
+    InputProblem where that cannot be.
+    """
     place = Path(folder)
     path = checked_name(place, name)
-    text = effect_text(name, coefficients, share, story)
+    text = effect_text(name, coefficients, share, story, held_out=held_out)
     try:
         place.mkdir(parents=True, exist_ok=True)
     except OSError as problem:

@@ -75,6 +75,17 @@ def test_where_nothing_hides_nothing_is_proposed(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_with_one_condition_nothing_is_said_to_be_held_out(tmp_path):
+    many = explain(decays(lambda x, v: -4e20 * x**5))
+    alike = [replace(one, condition=("ring-down", "tap")) for one in many.missing.observed]
+    single = replace(many, missing=replace(many.missing, observed=alike))
+    assert many.held_out and "of the misfit on held-out conditions" in many.sentence
+    assert not single.held_out and "of the misfit in the regression itself" in single.sentence
+    assert "held-out conditions" not in single.sentence
+    assert "operating conditions held out" in write_effect(many, tmp_path, "many").read_text()
+    assert "held out" not in write_effect(single, tmp_path, "single").read_text()
+
+
 def test_a_law_of_the_chip_is_read_off_cuts_and_written(tmp_path):
     law = 2.0e12
     made = [
