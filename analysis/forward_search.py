@@ -25,6 +25,8 @@ from testbed.effect import Effect
 from testbed.machine import Model
 
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
+FAINT = 5e-3  # share of it below which what the found effects leave may be the form of their laws, not another effect,
+TAKEN = 0.6  # unless that takes away this share of what is left
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
 COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
 ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
@@ -123,16 +125,18 @@ def against(one: Candidate, reference: Candidate) -> Candidate:
     return replace(one, delta_bic=bic(reference.fit, size) - bic(one.fit, size))
 
 
-def _passes(candidate: Candidate, current: Candidate, base: Candidate, noise: float) -> bool:
+def worth_naming(candidate: Candidate, current: Candidate, base: Candidate, noise: float) -> bool:
     """Whether an effect is worth naming: by BIC, by what it takes of the present excess, and by its share of the whole one.
 
     The last, so that where something unknown remains, no effect is named for nibbling at it; what completes the model passes.
+    Of the faint rest of a strong effect it must take away most: no law is the machine's own to the last per cent.
     """
     before, after = excess(current.error_held_out, noise), excess(candidate.error_held_out, noise)
     gained = before - after
     whole = excess(min(base.error_held_out, base.error_fit), noise)  # extrapolated, a wrong law may look worse than it is
     material = gained > MATERIAL * whole or candidate.error_held_out <= FINAL * noise
-    return candidate.delta_bic > DELTA_BIC and gained > max(GAIN * before, 1e-3 * noise**2) and material
+    share = TAKEN if current.effects and before < FAINT * whole else GAIN
+    return candidate.delta_bic > DELTA_BIC and gained > max(share * before, 1e-3 * noise**2) and material
 
 
 def _tied(first: Candidate, other: Candidate, current: Candidate, noise: float) -> bool:
@@ -181,7 +185,7 @@ def forward(
             if current.error_where_known <= ADEQUATE * noise:
                 break
         seen += map(_told, last)
-        passing = [one for one in last if one.fit is not None and _passes(one, current, base, noise)]
+        passing = [one for one in last if one.fit is not None and worth_naming(one, current, base, noise)]
         if not passing:
             break
         first = passing[0]

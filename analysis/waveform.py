@@ -23,6 +23,7 @@ from testbed.machine import Model
 WORKERS = 2  # threads over a campaign's records; each record is computed alone, so that their number changes no digit
 SLOWEST = 0.8  # of the nominal speed, that a record without marks may turn out to have had
 FAINTEST = 1e-3  # slope by an unknown, in units of the noise over a natural step, below which it is as good as none
+ROUNDED = 1e-12  # share of an unknown's squared slopes below which what the records' own unknowns leave is rounding
 COLLINEAR = 1e-10  # eigenvalue of the unknowns' correlations below which a combination of them is as good as unknown
 ANGLE_STEP = 0.1  # rad: a natural step of the mark angle
 BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
@@ -227,12 +228,12 @@ class Fitter:
 
         What the records do not tell, alone or only together (the offset and angle of a runout of two teeth), has a large one.
         """
-        shared = len(self.names)
-        normal = np.zeros((shared, shared))
+        normal, whole = np.zeros((len(self.names), len(self.names))), np.zeros(len(self.names))
         for part in parts:
             own, cross = part.own.T @ part.own, part.own.T @ part.shared
+            whole += np.einsum("ij,ij->j", part.shared, part.shared)
             normal += part.shared.T @ part.shared - (cross.T @ np.linalg.pinv(own) @ cross if len(own) else 0.0)
-        size = np.maximum(np.sqrt(np.diag(normal)), FAINTEST)
+        size = np.sqrt(np.maximum(np.diag(normal), np.maximum(FAINTEST**2, ROUNDED * whole)))
         values, vectors = np.linalg.eigh(normal / np.outer(size, size))
         inverse = (vectors / np.maximum(values, COLLINEAR)) @ vectors.T
         return variance * inverse * np.outer(self.steps / size, self.steps / size)

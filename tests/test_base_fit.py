@@ -1,10 +1,14 @@
 """The believed model refitted to campaigns whose entries, exits, angles and speeds nobody tells."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from analysis.fit_state import Linearised
 from analysis.observed import observe
 from analysis.starts import base_fit
+from analysis.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.validation.blind.draw import draw
@@ -57,3 +61,19 @@ def test_marks_of_an_uneven_spindle_carry_the_prediction(monkeypatch):
     assert all(record.marks is not None for record in observed)
     assert max(rms) < 1.04, rms
     assert fit.state.model.cutting.tangential_coefficient == pytest.approx(truth.model.cutting.tangential_coefficient, rel=0.02)
+
+
+def test_an_unknown_that_a_records_own_make_up_for_has_a_large_variance_and_no_nan():
+    """Rounding may leave less than nothing of its slopes, once what the record's own unknowns explain is taken away."""
+    random = np.random.default_rng(0)
+    alone = SimpleNamespace(names=("copied", "seen"), steps=np.ones(2))
+    negative = 0
+    for _ in range(40):
+        own = 1e9 * random.standard_normal((300, 2))
+        shared = np.stack([own @ random.standard_normal(2), random.standard_normal(300)], axis=1)
+        part = Linearised(np.zeros(300), shared, own)
+        cross = own.T @ shared
+        negative += (shared.T @ shared - cross.T @ np.linalg.pinv(own.T @ own) @ cross)[0, 0] < 0.0
+        variance = np.diag(Fitter.covariance(alone, [part]))
+        assert np.isfinite(variance).all() and variance[1] == pytest.approx(1 / 300, rel=0.3)
+    assert negative > 3

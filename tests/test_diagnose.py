@@ -13,6 +13,7 @@ from analysis.candidate_round import candidate_of
 from analysis.diagnose import diagnose
 from analysis.diagnosis import Candidate, as_json, verdict_of
 from analysis.effect_start import all_free
+from analysis.forward_search import worth_naming
 from analysis.held_out import pooled
 from analysis.observed import observe
 from analysis.starts import base_fit
@@ -77,3 +78,14 @@ def test_three_effects_are_missing_only_where_they_leave_nothing(names, left, ve
     base, best = (Candidate(effects, {}, error, error, 0.0, True) for effects, error in (((), 3.0), (names, left)))
     found = verdict_of(base, best, [base, best], (), 1.0, ())
     assert found.verdict == verdict and found.effects == names
+
+
+@pytest.mark.parametrize(("before", "first", "second", "worth"), [
+    (9.0, 1.04, 1.025, False),  # the form of a strong law is not the same everywhere: another one may make up for a part,
+    (9.0, 1.04, 1.005, True),  # but takes away what is left where it is the one that is missing
+    (1.5, 1.04, 1.025, True),  # of a weak first effect, the rest is no matter of its form
+])
+def test_of_the_faint_rest_of_a_strong_effect_another_must_take_most(before, first, second, worth):
+    base, current, other = (Candidate(effects, {}, error, error, 75.0, True)
+                            for effects, error in (((), before), (("edge_force",), first), (("edge_force", "helix"), second)))
+    assert worth_naming(other, current, base, 1.0) is worth

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -158,6 +159,8 @@ def test_compare_says_what_reading_found_doubtful_and_a_speed_that_the_signal_co
     assert any(note.startswith("blind: nominal spindle speed 3900 rpm, found 38") and "mend" in note for note in said)
     assert sum(note.startswith("blind: nominal") for note in said) == 1
     assert not any("sampled" in note for note in said)
+    tap = replace(load_campaign(campaign).records[0], kind="ring-down", notes=("tachometer: 3 gaps", "lone spikes"))
+    assert doubts([tap], TRUE) == ["cut: lone spikes"]  # its spindle may stand still
     fast = TRUE.with_values({"natural_frequency": 6000.0})
     slow = [note for note in doubts(load_campaign(campaign).records, fast) if "sampled" in note]
     assert slow and all("less than 2.5 times the model's natural frequency 6000 Hz" in note for note in slow)

@@ -232,6 +232,17 @@ def test_lost_marks_are_said_and_do_not_bias_the_speed() -> None:
     assert tachometer.speed(found) == pytest.approx(2 * np.pi / 0.015, rel=1e-4)
 
 
+def test_a_spindle_at_rest_has_no_marks() -> None:
+    random = np.random.default_rng(5)
+    found, notes = tachometer.marks(0.1 + 0.03 * random.standard_normal(20000), 12800.0)
+    assert len(found) == 0 and len(notes) == 1 and "no regular pulses" in notes[0]
+    slowing = np.cumsum(np.geomspace(0.01, 0.04, 60))  # a speed that falls to a quarter has marks
+    pulse = np.zeros(20000)
+    for mark in slowing:
+        pulse[round(mark * 12800) : round(mark * 12800) + 20] = 5.0
+    assert len(tachometer.marks(pulse, 12800.0)[0]) == 60
+
+
 def test_several_pulses_a_revolution_give_one_mark_each() -> None:
     pulse = (np.arange(12800) % 100 < 20).astype(float)
     found, _ = tachometer.marks(pulse, 12800.0, pulses_per_revolution=4)

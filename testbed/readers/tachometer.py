@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+IRREGULAR = 0.3  # share of neighbouring periods that differ by half, above which the edges are no pulses of a spindle
+
 
 def edges(values: np.ndarray, rate: float, start: float = 0.0, *, rising: bool = True) -> np.ndarray:
     """Times (s) at which a pulse signal passes half its swing, by linear interpolation between two samples.
@@ -42,6 +44,12 @@ def _unclear(signal: np.ndarray, low: float, high: float) -> bool:
     return float(signal.max() - signal.min()) > 3 * (high - low)
 
 
+def _irregular(periods: np.ndarray) -> bool:
+    """Whether neighbouring periods differ as those of mere noise do (of a spindle that stands still), and not now and then."""
+    ratio = periods[1:] / periods[:-1]
+    return len(ratio) >= 8 and float(np.mean((ratio > 1.5) | (ratio < 1 / 1.5))) > IRREGULAR
+
+
 def marks(
     values: np.ndarray, rate: float, start: float = 0.0, *, rising: bool = True, pulses_per_revolution: int = 1
 ) -> tuple[np.ndarray, list[str]]:
@@ -51,6 +59,8 @@ def marks(
         return found, [f"tachometer: {len(found)} marks only, so that it gives no speed"]
     notes = []
     periods = np.diff(found)
+    if _irregular(periods):
+        return np.empty(0), ["tachometer: no regular pulses (spindle at rest, noise, uneven marks), so that it gives no speed"]
     usual = float(np.median(periods))
     lost, extra = int((periods > 1.5 * usual).sum()), int((periods < 0.6 * usual).sum())
     if lost or extra:
