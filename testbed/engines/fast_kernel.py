@@ -202,7 +202,7 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, mean_t
 
 @inner
 def enter_cut(A, P, G, I, Y, W, S):
-    """The first tooth enters: the feed starts, and the surface is what rigid teeth would have left one pitch earlier."""
+    """The first tooth enters: the feed starts, and the surface is what rigid teeth would have left before."""
     G[T_ENTRY] = Y[2]
     for row in range(S.shape[0]):
         phase = row_phase(G, I, row)

@@ -87,15 +87,20 @@ def leave_surface(A, P, G, Y, phase, pass_number, teeth, old, new):
 
 @inner
 def first_surface(A, P, G, Y, phase, teeth, time, new):
-    """Surface before the first tooth: what rigid teeth would have left one pitch earlier. Y is scratch."""
-    Y[0] = 0.0
-    Y[1] = 0.0
-    Y[2] = time - G[PITCH] / G[OMEGA]
-    for place in range(3, Y.shape[0]):
+    """Surface before the first tooth: what rigid teeth would have left on the pitches before. Y is scratch.
+
+    Where contact can be lost, one of unequal teeth may fly over what others before it have cut: two turns settle that.
+    """
+    for place in range(Y.shape[0]):
         Y[place] = 0.0
-    for edge in range(teeth * int(G[SLICES])):
-        cover, turned = piece_of_edge(G, phase, edge)
-        new[edge] = edge_radius(A, P, G, Y, G[ENTRY] + turned, edge, -1)
+    for back in range(2 * int(G[FLUTES]), 0, -1):
+        Y[2] = time - back * G[PITCH] / G[OMEGA]
+        for edge in range(teeth * int(G[SLICES])):
+            cover, turned = piece_of_edge(G, phase, edge)
+            radial = edge_radius(A, P, G, Y, G[ENTRY] + turned, edge, -back)
+            penetration = radial - new[edge]
+            chip = penetration if back == 2 * int(G[FLUTES]) else hook_chip(A, P, penetration)
+            new[edge] = radial if chip == penetration else new[edge] + chip
 
 
 @inlined
