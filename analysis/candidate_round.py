@@ -6,6 +6,7 @@ explain everything and no first step led to much, all are tried once more from f
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -31,6 +32,7 @@ HELPS = 0.95  # share of the cost that a candidate may leave for its scales to b
 # Error over noise floor below which a leader that leaves only noise may still be the wrong one: what a helix does grows with
 # the square of its angle, so that its own first step leads nowhere, and what is left of a faint effect passes for noise.
 FAINT = 1.3
+CERTAIN = 100.0  # gain in BIC from which an effect is there although the error is that of the noise: no chance gives that
 MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far
 
 
@@ -105,6 +107,20 @@ def try_candidates(
         found.append(fitted)
         complete += int(complete > 0 or fitted.error_held_out <= ADEQUATE * noise)
     return sorted(found, key=lambda candidate: candidate.error_held_out)
+
+
+def certain_candidates(
+    current: Candidate,
+    catalogue: Mapping[str, Effect],
+    origins: Sequence[Origin],
+    say: Callable[[str], None],
+) -> list[Candidate]:
+    """Candidates for a model that leaves but noise: those that many samples make certain all the same, most gain first."""
+    assert current.fit is not None
+    share = math.exp(-HOPE * CERTAIN / effective_size(current.fit))
+    hopeful = [one for one in _first_steps(current, catalogue, origins, say) if one.cost < share * current.fit.cost]
+    found = [_refitted(current, one, catalogue, say) for one in hopeful[:LEADERS]]
+    return sorted((one for one in found if one.delta_bic > CERTAIN), key=lambda one: -one.delta_bic)
 
 
 def with_effect(

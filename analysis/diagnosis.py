@@ -95,7 +95,7 @@ def verdict_of(
         )
 
     ratio = base.error_where_known / noise
-    if ratio <= ADEQUATE:
+    if ratio <= ADEQUATE and not best.effects:
         return answer(
             "adequate",
             (),
@@ -122,6 +122,8 @@ def verdict_of(
         rest = f" A further effect is one of {', '.join(tied)}, which these records cannot tell apart." if tied else ""
         if left > COMPLETE and not tied:
             rest = f" Something more remains: the error is still {left:.2f} times the noise floor."
+        elif ratio <= ADEQUATE:
+            rest += f" It is faint (a gain in BIC of {best.delta_bic:.0f} all the same: chance gives less than 10)."
         elif left <= COMPLETE and best.error_held_out > COMPLETE * noise:
             rest += " What one condition alone shows is explained in the fit; the others cannot foretell it."
         return answer(

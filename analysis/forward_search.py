@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.begun_anew import begun_anew
-from analysis.candidate_round import GAIN, candidate_of, try_candidates
+from analysis.candidate_round import GAIN, candidate_of, certain_candidates, try_candidates
 from analysis.diagnosis import ADEQUATE, Candidate, excess
 from analysis.effect_start import ANCHOR, origins_of
 from analysis.fine_steps import has_kinks
@@ -150,6 +150,20 @@ def _tied(first: Candidate, other: Candidate, current: Candidate, noise: float) 
     return apart < DELTA_BIC or (lost < 0.02 * gained and apart < 3 * DELTA_BIC)
 
 
+def _faint(base: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None]) -> Path:
+    """The search from a base model that leaves but noise: an effect that is certain and takes most of the rest, or none."""
+    assert base.fit is not None and base.fitter is not None
+    origins = origins_of(base.fitter.plant, model, base.fitter, base.fit, anchored=False)
+    found = certain_candidates(base, catalogue, origins, say)
+    left = (1.0 - TAKEN) * excess(base.error_held_out, noise)
+    passing = [one for one in found if excess(one.error_held_out, noise) <= left and one.error_held_out < base.error_held_out]
+    if not passing:
+        return Path((base,), tuple(map(_told, found)), ())
+    first, *others = passing
+    tied = tuple(one.effects[-1] for one in others if _tied(first, one, base, noise))
+    return Path((base, settled(first, catalogue)), tuple(map(_told, found)), (first.effects[-1], *tied) if tied else ())
+
+
 def _told(one: Candidate) -> Candidate:
     """A candidate as it is told: without the slopes of its fit, which fill much memory and serve its round alone."""
     return one if one.fit is None else replace(one, fit=replace(one.fit, parts=()))
@@ -165,6 +179,8 @@ def forward(
     """Rounds of candidates from the last of the steps `begun` (the first: the base model), until there are `most` effects."""
     base, current, steps = begun[0], begun[-1], list(begun)
     noise = pooled(base.errors)[1]
+    if not current.effects and current.error_where_known <= ADEQUATE * noise:
+        return _faint(base, model, catalogue, noise, say)
     seen: list[Candidate] = []
     tied: tuple[str, ...] = ()
     complete: Candidate | None = None
