@@ -19,6 +19,7 @@ from analysis.identify import Estimate
 from analysis.model_fit import model_fit
 from analysis.observed import Observed
 from analysis.prediction import Plant
+from analysis.spindle_speed import at_modelled_speed
 from analysis.starts import polish
 from analysis.unheard import SOUND, agreed, misfit
 from analysis.waveform import Fitter
@@ -66,6 +67,7 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     """
     if not applicable(effect, records):
         raise ValueError(f"no record can show {effect.name}: it acts in the cut, and nothing is cut")
+    records = at_modelled_speed(records, [*model.effects, effect.name], {**catalogue, effect.name: effect})
     say("fitting the model as it is")
     fitter, fit = model_fit(plant, records, model, catalogue)
     bare = candidate_of(fitter, fit, (), None, 1.0)

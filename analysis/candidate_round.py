@@ -18,6 +18,7 @@ from analysis.entry_passes import entries_together
 from analysis.fit_state import State, WaveformFit
 from analysis.held_out import held_out_errors, pooled, record_error
 from analysis.information import bic, effective_size
+from analysis.parts_of_passes import with_parts_of_passes
 from analysis.pass_count import recounted
 from analysis.scale_hops import hopped
 from analysis.starts import polish, rested
@@ -118,7 +119,12 @@ def certain_candidates(
     """Candidates for a model that leaves but noise: those that many samples make certain all the same, most gain first."""
     assert current.fit is not None
     share = math.exp(-HOPE * CERTAIN / effective_size(current.fit))
-    hopeful = [one for one in _first_steps(current, catalogue, origins, say) if one.cost < share * current.fit.cost]
+    entries = _first_steps(current, catalogue, origins, say)
+    if entries and entries[0].cost < share * current.fit.cost:  # first steps may lead nowhere, see FAINT
+        sudden = [one for one in entries if "engagement" not in catalogue[one.name].hooks]
+        stuck = [one for one in sudden if one.cost >= share * current.fit.cost]
+        _try_from_far(current, stuck, catalogue, origins, say)
+    hopeful = sorted((one for one in entries if one.cost < share * current.fit.cost), key=lambda one: one.cost)
     found = [_refitted(current, one, catalogue, say) for one in hopeful[:LEADERS]]
     return sorted((one for one in found if one.delta_bic > CERTAIN), key=lambda one: -one.delta_bic)
 
@@ -218,6 +224,8 @@ def _refitted(
         fit = rested(entry.fitter, fit, rounds=3, iterations=iterations)
     effects = (*current.effects, entry.name)
     fit = recounted(entry.fitter, entries_together(entry.fitter, fit))
+    if fit.cost < HELPS * current.fit.cost:
+        fit = with_parts_of_passes(entry.fitter, fit)
     found = _candidate(current, entry.fitter, fit, effects)
     if fit.cost < HELPS * current.fit.cost:
         deeper = hopped(entry.fitter, [catalogue[name] for name in effects], fit)

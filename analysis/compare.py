@@ -25,6 +25,7 @@ from analysis.observed import Observed
 from analysis.prediction import Plant, predict
 from analysis.segments import Segment
 from analysis.spindle_clock import turns_of
+from analysis.spindle_speed import at_modelled_speed
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import BASE_UNITS, Model
@@ -138,6 +139,7 @@ def mark_angle(fit: WaveformFit, pitch: float) -> float:
 
 def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> Comparison:
     """Refit the model to all records with every nuisance and say where, and by how much, it fails."""
+    records = at_modelled_speed(records, model.effects, catalogue)
     fitter, fit = model_fit(plant, records, model, catalogue)
     errors, held_out = held_out_errors(fitter, fit), holds_out(records)
     rows, tests = [], []
@@ -194,7 +196,8 @@ def _nuisances(plant: Plant, record: Observed, model: Model, angle: float, own: 
         return found
     speed = 2 * math.pi / record.period * own.speed
     end = record.start + record.samples / record.rate
-    entry, leave = (record.pass_start(place, angle, own) for place in (own.entry, own.exit))
+    places = own.entry + own.late_entry, own.exit - own.early_exit
+    entry, leave = (record.pass_start(place, angle, own) for place in places)
     return found | {"spindle_speed": speed, "speed_error": speed / record.cut.spindle_speed - 1.0,
                     "constant_speed": record.marks is None, "tooth_angle": own.angle,
                     "entry_time": None if record.starts_in_cut else entry, "exit_time": leave if leave < end else None}

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from analysis.candidate_round import candidate_of
-from analysis.diagnosis import Candidate, Diagnosis, excess, verdict_of
+from analysis.diagnosis import COMPLETE, Candidate, Diagnosis, excess, verdict_of
 from analysis.forward_search import by_noise, forward
 from analysis.held_out import pooled
 from analysis.model_fit import model_fit
@@ -21,6 +21,7 @@ from analysis.nuisances import Nuisances
 from analysis.observed import Observed
 from analysis.prediction import Plant
 from analysis.second_look import looked_again
+from analysis.spindle_speed import at_modelled_speed, rules_the_speed, speed_swing
 from analysis.unheard import agreed
 from analysis.waveform import Fitter
 from testbed.effect import Effect
@@ -44,7 +45,25 @@ def diagnose(
     """Name what the model lacks, `most` effects at the most. Deterministic: no random numbers are drawn.
 
     Long excited records are searched in their loudest part; the errors that are told are those of the whole records.
+    Where marks show that the speed varies, that is an effect which a model at a constant speed lacks, if the catalogue has it;
+    else what the marks show is no fault of the model's, and it is searched at the speed measured.
     """
+    records = at_modelled_speed(records, model.effects, catalogue)
+    swing = speed_swing(records)
+    if not swing:
+        return _diagnosed(plant, records, model, catalogue, most, say)
+    constant = _diagnosed(plant, [record.at_constant_speed() for record in records], model, catalogue, most, say)
+    named = constant.verdict == "missing_effect" and rules_the_speed(constant.effects, catalogue)
+    if named and constant.best.error_where_known <= COMPLETE * constant.noise_floor:
+        return replace(constant, sentence=f"{constant.sentence} The tachometer, too, shows a speed that varies by {swing:.2%}.")
+    say("once more, at the speed that the tachometer shows")
+    found = _diagnosed(plant, records, model, catalogue, most, say)
+    return replace(found, sentence=f"{found.sentence} The speed, which varies by {swing:.2%}, is the tachometer's.")
+
+
+def _diagnosed(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], most: int,
+               say: Callable[[str], None]) -> Diagnosis:  # fmt: skip
+    """The diagnosis of records as they are."""
     parts = [record.loudest(LONG) for record in records]
     if all(part is record for part, record in zip(parts, records, strict=True)):
         found = _search(plant, records, model, catalogue, most, say)

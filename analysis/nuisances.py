@@ -13,7 +13,8 @@ class Nuisances:
     """What belongs to one record: state at the simulated start (m, m/s), entry and exit pass, relative speed, tooth angle.
 
     entry: index of the pass that cuts first, counted from the anchor (see Observed.pass_start).
-    exit: index of the first pass that cuts no more. angle (rad): a record's own share of the tooth angle.
+    exit: index of the first pass that cuts no more. late_entry, early_exit: shares of the first and the last pass that are not
+    cut. angle (rad): a record's own share of the tooth angle.
     shifts: (path, shift) of the effects' parameters that every record has for itself, added to the model's value.
     """
 
@@ -24,6 +25,8 @@ class Nuisances:
     speed: float = 1.0
     angle: float = 0.0
     shifts: tuple[tuple[str, float], ...] = ()
+    late_entry: float = 0.0
+    early_exit: float = 0.0
 
     def shifted(self, model: Model) -> Model:
         """The model with this record's own values of its effects' parameters."""

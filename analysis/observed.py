@@ -19,7 +19,7 @@ from analysis.free_decay import spectral_peak
 from analysis.noise import noise_floor, rounding
 from analysis.nuisances import Nuisances
 from analysis.segments import Segment, find_segments
-from analysis.spindle_clock import clock_error, clock_of, digital, smoothed, turns_of
+from analysis.spindle_clock import along_marks, clock_error, clock_of, digital, smoothed
 from testbed.cut import Cut, Sampling
 from testbed.machine import Cutter, Model
 
@@ -116,8 +116,8 @@ class Observed:
         """
         return (math.floor((self.start - self.anchor) / self.period) - 2) * self.flutes
 
-    def pass_start(self, index: int, angle: float, nuisances: Nuisances) -> float:
-        """Time (s) of the start of a pass; index 0 belongs to the anchor."""
+    def pass_start(self, index: float, angle: float, nuisances: Nuisances) -> float:
+        """Time (s) of the start of a pass, or of a place within one; index 0 belongs to the anchor."""
         turns = (angle + nuisances.angle) / (2 * math.pi) + index / self.flutes
         return self.anchor + turns * self.period / nuisances.speed
 
@@ -125,6 +125,10 @@ class Observed:
         """Index of the last pass that begins within the record."""
         past = self.start + self.samples / self.rate - self.pass_start(0, angle, nuisances)
         return math.floor(past * nuisances.speed / self.period * self.flutes)
+
+    def at_constant_speed(self) -> Observed:
+        """The record without what unsteady marks say of its course; itself where the speed is constant."""
+        return self if self.marks is None else replace(self, marks=None, first_mark=None, clock_error=None)
 
     def loudest(self, count: int) -> Observed:
         """The `count` samples of an excited record in which it moves most, as a record; a record of another kind itself."""
@@ -175,6 +179,8 @@ class Observed:
             ring_down_passes=total - idle - passes,
             initial_displacement=nuisances.displacement,
             initial_velocity=nuisances.velocity,
+            late_entry=nuisances.late_entry if idle > 0 else 0.0,
+            early_exit=nuisances.early_exit,
         )
         return cut, Sampling(self.rate, self.samples, self.start - first)
 
@@ -184,12 +190,7 @@ class Observed:
             return None
         first = self.start - sampling.start
         nominal = first + np.arange(cut.total_passes + 1) * self.period / self.flutes
-        turn = turns_of(self.marks)
-        inside = np.interp(nominal, self.first_mark + turn * self.period, self.marks)
-        before, after = nominal < self.marks[0], nominal > self.first_mark + turn[-1] * self.period
-        inside[before] = self.marks[0] + nominal[before] - self.first_mark
-        inside[after] = self.marks[-1] + nominal[after] - (self.first_mark + turn[-1] * self.period)
-        return np.diff(inside)
+        return np.diff(along_marks(self.marks, (nominal - self.first_mark) / self.period, self.period))
 
 
 def drift_basis(samples: int, order: int = DRIFT_ORDER) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.interpolate import UnivariateSpline
+from scipy.interpolate import UnivariateSpline, make_interp_spline
 
 STEADY_CLOCK = 2e-4  # scatter of the revolutions, relative, up to which the speed is taken as constant
 CLOSE = 0.25  # of a revolution, within which the time between two marks is a whole number of them
@@ -54,6 +54,18 @@ def smoothed(marks: np.ndarray, sample: float) -> np.ndarray:
         return marks
     course = UnivariateSpline(turns, marks, k=3, s=len(marks) * (DIGITAL_SHARE * sample) ** 2)
     return np.asarray(course(turns))
+
+
+def along_marks(marks: np.ndarray, turn: np.ndarray, period: float) -> np.ndarray:
+    """Times (s) at revolutions `turn` from the first mark, on a cubic spline through the marks; beyond them at `period` (s).
+
+    Straight lines between them would be late by an eighth of what a revolution's duration changes by from one to the next.
+    """
+    turns = turns_of(marks)
+    smooth = len(turns) > 3 and (np.diff(turns) > 0).all()  # false marks fall on their neighbours
+    course = make_interp_spline(turns, marks, k=3) if smooth else lambda at: np.interp(at, turns, marks)
+    inside = np.clip(turn, 0.0, turns[-1])
+    return np.asarray(course(inside)) + (turn - inside) * period
 
 
 def clock_error(marks: np.ndarray, period: float, anchor: float, rate: float, *, halfway: bool = False) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from analysis.free_decay import fit_free_decay, spectral_peak
 from analysis.held_out import own_refit
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed
+from analysis.parts_of_passes import with_parts_of_passes
 from analysis.pass_count import recounted
 from analysis.pass_search import at_rest, place_entries, place_exits, settle_passes
 from analysis.prediction import Plant, predict
@@ -246,7 +247,7 @@ def base_fit(
     best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
     fitter = Fitter(plant, records, free)
     fit = rested(fitter, from_the_best_half(fitter, polish(fitter, place_exits(fitter, best.state))))
-    return fitter, recounted(fitter, entries_together(fitter, fit))
+    return fitter, with_parts_of_passes(fitter, recounted(fitter, entries_together(fitter, fit)))
 
 
 def rested(fitter: Fitter, fit: WaveformFit, *, rounds: int = 4, iterations: int = 40) -> WaveformFit:

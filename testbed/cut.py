@@ -14,7 +14,8 @@ class Cut:
     `idle_passes` before the entry, `passes` in the cut, `ring_down_passes` after the exit; entry and exit fall on
     the start of a pass. Teeth are counted from time 0, so that the tooth that cuts first is number `idle_passes` modulo
     the flutes. initial_displacement (m) and initial_velocity (m/s) are the structure's state at time 0.
-    length_cut_before (m) is the feed length the tool has already cut.
+    length_cut_before (m) is the feed length the tool has already cut. late_entry and early_exit are shares of a tooth pass
+    by which the cut starts after the start of its first pass, and ends before the end of its last.
     """
 
     spindle_speed: float
@@ -26,6 +27,8 @@ class Cut:
     initial_displacement: float = 0.0
     initial_velocity: float = 0.0
     length_cut_before: float = 0.0
+    late_entry: float = 0.0
+    early_exit: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("spindle_speed", "feed_per_tooth"):
@@ -37,6 +40,10 @@ class Cut:
         for name in ("idle_passes", "passes", "ring_down_passes"):
             if int(getattr(self, name)) != getattr(self, name) or getattr(self, name) < 0:
                 raise ValueError(f"{name} must be a whole number of at least 0")
+
+        for name in ("late_entry", "early_exit"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise ValueError(f"{name} must be at least 0 and below 1")
 
     def tooth_passing_period(self, flutes: int) -> float:
         """Time between two teeth at the nominal speed, s."""

@@ -165,9 +165,10 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     """Fit the whole waveform of every record with the simulator, the parameters of the model's effects too."""
     from analysis.compare import estimates
     from analysis.model_fit import model_fit
+    from analysis.spindle_speed import at_modelled_speed
     from testbed.cli._fitting import observed_records, plant_of
 
-    observed = observed_records(records, model, path, model_file)
+    observed = at_modelled_speed(observed_records(records, model, path, model_file), model.effects, catalogue)
     fitter, fit = model_fit(plant_of(catalogue), observed, model, catalogue)
     chi_square = fit.squares / max(1, sum(residual.size for residual in fit.residuals) - len(fit.names))
     rows = _multipliers_beside(fit.state.model, records, catalogue, path)

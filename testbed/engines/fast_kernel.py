@@ -29,10 +29,11 @@ from testbed.engines.loop_kernel import (
     force_of_edge,
     piece_of_edge,
     radius_of_edge,
+    share_in_cut,
     spindle_speed,
 )
 from testbed.engines.oscillator_kernel import carry, copy, end_state, increment, set_half_and_whole, set_maps, stage_state
-from testbed.engines.sampling_kernel import sample_flight, sample_forces, sample_step
+from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_flight, sample_forces, sample_step
 
 # integer settings of one run; STEPS and TEETH hold one number a segment, PLAIN the places of the states not carried exactly
 IDLE, CUT, RING_DOWN, EXACT_FLIGHT, STEADY_SPEED, SEGMENTS, CARRIED, PLAIN_COUNT, STEPS, TEETH, PLAIN = (*range(9), 12, 16)
@@ -66,8 +67,11 @@ def fill_table(G, I, T):
 
 
 @inlined
-def slope(A, P, G, Y, D, T, row, S, left, left_row, tooth, edges, mean_torque):
-    """Time derivative D of the state at a row; left[left_row]: the surface left there. Returns (spindle speed, torque)."""
+def slope(A, P, G, Y, D, T, row, S, left, left_row, tooth, edges, mean_torque, share):
+    """Time derivative D of the state at a row; left[left_row]: the surface left there. Returns (spindle speed, torque).
+
+    share: of the step's angle that is in the cut, less than 1 where the cut begins or ends within it.
+    """
     force, torque = 0.0, 0.0
     if edges > 0:
         velocity = Y[1] + hook_relative_velocity(A, P, Y)
@@ -80,6 +84,7 @@ def slope(A, P, G, Y, D, T, row, S, left, left_row, tooth, edges, mean_torque):
             left[left_row, edge] = radial
             force -= tangential * cosine + normal * sine
             torque += tangential * G[RADIUS]
+        force, torque = share * force, share * torque
     derivative(A, P, G, Y, D, force, mean_torque)
     return spindle_speed(A, P, G, Y), torque
 
@@ -130,7 +135,8 @@ def keep_surface(A, P, G, Y, D0, Y1, D1, ends, W, T, S, row, left, now, tooth, e
 
 
 @inlined
-def advance(A, P, G, O, plain, steady, work, maps, T, row, S, left, now, tooth, edges, span, speed0, torque0, mean_torque):
+def advance(A, P, G, O, plain, steady, work, maps, T, row, S, left, now, tooth, edges, span, speed0, torque0, mean_torque,
+            share):  # fmt: skip
     """One step of `span` rad from work[0] to work[1]; work[2], speed0 and torque0 belong to its start.
 
     work (10, size): the state and that at the end, their slopes, state and slope of a stage, and what the four stages add.
@@ -151,7 +157,7 @@ def advance(A, P, G, O, plain, steady, work, maps, T, row, S, left, now, tooth, 
         else:
             stage_state(O, plain, more, H, E, Y, K, stage, at)
         speed, torque = slope(A, P, G, at, rates, T, row + (1 if stage < 3 else 2), S, left, 1 - now if stage == 4 else 2,
-                              tooth, edges, mean_torque)  # fmt: skip
+                              tooth, edges, mean_torque, share)  # fmt: skip
         if stage < 4:
             dt = span / speed
             increment(O, plain, more, at, rates, dt, h, K, stage)
@@ -174,12 +180,15 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, mean_t
         teeth = 0
     edges, base = teeth * int(G[SLICES]), G[CORNERS + segment]
     span = (G[CORNERS + segment + 1] - base) / steps
-    impulse, now = 0.0, 0
-    speed0, torque0 = slope(A, P, G, Y, D0, T, row0, S, left, now, tooth, edges, mean_torque)
+    impulse, now, speed0, torque0, before = 0.0, 0, 0.0, 0.0, -1.0
     for step in range(steps):
         row, phase = row0 + 2 * step, base + step * span
+        share = share_in_cut(G, angle + phase, span)
+        if share != before:  # else the slope at the last step's end is that at this one's start
+            speed0, torque0 = slope(A, P, G, Y, D0, T, row, S, left, now, tooth, edges, mean_torque, share)
+            before = share
         load, speed1, torque1 = advance(A, P, G, O, plain, steady, work, maps[segment], T, row, S, left, now, tooth, edges,
-                                        span, speed0, torque0, mean_torque)  # fmt: skip
+                                        span, speed0, torque0, mean_torque, share)  # fmt: skip
         if not abs(Y1[0]) < limit:
             return position, impulse, False
         impulse += load
@@ -190,6 +199,9 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, mean_t
             if wanted and edges > 0:
                 sample_forces(A, P, G, clock, Y, D0, Y1, D1, phase, phase + span, pass_number, teeth, S, row, left[3], W,
                               out, first)  # fmt: skip
+                for sample in range(first, position):
+                    out[FORCE_X, sample] *= share
+                    out[FORCE_Y, sample] *= share
         if edges > 0:
             keep_surface(A, P, G, Y, D0, Y1, D1, (span / speed0, span / speed1), W, T, S, row, left, now, tooth, edges)
         for i in range(Y.shape[0]):

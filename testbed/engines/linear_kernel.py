@@ -26,6 +26,7 @@ from testbed.engines.loop_kernel import (
     SLICES,
     STIFFNESS,
     piece_of_edge,
+    share_in_cut,
 )
 from testbed.engines.oscillator_kernel import oscillator_map
 from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X, fill_quintic, samples_until
@@ -43,8 +44,10 @@ def chip_stiffness(G, phase, teeth):
 
 
 @njit(cache=True)
-def cross(G, x, v, t0, dt, steps, kappa, memory, row0, last, clock, out, position, limit):
+def cross(G, x, v, t0, dt, angle, span, steps, kappa, memory, row0, last, clock, out, position, limit):
     """Step through one segment in the cut, from row0 of kappa and memory on. `last` is what is left at its start.
+
+    angle: at its start, rad after the start of the first pass; span: of a step, rad.
 
     Returns (x, v, next sample, what is left at its end, still bounded).
     """
@@ -53,20 +56,20 @@ def cross(G, x, v, t0, dt, steps, kappa, memory, row0, last, clock, out, positio
     pull, drag = G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS]
     feed, count = G[FEED], out.shape[1]
     for step in range(steps):
-        row = row0 + 2 * step
-        n1 = -kappa[row] * (feed + x - memory[row])
+        row, share = row0 + 2 * step, share_in_cut(G, angle + step * span, span)
+        n1 = -share * kappa[row] * (feed + x - memory[row])
         hx = f00 * x + f01 * v
         ex, ev = e00 * x + e01 * v, e10 * x + e11 * v
-        n2 = -kappa[row + 1] * (feed + hx + 0.5 * dt * f01 * n1 - memory[row + 1])
-        n3 = -kappa[row + 1] * (feed + hx - memory[row + 1])
-        n4 = -kappa[row + 2] * (feed + ex + dt * f01 * n3 - memory[row + 2])
+        n2 = -share * kappa[row + 1] * (feed + hx + 0.5 * dt * f01 * n1 - memory[row + 1])
+        n3 = -share * kappa[row + 1] * (feed + hx - memory[row + 1])
+        n4 = -share * kappa[row + 2] * (feed + ex + dt * f01 * n3 - memory[row + 2])
         x1 = ex + dt * (e01 * n1 + 2.0 * f01 * (n2 + n3)) / 6.0
         v1 = ev + dt * (e11 * n1 + 2.0 * f11 * (n2 + n3) + n4) / 6.0
         if not abs(x1) < limit:
             return x, v, position, last, False
         if position < count and clock[0] + position / clock[1] <= t0 + dt:
             a0 = n1 - pull * x - drag * v
-            a1 = -kappa[row + 2] * (feed + x1 - memory[row + 2]) - pull * x1 - drag * v1
+            a1 = -share * kappa[row + 2] * (feed + x1 - memory[row + 2]) - pull * x1 - drag * v1
             while position < count:
                 u = (clock[0] + position / clock[1] - t0) / dt
                 if u > 1.0:
@@ -82,7 +85,7 @@ def cross(G, x, v, t0, dt, steps, kappa, memory, row0, last, clock, out, positio
 
 
 @njit(cache=True)
-def cross_pitch_linear(G, I, x, v, t0, kappa, memory, flights, clock, limit, out, position):  # noqa: E741
+def cross_pitch_linear(G, I, x, v, t0, angle, kappa, memory, flights, clock, limit, out, position):  # noqa: E741
     """One tooth pass in the cut. flights (segments, 4): exact maps over whole segments.
 
     Returns (x, v, next sample, still bounded).
@@ -90,13 +93,14 @@ def cross_pitch_linear(G, I, x, v, t0, kappa, memory, flights, clock, limit, out
     row0, last = 0, x
     for segment in range(I[SEGMENTS]):
         steps, teeth = I[STEPS + segment], I[TEETH + segment]
-        duration = (G[CORNERS + segment + 1] - G[CORNERS + segment]) / G[OMEGA]
+        base, span = G[CORNERS + segment], G[CORNERS + segment + 1] - G[CORNERS + segment]
+        duration = span / G[OMEGA]
         if teeth == 0:
             position = fly_linear(G, x, v, t0, duration, clock, out, position)
             x, v = (flights[segment, 0] * x + flights[segment, 1] * v, flights[segment, 2] * x + flights[segment, 3] * v)
         else:
-            x, v, position, last, bounded = cross(G, x, v, t0, duration / steps, steps, kappa, memory, row0, last, clock,
-                                                  out, position, limit)  # fmt: skip
+            x, v, position, last, bounded = cross(G, x, v, t0, duration / steps, angle + base, span / steps, steps, kappa,
+                                                  memory, row0, last, clock, out, position, limit)  # fmt: skip
             if not bounded:
                 return x, v, position, False
             memory[row0 + 2 * steps] = last
@@ -136,7 +140,8 @@ def run_linear(G, I, Y, clock, limit, out, pass_times, pass_states):  # noqa: E7
             position = fly_linear(G, x, v, t0, tau, clock, out, position)
             x, v = a * x + b * v, c * x + d * v
         else:
-            x, v, position, bounded = cross_pitch_linear(G, I, x, v, t0, kappa, memory, flights, clock, limit, out, position)
+            x, v, position, bounded = cross_pitch_linear(G, I, x, v, t0, (number - I[IDLE]) * G[PITCH], kappa, memory, flights,
+                                                         clock, limit, out, position)  # fmt: skip
             if not bounded:
                 out[:, position:] = np.nan
                 pass_times[number + 1 :] = np.nan

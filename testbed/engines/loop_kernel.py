@@ -27,7 +27,8 @@ from testbed.engines.hooks import (
 )
 
 FLUTES, PITCH, RADIUS, ENTRY, ENGAGED, SLICES, SLICE_LAG, SLICE_DEPTH, KT, KN, FEED, FEED_SPEED, OMEGA, T_ENTRY, \
-    LENGTH_BEFORE, FIRST_TOOTH, MASS, DAMPING, STIFFNESS, CORNERS = range(20)
+    LENGTH_BEFORE, FIRST_TOOTH, MASS, DAMPING, STIFFNESS, BEGIN, END, CORNERS = range(22)
+# The cut begins and ends G[BEGIN] and G[END] after the start of its first pass, rad.
 # The pitch is cut into segments at the corners of the force; segment i runs from G[CORNERS + i] to G[CORNERS + i + 1].
 MOST_SEGMENTS = 4
 G_SIZE = CORNERS + MOST_SEGMENTS + 1
@@ -37,6 +38,14 @@ MOST_POINTS = 32
 GAUSS_NODES, GAUSS_WEIGHTS = np.zeros((MOST_POINTS + 1, MOST_POINTS)), np.zeros((MOST_POINTS + 1, MOST_POINTS))
 for _count in range(1, MOST_POINTS + 1):
     GAUSS_NODES[_count, :_count], GAUSS_WEIGHTS[_count, :_count] = np.polynomial.legendre.leggauss(_count)
+
+
+@inlined
+def share_in_cut(G, start, span):
+    """Share of a step of `span` from `start` (rad after the start of the first pass) between the cut's entry and exit."""
+    if start >= G[BEGIN] - 1e-12 and start + span <= G[END] + 1e-12:
+        return 1.0
+    return min(max((min(start + span, G[END]) - max(start, G[BEGIN])) / span, 0.0), 1.0)
 
 
 @inner

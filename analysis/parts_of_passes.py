@@ -1,0 +1,120 @@
+"""Cuts that begin or end while a tooth is in the work: the part of the first and the last pass that is cut, record by record.
+
+A workpiece that begins or ends at any place is met or left within a tooth's arc as often as that is wide. With whole passes
+alone such a record has a first or a last kick of the wrong size, and no parameter of the machine can mend that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.fit_state import State, WaveformFit
+from analysis.nuisances import Nuisances
+from analysis.waveform import WORKERS, Fitter
+
+MISFIT = 1.05  # mean squared residual, in noise, above which a record may have begun or ended within an arc
+REACH = 2  # passes beside the entry and the exit that are tried
+PARTS = 8  # into which the arc is divided first,
+HALVINGS = 6  # and how often the best part is then halved
+GAIN = 20.0  # in minus the log likelihood, and
+SHARE = 0.4  # share of the record's excess that must go for a part of a pass to be believed
+FINER = 0.5  # gain from which a part that is believed is changed
+ROUNDS = 5  # of looking for parts and fitting again
+
+
+def with_parts_of_passes(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
+    """The fit with first and last passes cut in part, where that explains a record far better than whole ones do."""
+    for _ in range(ROUNDS):
+        found = _in_part(fitter, fit)
+        if found == fit.state.nuisances:
+            break
+        better = fitter.fit(replace(fit.state, nuisances=found), iterations=25)
+        if not better.cost < fit.cost:
+            break
+        fit = better
+    return fit
+
+
+def _in_part(fitter: Fitter, fit: WaveformFit) -> tuple[Nuisances, ...]:
+    left = fit.mean_squares
+
+    def one(index: int) -> Nuisances:
+        record, own = fitter.records[index], fit.state.nuisances[index]
+        if record.cut is None or record.starts_in_cut or record.forces_only or (left[index] < MISFIT and _whole(own)):
+            return own
+        return _best_part(fitter, index, fit.state)
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return tuple(pool.map(one, range(len(fitter.records))))
+
+
+def _best_part(fitter: Fitter, index: int, state: State) -> Nuisances:
+    """The nuisances of one record with the best of whole and part passes, near what its marks say of its clock."""
+    record, now = fitter.records[index], state.nuisances[index]
+    clocks = [now] if record.clock_error is None else [now, replace(now, angle=0.0, speed=1.0)]
+    arc = min(1.0, _arc(state, record.flutes))
+    cost, best = min((_tried(fitter, index, state, clock, arc) for clock in clocks), key=lambda pair: pair[0])
+    before = _cost(fitter, index, state, [now])[0]
+    floor = 0.5 * record.data.size
+    return best if before - cost > (max(GAIN, SHARE * (before - floor)) if _whole(now) else FINER) else now
+
+
+def _whole(own: Nuisances) -> bool:
+    return own.late_entry == own.early_exit == 0.0
+
+
+def _tried(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float) -> tuple[float, Nuisances]:
+    """(cost, nuisances) of the best entry, then the best exit, then once more."""
+    last = fitter.records[index].last_pass(state.angle, own)
+    cost = np.inf
+    for _ in range(2):
+        cost, own = _placed(fitter, index, state, own, arc, "entry")
+        if own.exit <= last + 1:
+            cost, own = _placed(fitter, index, state, own, arc, "exit")
+    return cost, own
+
+
+def _placed(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float, end: str) -> tuple[float, Nuisances]:
+    tried = [one for one in _places(own, arc, end) if one.entry < one.exit]
+    costs = _cost(fitter, index, state, tried)
+    cost, best = float(costs.min()), tried[int(np.argmin(costs))]
+    name = _NAMES[end]
+    step = 0.5 * arc / PARTS
+    for _ in range(HALVINGS if getattr(best, name) > 0.0 else 0):
+        near = [_with(best, **{name: value}) for by in (-step, step) if 0.0 <= (value := getattr(best, name) + by) < 1.0]
+        costs = _cost(fitter, index, state, near)
+        if costs.min() < cost:
+            cost, best = float(costs.min()), near[int(np.argmin(costs))]
+        step *= 0.5
+    return cost, best
+
+
+_NAMES = {"entry": "late_entry", "exit": "early_exit"}
+
+
+def _places(own: Nuisances, arc: float, end: str) -> Iterator[Nuisances]:
+    """Whole passes beside the one that begins or ends the cut, and each with a part of its arc."""
+    for place in range(getattr(own, end) - REACH, getattr(own, end) + REACH + 1):
+        for part in range(PARTS):
+            missing = arc * part / PARTS if end == "entry" else 1.0 - arc * (PARTS - part) / PARTS
+            yield _with(own, **{end: place, _NAMES[end]: missing if part else 0.0})
+
+
+def _with(own: Nuisances, **values: float) -> Nuisances:
+    return Nuisances(**{**vars(own), **values})
+
+
+def _arc(state: State, flutes: int) -> float:
+    """Share of a pass in which a tooth is in the work."""
+    cutting = state.model.cutting
+    assert cutting is not None
+    return cutting.engagement_angle * flutes / (2.0 * np.pi)
+
+
+def _cost(fitter: Fitter, index: int, state: State, tried: list[Nuisances]) -> np.ndarray:
+    rest = fitter.residuals_of(index, [(state.model, state.angle, one) for one in tried])
+    return 0.5 * np.einsum("ij,ij->i", rest, rest)
