@@ -22,6 +22,7 @@ PARTS = 8  # into which the arc is divided first,
 HALVINGS = 6  # and how often the best part is then halved
 GAIN = 20.0  # in minus the log likelihood, and
 SHARE = 0.4  # share of the record's excess that must go for a part of a pass to be believed
+USUAL = 0.5  # share of the cuts above which a weak first pass is no chance of where the work begins, but a slow entry
 FINER = 0.5  # gain from which a part that is believed is changed
 ROUNDS = 5  # of looking for parts and fitting again
 
@@ -49,7 +50,12 @@ def _in_part(fitter: Fitter, fit: WaveformFit) -> tuple[Nuisances, ...]:
         return _best_part(fitter, index, fit.state)
 
     with ThreadPoolExecutor(WORKERS) as pool:
-        return tuple(pool.map(one, range(len(fitter.records))))
+        found = tuple(pool.map(one, range(len(fitter.records))))
+    late = sum(own.late_entry > 0.0 for own in found)
+    if late <= USUAL * sum(record.cut is not None for record in fitter.records):
+        return found
+    return tuple(replace(own, entry=before.entry, late_entry=0.0)
+                 for own, before in zip(found, fit.state.nuisances, strict=True))  # fmt: skip
 
 
 def _best_part(fitter: Fitter, index: int, state: State) -> Nuisances:

@@ -50,6 +50,14 @@ def test_a_hidden_effect_is_named_and_its_strength_found():
     assert best["parameters"][f"{name}.{parameter}"] == pytest.approx(value, rel=0.03)
 
 
+def test_an_effect_too_faint_for_the_error_is_named_where_many_samples_make_it_certain():
+    name, value = "process_damping", 2.5e4
+    found = verdict(TRUE.with_effect(name, coefficient=value))
+    assert found.base.error_held_out < 1.02 * found.noise_floor
+    assert found.verdict == "missing_effect" and found.effects == (name,) and "faint" in found.sentence
+    assert found.best.parameters[f"{name}.coefficient"] == pytest.approx(value, rel=0.2)
+
+
 def test_an_effect_led_astray_by_what_the_base_model_made_up_for_is_fitted_anew():
     """An immersion 45 % off: the base fit shifts angle and coefficients so far that no descent from there finds it."""
     name, known = "immersion_error", catalogue()

@@ -1,0 +1,91 @@
+"""Cuts that begin and end while a tooth is in the work: by both kernels against a direct integration, and in a campaign."""
+
+import math
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from campaign_files import BELIEVED
+from direct import KN, KT, MODEL, WINDOW, cut, error, integrate
+from synthetic_campaign import synthetic_record
+
+from analysis.model_fit import model_fit
+from analysis.observed import observe
+from testbed.catalogue import catalogue
+from testbed.cli._fitting import plant_of
+from testbed.cut import Cut, Sampling, whole_cut_sampling
+from testbed.engines import fast, mujoco_engine
+
+TESTS = ((3810, 2.0), (2850, 2.5), (4300, 1.5))
+PARTS = ((0.07, 0.0), (0.0, 0.93), (0.03, 0.88))  # shares of a pass that are not cut; a tooth cuts 0.162 of one
+
+
+@pytest.mark.parametrize("general", [False, True])
+@pytest.mark.parametrize(("late", "early"), [(0.06, 0.0), (0.0, 0.9), (0.1, 0.95)])
+def test_the_first_and_the_last_pass_are_cut_in_part(general, late, early):
+    course = cut(late_entry=late, early_exit=early)
+    first, last = 2 * math.pi * late, 2 * math.pi * (1 - early)
+    h, b = course.feed_per_tooth, course.axial_depth_of_cut
+
+    def force(number, turned, x, v, past):
+        if (number == 0 and turned < first) or (number == course.passes - 1 and turned > last):
+            return 0.0
+        return -b * (h + x - past(number - 1, turned)) * math.sin(turned) * (KT * math.cos(turned) + KN * math.sin(turned))
+
+    expected = integrate(MODEL, course, force, sorted({first, last, WINDOW} - {0.0, 2 * math.pi}))
+
+    def engine(model, steps):
+        sampling = whole_cut_sampling(course, 1, 1000.0)
+        return fast.simulate_batch([model], [course], [sampling], steps=steps, general=general).pass_states[0]
+
+    assert error(engine(MODEL, 80), expected) < 1e-3
+    assert error(engine(MODEL, 1280), expected) < 1e-5
+    whole = fast.simulate_batch([MODEL], [replace(course, late_entry=0.0, early_exit=0.0)],
+                                [whole_cut_sampling(course, 1, 1000.0)]).pass_states[0]
+    assert np.abs(whole - expected)[:, 1].max() > 0.05 * np.abs(expected[:, 1]).max()
+
+
+def test_shares_of_a_pass_are_checked_and_mujoco_says_that_it_has_none():
+    with pytest.raises(ValueError, match="late_entry"):
+        Cut(400.0, 1e-3, late_entry=1.0)
+    with pytest.raises(ValueError, match="early_exit"):
+        Cut(400.0, 1e-3, early_exit=-0.1)
+    with pytest.raises(ValueError, match="tooth pass"):
+        mujoco_engine.simulate(MODEL, Cut(400.0, 1e-3, late_entry=0.1), Sampling(1000.0, 10))
+
+
+@pytest.fixture(scope="module")
+def observed():
+    records = []
+    for number, ((rpm, depth), (late, early)) in enumerate(zip(TESTS, PARTS, strict=True)):
+        def simulate(model, course, sampling, late=late, early=early):
+            return fast.simulate(model, replace(course, late_entry=late, early_exit=early), sampling, steps=61)
+
+        records.append(synthetic_record(simulate, TRUE, rpm, depth * 1e-3, 40 + number, course=(10, 40, 20)))
+    return [observe(record, BELIEVED) for record in records]
+
+
+TRUE = MODEL
+FITTED = partial(model_fit, plant_of(catalogue()), model=BELIEVED, catalogue=catalogue())
+
+
+def test_a_campaign_of_such_cuts_is_fitted_down_to_its_noise(observed, monkeypatch):
+    _, fit = FITTED(records=observed)
+    assert fit.mean_squares.max() < 1.03
+    for own, (late, early) in zip(fit.state.nuisances, PARTS, strict=True):
+        assert own.late_entry == pytest.approx(late, abs=0.01)
+        assert own.early_exit == pytest.approx(early, abs=0.01) or early == 0.0
+    found, true = fit.state.model, TRUE
+    assert found.structure.damping_ratio == pytest.approx(true.structure.damping_ratio, rel=0.02)
+    assert found.cutting.tangential_coefficient == pytest.approx(true.cutting.tangential_coefficient, rel=0.06)
+    monkeypatch.setattr("analysis.starts.with_parts_of_passes", lambda fitter, fit: fit)
+    assert FITTED(records=observed)[1].mean_squares.max() > 2.0
+
+
+def test_whole_passes_stay_whole():
+    records = [observe(synthetic_record(partial(fast.simulate, steps=61), TRUE, rpm, depth * 1e-3, 50 + number,
+                                        course=(10, 40, 20)), BELIEVED) for number, (rpm, depth) in enumerate(TESTS)]
+    _, fit = FITTED(records=records)
+    assert all(own.late_entry == own.early_exit == 0.0 for own in fit.state.nuisances)
+    assert np.isfinite(fit.covariance).all()
