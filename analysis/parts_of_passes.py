@@ -22,7 +22,8 @@ PARTS = 8  # into which the arc is divided first,
 HALVINGS = 6  # and how often the best part is then halved
 GAIN = 20.0  # in minus the log likelihood, and
 SHARE = 0.4  # share of the record's excess that must go for a part of a pass to be believed
-USUAL = 0.5  # share of the cuts above which a weak first pass is no chance of where the work begins, but a slow entry
+USUAL = 0.5  # share of the cuts above which a weak first pass is no chance of where the work begins, but a slow entry,
+ALIKE = 0.15  # if what is missing of them is as much in all: standard deviation, in arcs
 FINER = 0.5  # gain from which a part that is believed is changed
 ROUNDS = 5  # of looking for parts and fitting again
 
@@ -51,8 +52,10 @@ def _in_part(fitter: Fitter, fit: WaveformFit) -> tuple[Nuisances, ...]:
 
     with ThreadPoolExecutor(WORKERS) as pool:
         found = tuple(pool.map(one, range(len(fitter.records))))
-    late = sum(own.late_entry > 0.0 for own in found)
-    if late <= USUAL * sum(record.cut is not None for record in fitter.records):
+    cuts = [place for place, record in enumerate(fitter.records) if record.cut is not None]
+    late = [found[place].late_entry / _arc(fit.state, fitter.records[place].flutes) for place in cuts]
+    late = [share for share in late if share > 0.0]
+    if len(late) <= USUAL * len(cuts) or np.std(late) > ALIKE:
         return found
     return tuple(replace(own, entry=before.entry, late_entry=0.0)
                  for own, before in zip(found, fit.state.nuisances, strict=True))  # fmt: skip
@@ -62,7 +65,7 @@ def _best_part(fitter: Fitter, index: int, state: State) -> Nuisances:
     """The nuisances of one record with the best of whole and part passes, near what its marks say of its clock."""
     record, now = fitter.records[index], state.nuisances[index]
     clocks = [now] if record.clock_error is None else [now, replace(now, angle=0.0, speed=1.0)]
-    arc = min(1.0, _arc(state, record.flutes))
+    arc = _arc(state, record.flutes)
     cost, best = min((_tried(fitter, index, state, clock, arc) for clock in clocks), key=lambda pair: pair[0])
     before = _cost(fitter, index, state, [now])[0]
     floor = 0.5 * record.data.size
@@ -115,10 +118,10 @@ def _with(own: Nuisances, **values: float) -> Nuisances:
 
 
 def _arc(state: State, flutes: int) -> float:
-    """Share of a pass in which a tooth is in the work."""
+    """Share of a pass in which a tooth is in the work, 1 where one always is."""
     cutting = state.model.cutting
     assert cutting is not None
-    return cutting.engagement_angle * flutes / (2.0 * np.pi)
+    return float(min(1.0, cutting.engagement_angle * flutes / (2.0 * np.pi)))
 
 
 def _cost(fitter: Fitter, index: int, state: State, tried: list[Nuisances]) -> np.ndarray:
