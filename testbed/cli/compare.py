@@ -30,6 +30,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     error = rms(measured - predicted) / rms(measured about its mean). Nothing here is random: --seed changes nothing.
     """
     from analysis.compare import as_json, compare
+    from analysis.sensor_sign import sign_note
     from testbed.cli._fitting import channel_units, doubts, plant_of, read_both, sign_of_life, uncalibrated
 
     answer = Answer(json_file, quiet)
@@ -38,7 +39,8 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     model, records, read = read_both(campaign, model_file, catalogue)
     with sign_of_life("fitting the believed model to all records", quiet):
         found = compare(plant_of(catalogue), records, model, catalogue)
-    notes = [*uncalibrated(read), *doubts(read, model)]
+        sign = sign_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
+    notes = [*uncalibrated(read), *doubts(read, model), *sign]
     _say(answer, found, notes, model)
     if pictures is not None:
         from analysis.compare_plots import save

@@ -39,6 +39,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     """
     from analysis.diagnose import diagnose
     from analysis.diagnosis import as_json
+    from analysis.sensor_sign import sign_note
     from testbed.catalogue import DECOYS
     from testbed.cli._fitting import channel_units, doubts, plant_of, read_both, sign_of_life, uncalibrated
 
@@ -51,7 +52,8 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     with sign_of_life("fitting the believed model to all records", quiet) as say:
         found = diagnose(plant_of(catalogue), records, model, catalogue, say=say,
                          **({"most": MANY} if until_adequate else {}))
-    notes = [*uncalibrated(read), *doubts(read, model)]
+        sign = sign_note(plant_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
+    notes = [*uncalibrated(read), *doubts(read, model), *sign]
     for note in notes:
         answer.say(note)
     said = as_json(found, model) | {"notes": notes}
