@@ -154,9 +154,10 @@ def _say(answer: Answer, found: Any, said: Any, campaign: str, model_file: str) 
     if rows:
         answer.say()
         answer.table(("tried", "error in the fit", *held, "gain in BIC", "converged"), rows)
-        others = [one.effects[-1] for one in found.candidates if one.fit is None]
-        if others:
-            answer.say(f"ruled out by a first step: {', '.join(others)}")
+        fitted = {one.effects[-1] for one in found.candidates if one.fit is not None}
+        others = dict.fromkeys(one.effects[-1] for one in found.candidates if one.fit is None)  # once, of however many rounds
+        if never := [name for name in others if name not in fitted]:
+            answer.say(f"ruled out by a first step: {', '.join(never)}")
     answer.say()
     error = "error, held out" if found.held_out else "error, in the fit"
     answer.table((error, "value"), [(name.replace("_", " "), f"{value:.4f}") for name, value in said["error"].items()])
