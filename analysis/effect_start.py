@@ -212,7 +212,7 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
         for values in (*points, *slight):
             state = replace(origin.state, model=origin.state.model.with_effect(effect.name, **values))
             if gradual:  # in place of first passes cut in part, which had made up for it
-                state = place_entries(wider, state.with_whole_passes())
+                state = place_entries(wider, state.with_whole_first_passes())
             elif recurring:
                 state = turn_phases(wider, state)
             elif unequal:

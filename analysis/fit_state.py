@@ -43,9 +43,9 @@ class State:
         """The state of a fit of the records at these places alone."""
         return replace(self, nuisances=tuple(self.nuisances[place] for place in places))
 
-    def with_whole_passes(self) -> State:
-        """The state with no first or last pass cut in part."""
-        return replace(self, nuisances=tuple(replace(one, late_entry=0.0, early_exit=0.0) for one in self.nuisances))
+    def with_whole_first_passes(self) -> State:
+        """The state with no first pass cut in part."""
+        return replace(self, nuisances=tuple(replace(one, late_entry=0.0) for one in self.nuisances))
 
     def without_effect(self, name: str) -> State:
         """The state whose model lacks one effect, all else as it is."""
