@@ -18,7 +18,7 @@ PLANT = plant_of(KNOWN)
 
 
 def told(true, sign):
-    records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=7, course=(10, 30, 10))[:4]
+    records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=7, course=(10, 30, 10))[:3]
     observed = [replace(one, data=sign * one.data) for one in (observe(record, BELIEVED) for record in records)]
     found = compare(PLANT, observed, BELIEVED, KNOWN)
     return found.error / found.noise_floor, sign_note(PLANT, observed, BELIEVED, KNOWN, found.error, found.noise_floor)
