@@ -215,14 +215,23 @@ def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, names: Seq
 
     Where free decay follows a cut, natural frequency and damping start from it. Each test is a recording and its cut;
     entry and exit come from the recording's conditions `entry_time` and `exit_time`, else from its pass times, else
-    the whole recording is taken as the cut. A cut of too few periods is left out. names and ValueError as above.
+    the whole recording is taken as the cut. A cut of too few periods is left out. names and ValueError as above. The model
+    is asked at the speeds that the marks show.
     """
     if model.cutter is None:
         raise ValueError("the model has no cutter: multipliers need cuts")
+    tests = [(recording, at_measured_speed(cut, recording, model.cutter.flutes)) for recording, cut in tests]
     measured = [measured_multipliers(recording, cut, model.cutter.flutes, channel, delays) for recording, cut in tests]
     model = started_from_ring_down(model, tests, channel)
     return identify_multipliers(model, [cut for _, cut in tests], measured, names=names, elements=elements, starts=starts,
                                 seed=seed)
+
+
+def at_measured_speed(cut: Cut, recording: Recording, flutes: int) -> Cut:
+    """The cut at the speed that the recording's marks show, which need not be the one stated; itself without marks."""
+    if recording.marks.size < 3:
+        return cut
+    return replace(cut, spindle_speed=2.0 * math.pi / (flutes * tooth_period(recording, flutes)))
 
 
 def measured_multipliers(recording: Recording, cut: Cut, flutes: int, channel: str = "displacement",

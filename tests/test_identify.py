@@ -1,6 +1,7 @@
 """Identification from multipliers: recovery from the paper's start, intervals, honesty about what cannot be used."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -143,3 +144,13 @@ def test_bounds_of_the_cut_come_from_conditions_then_pass_times():
 def test_a_machine_that_cuts_nothing_is_refused():
     with pytest.raises(ValueError, match="no cutter"):
         identify(Model(Structure(1.0, 100.0, 0.01)), records())
+
+
+def test_a_speed_that_is_not_the_one_stated_is_taken_from_the_marks():
+    stated = [(recording, replace(cut, spindle_speed=cut.spindle_speed * (1 + error)))
+              for (recording, cut), error in zip(records(), (0.004, -0.003, 0.002), strict=True)]
+    found = identify(PAPER_START, stated)
+    assert found.chi_square < 5.0
+    assert found.parameters["damping_ratio"].value == pytest.approx(0.0032, rel=0.01)
+    assert found.parameters["natural_frequency"].value * 2 * math.pi == pytest.approx(921.1, abs=0.1)
+    assert [test.cut.spindle_speed for test in found.tests] == pytest.approx([cut.spindle_speed for cut in CUTS], rel=1e-6)

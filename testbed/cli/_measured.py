@@ -57,6 +57,7 @@ def records_of(data: Any) -> tuple[Any, ...]:
 
 def cut_tests(records: Sequence[Any], flutes: int, path: object) -> list[CutTest]:
     """The cuts among records, with their entries and exits found. InputProblem where there is none."""
+    from analysis.identify import at_measured_speed
     from analysis.segments import find_segments
 
     tests = []
@@ -66,7 +67,8 @@ def cut_tests(records: Sequence[Any], flutes: int, path: object) -> list[CutTest
         segments = find_segments(record.recording, kind="cut")
         times = entry_and_exit(segments)
         recording = replace(record.recording, conditions={**record.recording.conditions, **times})
-        tests.append(CutTest(record.name, recording, record.cut(flutes), tuple(segments)))
+        cut = at_measured_speed(record.cut(flutes), recording, flutes)
+        tests.append(CutTest(record.name, recording, cut, tuple(segments)))
     if not tests:
         raise InputProblem(path, "holds no cut with a displacement channel", "record cuts, or use --method waveform")
     return tests
