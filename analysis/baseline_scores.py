@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
-from analysis.floquet import delay_embedding_multipliers, once_per_period_samples, tooth_period
+from analysis.floquet import delay_embedding_multipliers, once_per_period_samples, passing_period
 from analysis.segments import main_channel
 from testbed.recording import Recording
 
@@ -75,8 +75,7 @@ def features(recording: Recording) -> np.ndarray:
     values = np.asarray(recording.channels[channel], float)
     if values.size < 64 or not np.isfinite(values).all():
         return np.full(len(FEATURES), np.nan)
-    period = tooth_period(recording, flutes) if recording.marks.size >= 3 else \
-        2 * math.pi / (flutes * float(known["spindle_speed"]))
+    period = passing_period(recording, float(known["spindle_speed"]), flutes)
     entry = recording.start + int(known["idle_passes"]) * period
     leave = entry + int(known["passes"]) * period
     samples = once_per_period_samples(recording, period, entry, leave, _PHASES, channel)

@@ -16,7 +16,7 @@ from analysis.diagnosis import ADEQUATE, Candidate
 from analysis.effect_start import Origin, applicable, far_step, first_step, gradual_entry
 from analysis.entry_passes import entries_together
 from analysis.fit_state import State, WaveformFit
-from analysis.held_out import held_out_errors, pooled, record_error
+from analysis.held_out import errors_in_fit, held_out_errors, pooled
 from analysis.information import bic, effective_size
 from analysis.parts_of_passes import with_parts_of_passes
 from analysis.pass_count import recounted
@@ -42,14 +42,14 @@ def candidate_of(
 ) -> Candidate:
     """A set of effects as it was fitted: errors held out and in sample, parameters, and its gain in BIC over a reference."""
     errors = held_out_errors(fitter, fit)
-    in_sample = [record_error(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
     parameters = {path: fit.state.model.value(path) for path in fit.names if "." in path}
     if fitter.shifting:  # every record has its own: the first one's is told
         first = fit.state.nuisances[0].shifted(fit.state.model)
         parameters |= {one.path: first.value(one.path) for one in fitter.shifting}
     gain = 0.0 if reference is None else bic(reference, size) - bic(fit, size)
     return Candidate(
-        effects, parameters, pooled(in_sample)[0], pooled(errors)[0], gain, fit.converged, fit, fitter, tuple(errors)
+        effects, parameters, pooled(errors_in_fit(fitter, fit))[0], pooled(errors)[0], gain, fit.converged, fit, fitter,
+        tuple(errors),
     )
 
 
@@ -89,9 +89,7 @@ def try_candidates(
         if incomplete and leader.cost - floor > MUCH * over:
             _try_from_far(current, entries, catalogue, origins, say)
         elif not incomplete and current.error_held_out < FAINT * noise:
-            stuck = [one for one in entries if one.fitted is None and one.cost > hopeful]
-            sudden = [one for one in stuck if "engagement" not in catalogue[one.name].hooks]
-            _try_from_far(current, sudden, catalogue, origins, say)
+            _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say)
             entries.sort(key=lambda entry: entry.reached)
         elif incomplete and "engagement" in catalogue[leader.name].hooks:  # its passes may be wrong in all records alike
             _from_far(current, leader, catalogue[leader.name], origins)
@@ -118,14 +116,12 @@ def certain_candidates(
 ) -> list[Candidate]:
     """Candidates for a model that leaves but noise: those that many samples make certain all the same, most gain first."""
     assert current.fit is not None
-    share = math.exp(-HOPE * CERTAIN / effective_size(current.fit))
+    hopeful = current.fit.cost * math.exp(-HOPE * CERTAIN / effective_size(current.fit))
     entries = _first_steps(current, catalogue, origins, say)
-    if entries and entries[0].cost < share * current.fit.cost:  # first steps may lead nowhere, see FAINT
-        sudden = [one for one in entries if "engagement" not in catalogue[one.name].hooks]
-        stuck = [one for one in sudden if one.cost >= share * current.fit.cost]
-        _try_from_far(current, stuck, catalogue, origins, say)
-    hopeful = sorted((one for one in entries if one.cost < share * current.fit.cost), key=lambda one: one.cost)
-    found = [_refitted(current, one, catalogue, say) for one in hopeful[:LEADERS]]
+    if entries and entries[0].cost <= hopeful:
+        _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say)
+    leaders = sorted((one for one in entries if one.cost <= hopeful), key=lambda one: one.cost)[:LEADERS]
+    found = [_refitted(current, one, catalogue, say) for one in leaders]
     return sorted((one for one in found if one.delta_bic > CERTAIN), key=lambda one: -one.delta_bic)
 
 
@@ -164,6 +160,12 @@ def _first_steps(
         entries.append(_begun(current, effect, origins))
     entries.sort(key=lambda entry: entry.cost)
     return entries
+
+
+def _stuck(entries: Sequence[_Entry], hopeful: float, catalogue: Mapping[str, Effect]) -> list[_Entry]:
+    """Entries not fitted yet whose first step led nowhere, see FAINT; of an entry that is not sudden that says more."""
+    return [one for one in entries
+            if one.fitted is None and one.cost > hopeful and "engagement" not in catalogue[one.name].hooks]
 
 
 def _shifts_in_time(effect: Effect) -> bool:

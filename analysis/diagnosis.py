@@ -119,18 +119,11 @@ def verdict_of(
     left = best.error_where_known / noise
     many = len(best.effects) >= MANY
     if best.effects and (left <= ADEQUATE if many else left <= COMPLETE or share >= EXPLAINED):
-        rest = f" A further effect is one of {', '.join(tied)}, which these records cannot tell apart." if tied else ""
-        if left > COMPLETE and not tied:
-            rest = f" Something more remains: the error is still {left:.2f} times the noise floor."
-        elif ratio <= ADEQUATE:
-            rest += f" It is faint (a gain in BIC of {best.delta_bic:.0f} all the same: chance gives less than 10)."
-        elif left <= COMPLETE and best.error_held_out > COMPLETE * noise:
-            rest += " What one condition alone shows is explained in the fit; the others cannot foretell it."
         return answer(
             "missing_effect",
             best.effects,
             f"The model lacks {' and '.join(best.effects)}: the error {judged_on(base.held_out)} "
-            f"falls from {base.error_held_out:.3g} to {best.error_held_out:.3g}.{rest}",
+            f"falls from {base.error_held_out:.3g} to {best.error_held_out:.3g}.{_besides(base, best, noise, tied)}",
         )
     if ratio <= FAINT_REST + SURE * pooled_doubt(base.errors) and not best.effects:
         return answer(
@@ -151,6 +144,19 @@ def verdict_of(
         (),
         f"Something is missing (error {ratio:.3g} times the noise floor) that no effect of the catalogue explains.",
     )
+
+
+def _besides(base: Candidate, best: Candidate, noise: float, tied: tuple[str, ...]) -> str:
+    """What is to be said beside the effects that are named, each sentence with a space before it."""
+    left = best.error_where_known / noise
+    if left > COMPLETE and not tied:
+        return f" Something more remains: the error is still {left:.2f} times the noise floor."
+    rest = f" A further effect is one of {', '.join(tied)}, which these records cannot tell apart." if tied else ""
+    if base.error_where_known <= ADEQUATE * noise:
+        rest += f" It is faint (a gain in BIC of {best.delta_bic:.0f} all the same: chance gives less than 10)."
+    elif left <= COMPLETE and best.error_held_out > COMPLETE * noise:
+        rest += " What one condition alone shows is explained in the fit; the others cannot foretell it."
+    return rest
 
 
 def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:

@@ -99,6 +99,11 @@ def tooth_period(recording: Recording, flutes: int = 1) -> float:
     return revolution_period(recording.marks) / flutes
 
 
+def passing_period(recording: Recording, spindle_speed: float, flutes: int) -> float:
+    """Tooth passing period (s) from the recording's marks, or at the stated speed (rad/s) where they are too few."""
+    return tooth_period(recording, flutes) if recording.marks.size >= 3 else 2.0 * math.pi / (flutes * spindle_speed)
+
+
 def once_per_period_samples(recording: Recording, period: float, start: float, stop: float, delays: int,
                             channel: str = "displacement") -> np.ndarray:
     """x(start + (n + k / delays) period) for all whole periods up to `stop` (s), shape (periods, delays).

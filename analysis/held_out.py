@@ -74,6 +74,11 @@ def record_error(record: Observed, residual: np.ndarray) -> RecordError:
                        record.noise_doubt, " and ".join(quantities))
 
 
+def errors_in_fit(fitter: Fitter, fit: WaveformFit) -> list[RecordError]:
+    """The error of every record in the fit itself."""
+    return [record_error(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
+
+
 def pooled(errors: Sequence[RecordError]) -> tuple[float, float]:
     """(error, noise floor) over records: root of summed squares over summed squares.
 
@@ -133,7 +138,7 @@ def held_out_errors(fitter: Fitter, fit: WaveformFit) -> list[RecordError]:
     """Every record's error with its operating condition left out of the fit; in sample where there is one condition."""
     groups = conditions_of(fitter.records)
     if len(groups) < 2:
-        return [record_error(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
+        return errors_in_fit(fitter, fit)
     errors: dict[int, RecordError] = {}
     for group in groups:
         others = [index for index in range(len(fitter.records)) if index not in group]

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares, linear_sum_assignment
 
 from analysis.delay_equation import milling_equation
-from analysis.floquet import EmpiricalMultipliers, TooFewPeriods, empirical_multipliers, tooth_period
+from analysis.floquet import EmpiricalMultipliers, TooFewPeriods, empirical_multipliers, passing_period, tooth_period
 from analysis.information import Z_95
 from analysis.ring_down import ring_down
 from analysis.temporal_elements import characteristic_multipliers
@@ -238,7 +238,7 @@ def measured_multipliers(recording: Recording, cut: Cut, flutes: int, channel: s
                          delays: int | None = None) -> EmpiricalMultipliers:
     """The multipliers of one recorded cut; of rank 0, with the reason, where it has too few periods."""
     start, stop = cut_bounds(recording, cut)
-    period = tooth_period(recording, flutes) if recording.marks.size >= 3 else cut.tooth_passing_period(flutes)
+    period = passing_period(recording, cut.spindle_speed, flutes)
     try:
         return empirical_multipliers(recording, flutes=flutes, period=period, start=start, stop=stop, channel=channel,
                                      delays=delays)

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from analysis.delay_equation import milling_equation
-from analysis.floquet import delay_embedding_multipliers, once_per_period_samples, tooth_period
+from analysis.floquet import delay_embedding_multipliers, once_per_period_samples, passing_period
 from analysis.identify import Estimate, cut_bounds
 from analysis.temporal_elements import characteristic_multipliers
 from testbed.cut import Cut
@@ -31,7 +31,7 @@ _NONE = math.nan
 def published_multiplier(recording: Recording, cut: Cut, flutes: int) -> complex:
     """The largest empirical multiplier, imaginary part at least 0. ValueError for fewer than 8 periods in the cut."""
     start, stop = cut_bounds(recording, cut)
-    period = tooth_period(recording, flutes) if recording.marks.size >= 3 else cut.tooth_passing_period(flutes)
+    period = passing_period(recording, cut.spindle_speed, flutes)
     samples = once_per_period_samples(recording, period, start, stop, DELAYS)[:PERIODS]
     if samples.shape[0] < 2 * DELAYS:
         raise ValueError(f"{samples.shape[0]} periods in the cut; at least {2 * DELAYS} are needed")

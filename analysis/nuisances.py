@@ -28,6 +28,10 @@ class Nuisances:
     late_entry: float = 0.0
     early_exit: float = 0.0
 
+    def with_fields(self, **values: float) -> Nuisances:
+        """The same with fields of these names at these values."""
+        return Nuisances(**{**vars(self), **values})
+
     def shifted(self, model: Model) -> Model:
         """The model with this record's own values of its effects' parameters."""
         values = {path: model.value(path) + by for path, by in self.shifts if path.partition(".")[0] in model.effects}

@@ -119,12 +119,17 @@ def _placed(fitter: Fitter, state: State, field: str) -> State:
 
 def _best_place(fitter: Fitter, index: int, state: State, nuisances: Nuisances, field: str, places: Sequence[int]) -> Nuisances:
     """The nuisances of one record with `field` (entry or exit) at the place of the smallest residual."""
-    tried = [Nuisances(**{**vars(nuisances), field: place}) for place in places]
+    tried = [nuisances.with_fields(**{field: place}) for place in places]
     tried = [other for other in tried if other.entry < other.exit]
     return _best(fitter, index, state, tried) if tried else nuisances
 
 
 def _best(fitter: Fitter, index: int, state: State, tried: Sequence[Nuisances]) -> Nuisances:
     """Those nuisances of one record that leave the smallest residual."""
+    return tried[int(np.argmin(squares_of(fitter, index, state, tried)))]
+
+
+def squares_of(fitter: Fitter, index: int, state: State, tried: Sequence[Nuisances]) -> np.ndarray:
+    """Sums of squared residuals (tried,) of one record with each of these nuisances, what its marks say among them."""
     rest = fitter.residuals_of(index, [(state.model, state.angle, one) for one in tried])
-    return tried[int(np.argmin(np.einsum("ij,ij->i", rest, rest)))]
+    return np.einsum("ij,ij->i", rest, rest)

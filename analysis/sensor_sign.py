@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.held_out import pooled, record_error
+from analysis.held_out import errors_in_fit, pooled
 from analysis.model_fit import model_fit
 from analysis.observed import DERIVATIVES, Observed
 from analysis.prediction import Plant
@@ -26,7 +26,7 @@ def sign_note(
     if error <= MUCH * noise or not moving or all(record.cut is None for record in records):
         return []
     fitter, fit = model_fit(plant, [_turned(record) for record in records], model, catalogue)
-    turned = pooled([record_error(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)])[0]
+    turned = pooled(errors_in_fit(fitter, fit))[0]
     if turned > FAR_BETTER * error:
         return []
     return [f"with the sign of the motion turned the error is {turned:.3g} instead of {error:.3g}: positive is what makes the "

@@ -23,13 +23,13 @@ def trial_law(explanation: Explanation, folder: str | Path) -> Effect:
     that, and engines are compiled, and kept, by the text of the file.
     """
     path = Path(folder) / f"{NAME}.py"
-    path.write_text(_text([*_terms(explanation)]))
+    path.write_text(_text(_terms(explanation)))
     law = read_effect(path)
     found = {one.term.name: one for one in explanation.formula}
     return replace(law, parameters=tuple(_as_found(one, found.get(one.name)) for one in law.parameters))
 
 
-def _terms(explanation: Explanation) -> Sequence[ForceTerm]:
+def _terms(explanation: Explanation) -> list[ForceTerm]:
     kinds = {_on_structure(one.term) for one in explanation.formula}
     return [term for term in library(explanation.missing) if term.expression and _on_structure(term) in kinds]
 

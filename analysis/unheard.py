@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis.first_passes import first_nuisances
 from analysis.fit_state import State, WaveformFit
-from analysis.held_out import own_refit, record_error
+from analysis.held_out import errors_in_fit, own_refit
 from analysis.pass_search import settle_passes
 from analysis.starts import polish
 from analysis.waveform import Fitter
@@ -59,8 +59,7 @@ def misfit(fitter: Fitter, fit: WaveformFit) -> tuple[float, float]:
 
     The first is hardly touched by a record that no model follows.
     """
-    told = [record_error(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
-    left = [one.squares / one.noise_squares for one in told]
+    left = [one.squares / one.noise_squares for one in errors_in_fit(fitter, fit)]
     likelihood = sum(rest.size * math.log(max(one, 1e-300)) for rest, one in zip(fit.residuals, left, strict=True))
     return likelihood, max(left)
 

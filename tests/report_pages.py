@@ -15,7 +15,7 @@ from analysis.diagnosis import Candidate, Diagnosis
 from analysis.effect_start import effect_parameters
 from analysis.first_passes import first_nuisances
 from analysis.fit_state import State
-from analysis.held_out import held_out_errors, pooled, record_error
+from analysis.held_out import errors_in_fit, held_out_errors, pooled
 from analysis.observed import observe
 from analysis.report.compare_page import compare_page
 from analysis.report.page import Page
@@ -71,9 +71,9 @@ def candidate(*effects: str) -> Candidate:
         model = HIDDEN if name == EFFECT else model.with_effect(OTHER, rate=0.1)
     fitter, fit = fit_from(model, records(), effects)
     errors = tuple(held_out_errors(fitter, fit))
-    in_sample = [record_error(record, rest) for record, rest in zip(fitter.records, fit.residuals, strict=True)]
     parameters = {path: fit.state.model.value(path) for path in fit.names if "." in path}
-    return Candidate(effects, parameters, pooled(in_sample)[0], pooled(errors)[0], 100.0, True, fit, fitter, errors)
+    in_fit = pooled(errors_in_fit(fitter, fit))[0]
+    return Candidate(effects, parameters, in_fit, pooled(errors)[0], 100.0, True, fit, fitter, errors)
 
 
 def diagnosis() -> Diagnosis:

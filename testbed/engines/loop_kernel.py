@@ -102,14 +102,14 @@ def first_surface(A, P, G, Y, phase, teeth, time, new):
     """
     for place in range(Y.shape[0]):
         Y[place] = 0.0
-    for back in range(2 * int(G[FLUTES]), 0, -1):
+    first = 2 * int(G[FLUTES])
+    Y[2] = time - first * G[PITCH] / G[OMEGA]
+    for edge in range(teeth * int(G[SLICES])):
+        cover, turned = piece_of_edge(G, phase, edge)
+        new[edge] = edge_radius(A, P, G, Y, G[ENTRY] + turned, edge, -first)
+    for back in range(first - 1, 0, -1):
         Y[2] = time - back * G[PITCH] / G[OMEGA]
-        for edge in range(teeth * int(G[SLICES])):
-            cover, turned = piece_of_edge(G, phase, edge)
-            radial = edge_radius(A, P, G, Y, G[ENTRY] + turned, edge, -back)
-            penetration = radial - new[edge]
-            chip = penetration if back == 2 * int(G[FLUTES]) else hook_chip(A, P, penetration)
-            new[edge] = radial if chip == penetration else new[edge] + chip
+        leave_surface(A, P, G, Y, phase, -back, teeth, new, new)
 
 
 @inlined
