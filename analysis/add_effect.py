@@ -14,6 +14,7 @@ from analysis.diagnosis import Candidate, judged_on
 from analysis.effect_start import ANCHOR, applicable, effect_parameters, origins_of
 from analysis.fine_steps import finely, has_kinks
 from analysis.fit_state import State, WaveformFit
+from analysis.force_jumps import at_its_jumps
 from analysis.held_out import RecordError, held_out_errors, holds_out, pooled
 from analysis.identify import Estimate
 from analysis.model_fit import model_fit
@@ -21,6 +22,7 @@ from analysis.observed import Observed
 from analysis.prediction import Plant
 from analysis.spindle_speed import at_modelled_speed
 from analysis.starts import polish
+from analysis.swing_start import marks_show
 from analysis.unheard import SOUND, agreed, misfit
 from analysis.waveform import Fitter
 from testbed.effect import Effect
@@ -92,12 +94,14 @@ def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], 
 
     What the model without a strong effect made up for can lead every start from its fit astray.
     """
-    found = agreed(*_fit_with(plant, model, catalogue, effect, bare, say))
+    assert bare.fitter is not None
+    if marks_show(effect, bare.fitter.records):
+        return agreed(*model_fit(plant, bare.fitter.records, with_examples(model, [effect.name], catalogue), catalogue))
+    found = agreed(*at_its_jumps(*_fit_with(plant, model, catalogue, effect, bare, say)))
     before, (likelihood, left) = pooled(bare.errors), misfit(*found)
     if left <= SOUND or before[0] <= ANCHOR * before[1]:
         return found
     say(f"fitting with {effect.name} from the believed machine")
-    assert bare.fitter is not None
     anew = agreed(*model_fit(plant, bare.fitter.records, with_examples(model, [effect.name], catalogue), catalogue))
     return anew if misfit(*anew)[0] < likelihood else found
 

@@ -78,7 +78,7 @@ def try_candidates(
     """Candidates that extend the current set by one effect, best held-out error first."""
     assert current.fit is not None and current.fitter is not None
     entries = _first_steps(current, catalogue, origins, say)
-    floor = 0.5 * sum(one.samples * float(np.sum((one.noise / one.scale) ** 2)) for one in current.fitter.records)
+    floor = 0.5 * sum(one.count * float(np.sum((one.noise / one.scale) ** 2)) for one in current.fitter.records)
     over = max(current.fit.cost - floor, 0.0)
     hopeful = current.fit.cost - HOPE * GAIN * over
     noise = pooled(current.errors)[1]

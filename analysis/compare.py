@@ -143,7 +143,7 @@ def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
     fitter, fit = model_fit(plant, records, model, catalogue)
     errors, held_out = held_out_errors(fitter, fit), holds_out(records)
     rows, tests = [], []
-    for index, (record, error) in enumerate(zip(records, errors, strict=True)):
+    for index, (record, error) in enumerate(zip(fitter.records, errors, strict=True)):
         rows.append(_record(plant, record, error, fit, index, held_out))
         tests += adequacy_tests(record, error, fit.state.angle, fit.state.nuisances[index])
     overall, noise = pooled(errors)
@@ -160,7 +160,7 @@ def _record(plant: Plant, record: Observed, error: RecordError, fit: WaveformFit
             held_out: bool) -> RecordComparison:
     error_fit = record_error(record, fit.residuals[index]).error
     segments = tuple(found for segment in record.segments if (found := segment_error(record, error.residual, segment)))
-    chi_square = float(np.mean((error.residual / record.noise[:, None]) ** 2))
+    chi_square = float(np.sum((error.residual / record.noise[:, None]) ** 2)) / record.size
     nuisances = _nuisances(plant, record, fit.state.model, fit.state.angle, fit.state.nuisances[index])
     return RecordComparison(record.name, record.kind, record.channels, error.error, error_fit, error.noise_floor,
                             tuple(map(float, record.noise)), record.noise_basis, held_out, chi_square, segments, nuisances)

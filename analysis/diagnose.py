@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+from analysis.begun_anew import from_believed
 from analysis.candidate_round import candidate_of
 from analysis.diagnosis import COMPLETE, Candidate, Diagnosis, excess, verdict_of
-from analysis.forward_search import by_noise, forward
+from analysis.forward_search import against, by_noise, forward
 from analysis.held_out import pooled
 from analysis.model_fit import model_fit
 from analysis.next_test import next_test
@@ -22,6 +23,7 @@ from analysis.observed import Observed
 from analysis.prediction import Plant
 from analysis.second_look import looked_again
 from analysis.spindle_speed import at_modelled_speed, rules_the_speed, speed_swing
+from analysis.swing_start import marks_show
 from analysis.unheard import agreed
 from analysis.waveform import Fitter
 from testbed.effect import Effect
@@ -54,10 +56,15 @@ def diagnose(
         return _diagnosed(plant, records, model, catalogue, most, say)
     constant = _diagnosed(plant, [record.at_constant_speed() for record in records], model, catalogue, most, say)
     named = constant.verdict == "missing_effect" and rules_the_speed(constant.effects, catalogue)
-    if named and constant.best.error_where_known <= COMPLETE * constant.noise_floor:
-        return replace(constant, sentence=f"{constant.sentence} The tachometer, too, shows a speed that varies by {swing:.2%}.")
+    said = replace(constant, sentence=f"{constant.sentence} The tachometer, too, shows a speed that varies by {swing:.2%}.")
+    left = constant.best.error_where_known
+    if named and left <= COMPLETE * constant.noise_floor:
+        return said
     say("once more, at the speed that the tachometer shows")
-    found = _diagnosed(plant, records, model, catalogue, most, say)
+    if named and left <= candidate_of(*model_fit(plant, records, model, catalogue), (), None, 1.0).error_where_known:
+        return said
+    others = {name: one for name, one in catalogue.items() if not rules_the_speed([name], catalogue)}
+    found = _diagnosed(plant, records, model, others, most, say)
     return replace(found, sentence=f"{found.sentence} The speed, which varies by {swing:.2%}, is the tachometer's.")
 
 
@@ -105,11 +112,10 @@ def _but(strange: Sequence[str], effects: Sequence[str]) -> str:
 def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:
     """A step of the search on parts of the records, fitted to the whole ones."""
     assert step.fitter is not None and step.fit is not None
-    fitter = Fitter(step.fitter.plant, records, step.fitter.unknowns)
-    own = tuple(
-        Nuisances() if whole is not part else seen
-        for whole, part, seen in zip(records, step.fitter.records, step.fit.state.nuisances, strict=True)
-    )
+    short = [whole.samples != part.samples for whole, part in zip(records, step.fitter.records, strict=True)]
+    known = [whole if cut else part for whole, part, cut in zip(records, step.fitter.records, short, strict=True)]
+    fitter = Fitter(step.fitter.plant, known, step.fitter.unknowns)
+    own = tuple(Nuisances() if cut else seen for cut, seen in zip(short, step.fit.state.nuisances, strict=True))
     fit = fitter.fit(replace(step.fit.state, nuisances=own), iterations=10)
     return replace(candidate_of(fitter, fit, step.effects, None, 1.0), delta_bic=step.delta_bic)
 
@@ -127,9 +133,23 @@ def _search(
     fitter, fit = model_fit(plant, records, model, catalogue)
     base = candidate_of(fitter, fit, (), None, 1.0)
     noise = pooled(base.errors)[1]
-    path = looked_again(forward([base], model, catalogue, most, say), model, catalogue, noise, most, say)
+    begun = [base, *_swung(base, plant, model, catalogue, say)]
+    path = looked_again(forward(begun, model, catalogue, most, say), model, catalogue, noise, most, say)
     seen = sorted(path.seen, key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))
     return verdict_of(path.steps[0], path.end, path.steps, tuple(seen), noise, path.tied)
+
+
+def _swung(base: Candidate, plant: Plant, model: Model, catalogue: Mapping[str, Effect],
+           say: Callable[[str], None]) -> list[Candidate]:  # fmt: skip
+    """The effect by which the speed swings as the marks show, if they show a swing, as the first step of the search."""
+    assert base.fitter is not None
+    records = base.fitter.records
+    shown = [name for name, one in catalogue.items() if name not in model.effects and marks_show(one, records)]
+    if not shown:
+        return []
+    say(f"fitting with {shown[0]}, as the tachometer shows it")
+    alone = against(from_believed(plant, records, model, shown[:1], catalogue), base)
+    return [alone] if alone.error_held_out < base.error_held_out else []
 
 
 def _with_next_test(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -38,6 +39,15 @@ class State:
     def with_value(self, path: str, value: float) -> State:
         """The state with one parameter of the model at another value."""
         return replace(self, model=self.model.with_values({path: value}))
+
+    def passes_in_arc(self, flutes: int) -> float:
+        """How many passes long a tooth is in the work: the angle of engagement over the pitch."""
+        assert self.model.cutting is not None
+        return self.model.cutting.engagement_angle * flutes / (2.0 * math.pi)
+
+    def share_in_arc(self, flutes: int) -> float:
+        """Share of a pass in which a tooth is in the work, 1 where one always is."""
+        return min(1.0, self.passes_in_arc(flutes))
 
     def of_records(self, places: Sequence[int]) -> State:
         """The state of a fit of the records at these places alone."""

@@ -16,6 +16,7 @@ from analysis.candidate_round import GAIN, candidate_of, certain_candidates, try
 from analysis.diagnosis import ADEQUATE, Candidate, excess
 from analysis.effect_start import ANCHOR, origins_of
 from analysis.fine_steps import has_kinks
+from analysis.force_jumps import at_its_jumps
 from analysis.held_out import pooled
 from analysis.information import DELTA_BIC, bic, effective_size
 from analysis.settled import settled
@@ -60,7 +61,7 @@ def _weighed(current: Candidate) -> Candidate:
         return current
     weighed = []
     for record, rest in zip(records, current.fit.residuals, strict=True):
-        left = np.sqrt(np.mean((rest.reshape(record.data.shape) * record.scale[:, None]) ** 2, axis=1))
+        left = np.sqrt(np.mean((rest.reshape(len(record.channels), -1) * record.scale[:, None]) ** 2, axis=1))
         weighed.append(replace(record, weight=np.hypot(record.noise, left) if rough else None))
     fitter = Fitter(current.fitter.plant, weighed, current.fitter.unknowns)
     fit = polish(fitter, current.fit.state, rounds=2, iterations=20)
@@ -75,6 +76,13 @@ def by_noise(one: Candidate) -> Candidate:
     records = [replace(record, weight=None) for record in one.fitter.records]
     fitter = Fitter(one.fitter.plant, records, one.fitter.unknowns)
     return replace(one, fitter=fitter, fit=replace(fitter.fit(one.fit.state, iterations=0), converged=one.fit.converged))
+
+
+def _at_its_jumps(one: Candidate) -> Candidate:
+    """The set with the samples left out at the jumps of a force where its own fit, not that of a smaller set, places them."""
+    assert one.fit is not None and one.fitter is not None
+    fitter, fit = at_its_jumps(one.fitter, one.fit)
+    return one if fitter is one.fitter else replace(candidate_of(fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
 
 
 def _complete_with_finer_steps(
@@ -212,7 +220,7 @@ def forward(
                 current = first
                 steps.append(first)
             break
-        current = _backward(begun_anew(first, model, catalogue, noise, say), catalogue, say)
+        current = _at_its_jumps(_backward(begun_anew(first, model, catalogue, noise, say), catalogue, say))
         steps.append(current)
         if current is not first:
             seen = [*(one for one in seen if one.effects != current.effects), _told(current)]

@@ -63,13 +63,14 @@ def record_error(record: Observed, residual: np.ndarray) -> RecordError:
 
     Channels of several quantities are weighed by their own size, so that the error is the rms of their relative errors.
     """
-    rest = residual.reshape(record.data.shape) * record.scale[:, None]
-    size = record.data - record.data.mean(axis=1, keepdims=True)
+    rest = record.on_samples(residual) * record.scale[:, None]
+    data = record.data if record.believed is None else record.data[:, record.believed]
+    size = data - data.mean(axis=1, keepdims=True)
     quantities = sorted({"force" if name.startswith("force") else name.split("_")[0] for name in record.channels})
     scale = np.ones(len(record.channels)) if len(quantities) == 1 else 1.0 / np.maximum(size.std(axis=1), 1e-300)
     squares = float(np.sum((rest * scale[:, None]) ** 2))
     total = float(np.sum((size * scale[:, None]) ** 2))
-    noise = float(np.sum((record.noise * scale) ** 2) * record.samples)
+    noise = float(np.sum((record.noise * scale) ** 2) * record.count)
     return RecordError(record.name, (squares / total) ** 0.5, (noise / total) ** 0.5, rest, squares, total, noise,
                        record.noise_doubt, " and ".join(quantities))
 

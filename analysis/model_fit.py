@@ -8,10 +8,12 @@ from dataclasses import replace
 from analysis.effect_start import all_free, grown
 from analysis.fine_steps import kinked
 from analysis.fit_state import Free, WaveformFit
+from analysis.force_jumps import at_its_jumps
 from analysis.observed import Observed
 from analysis.prediction import Plant
 from analysis.scale_hops import hopped
 from analysis.starts import base_fit, structure_start
+from analysis.swing_start import swung_fit
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -31,8 +33,9 @@ def model_fit(
     """
     if free is None and model.effects:
         free = all_free(records, model, catalogue)
-    fitter, fit = base_fit(plant, records, model, free=free)
+    swung = swung_fit(plant, records, model, catalogue, free) if free is not None else None
+    fitter, fit = swung or base_fit(plant, records, model, free=free)
     if model.effects and all(record.kind == "ring-down" for record in records):
         believed = replace(fit.state, model=structure_start(records, model))
         fit = min(fit, grown(fitter, [believed, fit.state]), key=lambda one: one.cost)
-    return fitter, hopped(fitter, kinked(model.effects, catalogue), fit)
+    return at_its_jumps(fitter, hopped(fitter, kinked(model.effects, catalogue), fit))

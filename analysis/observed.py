@@ -39,7 +39,9 @@ class Observed:
     period: of one revolution (s); first_mark: time of the first mark, s. durations: measured time of every revolution
     where the speed is not constant. clock_error: standard deviations of a record's own tooth angle (rad) and relative
     speed, from the scatter of its marks. segments and conditions as read. force (samples,) drives an excited record.
-    heard: whether it has a say in the fit. noise_doubt: standard error of the first channel's noise over itself.
+    heard: whether it has a say in the fit. noise_doubt: standard error of the first channel's noise over itself. believed
+    (samples,): those that count; all, where None. measured: the record at the speed that its marks show, where those are
+    left out here.
     """
 
     name: str
@@ -64,6 +66,8 @@ class Observed:
     weight: np.ndarray | None = None
     heard: bool = True
     noise_doubt: float = 0.0
+    believed: np.ndarray | None = None
+    measured: Observed | None = None
 
     @property
     def forces_only(self) -> bool:
@@ -97,11 +101,39 @@ class Observed:
         place, order, omega = self.motion
         return float(np.std(self.data[place])) / omega**order or 1.0
 
+    @property
+    def count(self) -> int:
+        """Number of samples a channel that count."""
+        return self.samples if self.believed is None else int(np.count_nonzero(self.believed))
+
+    @property
+    def size(self) -> int:
+        """Number of values that count, over all channels: the length of a residual."""
+        return len(self.channels) * self.count
+
     def project(self, values: np.ndarray) -> np.ndarray:
-        """Values (..., channels, samples) in units of the scale, without what offset and drift could explain."""
-        scaled = values / self.scale[:, None]
-        scaled -= (scaled @ self.drift) @ self.drift.T
+        """Values (..., channels, samples) in units of the scale, without what offset and drift could explain.
+
+        Returned are the samples that count: shape (..., channels, count).
+        """
+        scaled, drift = values / self.scale[:, None], self.drift
+        if self.believed is not None:
+            scaled, drift = scaled[..., self.believed], self._believed_drift
+        scaled -= (scaled @ drift) @ drift.T
         return scaled
+
+    @cached_property
+    def _believed_drift(self) -> np.ndarray:
+        return np.asfortranarray(np.linalg.qr(self.drift[self.believed])[0])
+
+    def on_samples(self, residual: np.ndarray) -> np.ndarray:
+        """A residual (size,) laid out as the data are, (channels, samples), with 0 where a sample does not count."""
+        rows = residual.reshape(len(self.channels), self.count)
+        if self.believed is None:
+            return rows
+        whole = np.zeros(self.data.shape)
+        whole[:, self.believed] = rows
+        return whole
 
     @property
     def anchor(self) -> float:
@@ -128,7 +160,7 @@ class Observed:
 
     def at_constant_speed(self) -> Observed:
         """The record without what unsteady marks say of its course; itself where the speed is constant."""
-        return self if self.marks is None else replace(self, marks=None, first_mark=None, clock_error=None)
+        return self if self.marks is None else replace(self, marks=None, first_mark=None, clock_error=None, measured=self)
 
     def loudest(self, count: int) -> Observed:
         """The `count` samples of an excited record in which it moves most, as a record; a record of another kind itself."""
@@ -145,6 +177,8 @@ class Observed:
             data=self.data[:, first : first + count],
             force=None if self.force is None else self.force[first : first + count],
             start=self.start + first / self.rate,
+            believed=None if self.believed is None else self.believed[first : first + count],
+            measured=None if self.measured is None else self.measured.part(first, count, drift_terms),
             drift=drift_basis(count, self.drift.shape[1] if drift_terms is None else drift_terms),
         )
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from analysis.fit_state import State, WaveformFit
 from analysis.nuisances import Nuisances
+from analysis.pass_search import squares_of
 from analysis.waveform import WORKERS, Fitter
 
 MISFIT = 1.05  # mean squared residual, in noise, above which a record may have begun or ended within an arc
@@ -53,7 +54,7 @@ def _in_part(fitter: Fitter, fit: WaveformFit) -> tuple[Nuisances, ...]:
     with ThreadPoolExecutor(WORKERS) as pool:
         found = tuple(pool.map(one, range(len(fitter.records))))
     cuts = [place for place, record in enumerate(fitter.records) if record.cut is not None]
-    late = [found[place].late_entry / _arc(fit.state, fitter.records[place].flutes) for place in cuts]
+    late = [found[place].late_entry / fit.state.share_in_arc(fitter.records[place].flutes) for place in cuts]
     late = [share for share in late if share > 0.0]
     if len(late) <= USUAL * len(cuts) or np.std(late) > ALIKE:
         return found
@@ -65,10 +66,10 @@ def _best_part(fitter: Fitter, index: int, state: State) -> Nuisances:
     """The nuisances of one record with the best of whole and part passes, near what its marks say of its clock."""
     record, now = fitter.records[index], state.nuisances[index]
     clocks = [now] if record.clock_error is None else [now, replace(now, angle=0.0, speed=1.0)]
-    arc = _arc(state, record.flutes)
+    arc = state.share_in_arc(record.flutes)
     cost, best = min((_tried(fitter, index, state, clock, arc) for clock in clocks), key=lambda pair: pair[0])
-    before = _cost(fitter, index, state, [now])[0]
-    floor = 0.5 * record.data.size
+    before = 0.5 * squares_of(fitter, index, state, [now])[0]
+    floor = 0.5 * record.size
     return best if before - cost > (max(GAIN, SHARE * (before - floor)) if _whole(now) else FINER) else now
 
 
@@ -89,13 +90,13 @@ def _tried(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float)
 
 def _placed(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float, end: str) -> tuple[float, Nuisances]:
     tried = [one for one in _places(own, arc, end) if one.entry < one.exit]
-    costs = _cost(fitter, index, state, tried)
+    costs = 0.5 * squares_of(fitter, index, state, tried)
     cost, best = float(costs.min()), tried[int(np.argmin(costs))]
     name = _NAMES[end]
     step = 0.5 * arc / PARTS
     for _ in range(HALVINGS if getattr(best, name) > 0.0 else 0):
-        near = [_with(best, **{name: value}) for by in (-step, step) if 0.0 <= (value := getattr(best, name) + by) < 1.0]
-        costs = _cost(fitter, index, state, near)
+        near = [best.with_fields(**{name: value}) for by in (-step, step) if 0.0 <= (value := getattr(best, name) + by) < 1.0]
+        costs = 0.5 * squares_of(fitter, index, state, near)
         if costs.min() < cost:
             cost, best = float(costs.min()), near[int(np.argmin(costs))]
         step *= 0.5
@@ -110,20 +111,4 @@ def _places(own: Nuisances, arc: float, end: str) -> Iterator[Nuisances]:
     for place in range(getattr(own, end) - REACH, getattr(own, end) + REACH + 1):
         for part in range(PARTS):
             missing = arc * part / PARTS if end == "entry" else 1.0 - arc * (PARTS - part) / PARTS
-            yield _with(own, **{end: place, _NAMES[end]: missing if part else 0.0})
-
-
-def _with(own: Nuisances, **values: float) -> Nuisances:
-    return Nuisances(**{**vars(own), **values})
-
-
-def _arc(state: State, flutes: int) -> float:
-    """Share of a pass in which a tooth is in the work, 1 where one always is."""
-    cutting = state.model.cutting
-    assert cutting is not None
-    return float(min(1.0, cutting.engagement_angle * flutes / (2.0 * np.pi)))
-
-
-def _cost(fitter: Fitter, index: int, state: State, tried: list[Nuisances]) -> np.ndarray:
-    rest = fitter.residuals_of(index, [(state.model, state.angle, one) for one in tried])
-    return 0.5 * np.einsum("ij,ij->i", rest, rest)
+            yield own.with_fields(**{end: place, _NAMES[end]: missing if part else 0.0})

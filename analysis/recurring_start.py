@@ -33,7 +33,7 @@ def residual_peaks(records: Sequence[Observed], fit: WaveformFit, count: int = 6
     """Frequencies (Hz) of the strongest lines in the residuals."""
     found: list[tuple[float, float]] = []
     for record, rest in zip(records, fit.residuals, strict=True):
-        for values in rest.reshape(record.data.shape):
+        for values in record.on_samples(rest):
             found += [(height, frequency) for frequency, height in find_peaks(values, record.rate, count=count)]
     kept: list[float] = []
     for _, frequency in sorted(found, reverse=True):

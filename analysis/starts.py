@@ -154,7 +154,7 @@ def _scan(plant: Plant, records: Sequence[Observed], model: Model) -> tuple[floa
         ]
         rest = record.project(record.data - np.nan_to_num(predict(plant, record, variants), nan=1.0))
         rest = np.clip(rest, -1e6, 1e6)
-        return np.log(np.mean(rest**2, axis=(1, 2))) * record.samples
+        return np.log(np.mean(rest**2, axis=(1, 2))) * record.count
 
     cuts = [record for record in records if record.cut is not None]
     with ThreadPoolExecutor(WORKERS) as pool:
@@ -247,7 +247,12 @@ def base_fit(
     best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
     fitter = Fitter(plant, records, free)
     fit = rested(fitter, from_the_best_half(fitter, polish(fitter, place_exits(fitter, best.state))))
-    return fitter, with_parts_of_passes(fitter, recounted(fitter, entries_together(fitter, fit)))
+    return fitter, with_courses(fitter, fit)
+
+
+def with_courses(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
+    """The fit with the course of every cut looked for again: entries of all together, numbers of passes, parts of passes."""
+    return with_parts_of_passes(fitter, recounted(fitter, entries_together(fitter, fit)))
 
 
 def rested(fitter: Fitter, fit: WaveformFit, *, rounds: int = 4, iterations: int = 40) -> WaveformFit:

@@ -257,7 +257,7 @@ class Fitter:
         parts = found.parts if found.anew else self.linearise_all(found.state)
         size = sum(part.residual.size for part in parts)
         covariance = self.covariance(parts, max(1.0, 2.0 * found.cost / size))
-        residuals = tuple(part.residual[: record.data.size] for part, record in zip(parts, self.records, strict=True))
+        residuals = tuple(part.residual[: record.size] for part, record in zip(parts, self.records, strict=True))
         return WaveformFit(
             state=found.state, cost=found.cost, parts=parts, converged=found.converged, iterations=found.iterations,
             residuals=residuals, names=self.names, covariance=covariance,

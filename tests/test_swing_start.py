@@ -1,0 +1,78 @@
+"""A swing of the spindle's speed that turns it by more than a tooth's arc, started from a tachometer's marks."""
+
+import math
+from functools import partial
+
+import numpy as np
+import pytest
+from campaign_files import BELIEVED, TRUE
+from synthetic_campaign import TESTS, synthetic_record
+
+from analysis.add_effect import add_effect
+from analysis.diagnose import diagnose
+from analysis.model_fit import model_fit
+from analysis.observed import observe
+from analysis.swing_start import Clock, marks_show, swing_clocks
+from testbed.catalogue import catalogue
+from testbed.cli._fitting import plant_of
+from testbed.engines import fast
+
+AMPLITUDE, FREQUENCY = 0.05, 4.0
+PHASES = (-2.0, 0.4)
+SWING = catalogue()["speed_variation"]
+
+
+@pytest.fixture(scope="module")
+def records():
+    made = []
+    for number, ((rpm, depth), phase) in enumerate(zip(TESTS, PHASES, strict=False)):
+        true = TRUE.with_effect("speed_variation", amplitude=AMPLITUDE, frequency=FREQUENCY, phase=phase)
+        made.append(synthetic_record(partial(fast.simulate, steps=97), true, rpm, depth * 1e-3, 70 + number,
+                                     course=(12, 45, 20)))
+    return [observe(record, BELIEVED) for record in made]
+
+
+def test_a_clock_turns_at_its_own_speed():
+    clock = Clock(zero=0.3, angle=1.0, speed=400.0, phase=0.7, amplitude=0.05, frequency=4.0)
+    time = np.linspace(0.0, 1.0, 20001)
+    rate = np.gradient(clock.angle_at(time), time)
+    expected = 400.0 * (1 + 0.05 * np.sin(2 * math.pi * 4.0 * (time - 0.3) + 0.7))
+    assert np.abs(rate - expected)[1:-1].max() < 1e-4 * 400.0
+    assert clock.angle_at(clock.time_of(123.4)) == pytest.approx(123.4, abs=1e-9)
+
+
+def test_marks_tell_amplitude_and_frequency(records):
+    assert not marks_show(SWING, records)  # the speed is measured: nothing is left for the effect
+    clocks = swing_clocks([record.at_constant_speed() for record in records], SWING)
+    for clock in clocks:
+        assert clock.amplitude == pytest.approx(AMPLITUDE, rel=1e-3)
+        assert clock.frequency == pytest.approx(FREQUENCY, rel=1e-3)
+
+
+@pytest.mark.parametrize("time_constant", [0.05, 0.2, 1.0])
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_marks_that_follow_no_sinusoid_are_not_believed(count, time_constant):
+    true = TRUE.with_effect("speed_droop", droop=0.1, time_constant=time_constant)
+    made = [synthetic_record(partial(fast.simulate, steps=61), true, rpm, depth * 1e-3, 75 + number, course=(12, 45, 20))
+            for number, (rpm, depth) in enumerate(TESTS[:count])]
+    observed = [observe(record, BELIEVED).at_constant_speed() for record in made]
+    assert observed[0].measured is not None and not marks_show(SWING, observed)
+
+
+def test_the_effect_is_added_and_then_compared(records):
+    plant = plant_of(catalogue())
+    found = add_effect(plant, records, BELIEVED, SWING, catalogue())
+    assert found.after < 1.03 * found.noise_floor < 0.1 * found.before
+    amplitude, frequency = (found.parameters[f"speed_variation.{name}"] for name in ("amplitude", "frequency"))
+    assert amplitude.value == pytest.approx(AMPLITUDE, rel=2e-4) and amplitude.high - amplitude.low < 1e-4
+    assert frequency.value == pytest.approx(FREQUENCY, rel=1e-4)
+    assert found.model.cutting.tangential_coefficient == pytest.approx(TRUE.cutting.tangential_coefficient, rel=0.05)
+    opened = [record.at_constant_speed() for record in records]
+    believed = BELIEVED.with_effect("speed_variation", amplitude=0.03, frequency=5.0, phase=0.0)
+    assert model_fit(plant, opened, believed, catalogue())[1].mean_squares.max() < 1.05
+
+
+def test_it_is_named(records):
+    found = diagnose(plant_of(catalogue()), records, BELIEVED, catalogue())
+    assert (found.verdict, found.effects) == ("missing_effect", ("speed_variation",))
+    assert "tachometer" in found.sentence
