@@ -6,11 +6,19 @@ where it is when the first period, the number of periods or the rank is changed.
 
 from __future__ import annotations
 
+import cmath
 import math
+from collections.abc import Collection
 
 import numpy as np
 
 from analysis.multiplier_fit import MultiplierFit, best_fit, fit_multipliers
+
+LINE = 3e-3  # distance from modulus 1 within which a mode neither dies nor grows,
+UNEQUAL = 1.5e-2  # from a root of 1 of the number of teeth, within which it recurs once a revolution,
+SLOW = 0.97  # and real modulus from which it creeps: no transient of a cut does
+STRONGER = 3.0  # times as strong are modes whose products,
+HARMONIC = 0.01  # within this distance, a mode is
 
 
 def significant(removed: float, noise: float, modes: int, delays: int) -> bool:
@@ -44,6 +52,23 @@ def _needed(samples: np.ndarray, fit: MultiplierFit) -> np.ndarray:
         needed[i] = significant(float(np.sum(np.abs(left) ** 2)) - fit.misfit, fit.noise,
                                  columns.shape[1] - len(without), samples.shape[1])
     return needed
+
+
+def foreign_modes(multipliers: np.ndarray, strength: np.ndarray, flutes: int) -> dict[int, str]:
+    """Modes that are not the linear machine's: what goes on beside the cut, and harmonics; what each is, in words."""
+    found = {}
+    once = [cmath.exp(2j * math.pi * k / flutes) for k in range(1, flutes)]
+    for i, mu in enumerate(multipliers):
+        strong = multipliers[strength > STRONGER * strength[i]]
+        if any(abs(mu - one * other) < HARMONIC for one in strong for other in strong):
+            found[i] = "a harmonic of stronger modes: the motion, or the sensor, is not linear"
+        elif any(abs(mu - root) < UNEQUAL for root in once):
+            found[i] = "recurs once a revolution: unequal teeth, no transient"
+        elif abs(mu.imag) < 1e-9 and SLOW < mu.real < 1.0 + LINE:
+            found[i] = "a slow drift, no transient"
+        elif abs(abs(mu) - 1.0) < LINE:
+            found[i] = "neither dies nor grows: a line that goes on beside the cut (hum, another machine), no transient"
+    return found
 
 
 def held_modes(samples: np.ndarray, fit: MultiplierFit, drift: bool, strength: np.ndarray,
@@ -84,12 +109,14 @@ def held_modes(samples: np.ndarray, fit: MultiplierFit, drift: bool, strength: n
     return held, why, shift
 
 
-def verdict(fit: MultiplierFit, strength: np.ndarray, held: np.ndarray, why: dict[int, str]) -> tuple[bool, str]:
-    """Whether the strongest mode is among those held, and the reason in words."""
+def verdict(fit: MultiplierFit, strength: np.ndarray, held: np.ndarray, why: dict[int, str],
+            foreign: Collection[int] = ()) -> tuple[bool, str]:
+    """Whether the strongest mode but for `foreign` ones is among those held, and the reason in words."""
     if fit.rank == 0:
         return False, "no motion above the noise"
     # two modes that nearly coincide are each huge and cancel: neither is determined, neither can lead
-    dominant = int(np.argmax(np.where(fit.standard_errors < 1.0, strength, 0.0)))
+    leads = [i not in foreign and fit.standard_errors[i] < 1.0 for i in range(fit.rank)]
+    dominant = int(np.argmax(np.where(leads, strength, 0.0)))
     if not held[dominant]:
         return False, f"the strongest mode {fit.multipliers[dominant]:.3f}: {why.get(dominant, 'its conjugate fails')}"
     dropped = [f"{fit.multipliers[i]:.3f} ({reason})" for i, reason in why.items() if fit.multipliers[i].imag >= 0]

@@ -10,7 +10,8 @@ refines them and gives their covariance. Rules, each stated in the result:
 - first period: moved on while the first period used is fitted worse than the others (fast modes still alive);
 - last period: before the residual grows (contact lost, or a motion too large to be linear);
 - belief: a multiplier must not move when the first period, the number of periods or the rank is changed; one that
-  does is left out, and if it is the strongest mode nothing is believed.
+  does is left out, and if it is the strongest mode nothing is believed. What goes on beside the cut (hum, drift, a
+  pattern that unequal teeth repeat once a revolution) and harmonics of stronger modes are no multipliers of a cut.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from analysis.belief import held_modes, mode_columns, mode_strength, significant, verdict
+from analysis.belief import foreign_modes, held_modes, mode_columns, mode_strength, significant, verdict
 from analysis.information import Z_95
 from analysis.multiplier_fit import MultiplierFit, best_fit, delay_embedding_multipliers, fit_multipliers
 from analysis.spindle_clock import turns_of
@@ -32,6 +33,8 @@ __all__ = ["EmpiricalMultipliers", "TooFewPeriods", "delay_embedding_multipliers
 
 _MOST_PERIODS, _LEAST_PERIODS, _MOST_RANK, _MOST_SKIPPED = 60, 6, 5, 4
 _SPLINE_POWER = 0.87  # white noise left by cubic spline interpolation, mean over positions between samples
+RICH, RICHER = 4, 6  # modes of a fit that tells where the linear record ends, and of one asked where that is
+SOON = 12  # periods
 _DRIFT_PERIODS = 12  # in fewer periods a drift cannot be told from a slow mode
 
 
@@ -148,7 +151,15 @@ def _select_rank(samples: np.ndarray, drift: bool) -> MultiplierFit:
 
 
 def _usable_periods(samples: np.ndarray, drift: bool) -> int:
-    """Periods before the residual of a rich fit grows: contact loss and large motion end the linear record."""
+    """Periods before the residual of a rich fit grows: contact loss and large motion end the linear record.
+
+    Where that seems to be soon, a richer one is asked: hum, or a pattern that goes on, takes two modes for itself.
+    """
+    usable = _linear_periods(samples, drift, RICH)
+    return usable if usable >= SOON else max(usable, _linear_periods(samples, drift, RICHER))
+
+
+def _linear_periods(samples: np.ndarray, drift: bool, rank: int) -> int:
     total = min(samples.shape[0], _MOST_PERIODS)
     floor = 1e-3 * float(np.sqrt(np.mean((samples[:_LEAST_PERIODS] - samples[:_LEAST_PERIODS].mean(axis=0)) ** 2)))
     lengths = sorted({min(total, int(_LEAST_PERIODS * 1.15**k)) for k in range(18)} | {total})
@@ -156,7 +167,7 @@ def _usable_periods(samples: np.ndarray, drift: bool) -> int:
     for length in lengths:
         if length < _LEAST_PERIODS:
             continue
-        fit = best_fit(samples[:length], min(4, length - 4), drift and length >= _DRIFT_PERIODS)
+        fit = best_fit(samples[:length], min(rank, length - 4), drift and length >= _DRIFT_PERIODS)
         certain = 5.0 / math.sqrt(2.0 * samples.shape[1] * max(1, length - 5))
         late = fit.rows[-3:].max() > (1.3 + certain) * max(float(np.median(fit.rows)), floor)
         if length > 8 and fit.noise > (1.1 + certain) * max(quietest, floor) or (late and length > 8):
@@ -198,10 +209,12 @@ def empirical_multipliers(recording: Recording, *, flutes: int = 1, period: floa
     covariance = _bootstrap(samples, fit, sloped, bootstrap, seed) if bootstrap and fit.rank else fit.covariance
     strength = mode_strength(samples, fit) if fit.rank else np.zeros(0)
     held, why, shift = held_modes(samples, fit, sloped, strength) if fit.rank else (np.zeros(0, bool), {}, np.zeros(0))
+    foreign = foreign_modes(fit.multipliers, strength, flutes)
+    held, why = held & ~np.isin(np.arange(fit.rank), [*foreign]), why | foreign
     # resampling by spline takes power from the noise, but not where the slow motion of the modes lies
     dense = count > 0.7 * recording.sampling_rate * period
     covariance = covariance / (_SPLINE_POWER if dense else 1.0) + np.diag(shift**2)
-    believed, reason = verdict(fit, strength, held, why)
+    believed, reason = verdict(fit, strength, held, why, foreign)
     kept = np.nonzero(held)[0] if believed else np.arange(fit.rank)
     both = np.concatenate([kept, kept + fit.rank])
     values, covariance = fit.multipliers[kept], covariance[np.ix_(both, both)]

@@ -185,8 +185,8 @@ def _answer(start, cuts, measured, used, best, numbers, elements) -> Identificat
     spread = Z_95 * inflation * np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
 
     def estimate(value: float, log_spread: float, unit: str) -> Estimate:
-        half = abs(float(log_spread)) * float(value)
-        return Estimate(float(value), float(value) - half, float(value) + half, unit)
+        factor = math.exp(min(abs(float(log_spread)), 700.0))  # what is fitted is the logarithm
+        return Estimate(float(value), float(value) / factor, float(value) * factor, unit)
 
     parameters = {
         "natural_frequency": estimate(model.structure.natural_frequency, spread[0], "Hz"),

@@ -1,11 +1,13 @@
 """Empirical multipliers of simulated transients against the model's."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from independent_simulator import simulate
 
+from analysis.belief import foreign_modes
 from analysis.collocation import collocation_multipliers
 from analysis.delay_equation import milling_equation
 from analysis.floquet import (
@@ -142,3 +144,24 @@ def test_too_short_a_cut_is_refused():
         empirical_multipliers(simulate(PAPER, rpm(3810, 2.9, 4)))
     with pytest.raises(ValueError, match="periods"):
         fit_multipliers(np.random.default_rng(0).standard_normal((5, 32)), np.array([0.5, 0.4, 0.3]))
+
+
+@pytest.mark.parametrize(("frequency", "flutes", "sizes"), [
+    (50.0, 1, (5e-7, 1e-6)), (0.35, 1, (2e-6, 2e-5)), (3810 / 120, 2, (2e-6, 2e-5))])
+def test_what_goes_on_beside_the_cut_is_no_multiplier(frequency, flutes, sizes):
+    cut = rpm(3810, 2.9)  # its tooth passes 63.5 times a second; half of that is what two unequal teeth repeat
+    recording = simulate(PAPER, cut, noise=2e-7, seed=3)
+    for size in sizes:
+        beside = size * np.sin(2 * math.pi * frequency * recording.time + 0.4)
+        disturbed = replace(recording, channels={"displacement": recording.channels["displacement"] + beside})
+        found = empirical_multipliers(disturbed, flutes=flutes, period=tooth_period(recording))
+        assert found.believed and abs(found.multipliers[0] - truth(cut)[0]) < 0.01
+    assert "no transient" in found.reason
+
+
+def test_modes_that_are_not_the_linear_machines():
+    strong = 0.7 * np.exp(1.1j)
+    modes = np.array([strong, strong.conjugate(), strong**2, abs(strong) ** 2, -0.5 + 0.866j, 0.985, 0.8, np.exp(0.3j)])
+    strength = np.array([1.0, 1.0, 0.1, 0.1, 0.5, 0.5, 0.1, 0.5])
+    assert sorted(foreign_modes(modes, strength, 3)) == [2, 3, 4, 5, 7]
+    assert sorted(foreign_modes(modes, np.ones(8), 1)) == [4, 5, 7]

@@ -11,6 +11,8 @@ from testbed.cli._options import catalogue_of, cutting_model, effects_option, mo
 from testbed.cli._places import check_place
 from testbed.problem import InputProblem
 
+MISSED = 30.0  # misfit per degree of freedom from which a fit by multipliers is doubted aloud
+
 
 @click.command(short_help="Estimate damping, frequency and cutting coefficients, with intervals.",
                epilog="Example: testbed identify campaign.yaml -m model.yaml -o identified.yaml")
@@ -47,6 +49,10 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
         raise InputProblem(data, str(problem), "add tests with a clear entry transient, or try --method waveform"
                            if multipliers else "check the records with testbed inspect") from None
     notes = [*([] if multipliers else uncalibrated(records)), *doubts(records, model)]  # multipliers have no unit
+    if multipliers and found.quality["chi_square"] > MISSED:
+        worst = max((test for test in found.tests if test["used"]), key=_missed_by)
+        notes.append(f"the linear machine does not explain these multipliers, {worst['name']} least: its parameters may be far "
+                     "outside their intervals; look at that record, or try --method waveform")
     for note in notes:
         answer.say(note)
     _say(answer, found)
@@ -54,6 +60,12 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
         write_model(found.model, output, catalogue)
         answer.say(f"written: {output}")
     answer.finish({"method": method, "parameters": found.parameters, "tests": found.tests, **found.quality, "notes": notes})
+
+
+def _missed_by(test: Any) -> float:
+    """Largest distance of a measured multiplier from the model's beside it."""
+    pairs = zip(test["measured"], test["model"], strict=False)
+    return max(abs(complex(one) - complex(other)) for one, other in pairs)
 
 
 def _say(answer: Answer, found: Any) -> None:
