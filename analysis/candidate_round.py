@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.diagnosis import ADEQUATE, Candidate
-from analysis.effect_start import Origin, applicable, far_step, first_step, gradual_entry
+from analysis.effect_start import Origin, applicable, far_step, first_step, gradual_entry, switched_on
 from analysis.entry_passes import entries_together
 from analysis.fit_state import State, WaveformFit
 from analysis.held_out import errors_in_fit, held_out_errors, pooled
@@ -186,9 +186,11 @@ def _from_far(current: Candidate, entry: _Entry, effect: Effect, origins: Sequen
     """Put the entry where a fit from far outside ends, if that is better."""
     assert current.fit is not None and current.fitter is not None
     scanned = origins[-1].scanned if origins and "engagement" in effect.hooks else None
-    if any(one.each_record for one in effect.parameters) or not effect.parameters:
+    if any(one.each_record for one in effect.parameters):
         return
-    if scanned is not None:
+    if not effect.parameters:
+        cost, state, fitter = switched_on(current.fitter, effect, origins)
+    elif scanned is not None:
         cost, state, fitter = gradual_entry(current.fitter, effect, current.fit, scanned)
     else:
         cost, state, fitter = far_step(current.fitter, effect, current.fit)

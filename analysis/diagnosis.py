@@ -18,6 +18,7 @@ SURE = 2.0  # standard errors of the noise floor by which that is widened: a flo
 COMPLETE = 1.15  # error over noise floor above which something is still missing
 EXPLAINED = 0.99  # share of the excess that named effects must take away where something is left: else the law is unknown
 MANY = 3  # effects from which they must leave no more than ADEQUATE: a law of no catalogue is soon made up of several known
+NOTHING = 2.0  # error from which a prediction foretells nothing
 PARTIAL = 0.5  # share of the excess from which effects are told although something of another kind remains
 
 
@@ -123,7 +124,7 @@ def verdict_of(
             "missing_effect",
             best.effects,
             f"The model lacks {' and '.join(best.effects)}: the error {judged_on(base.held_out)} "
-            f"falls from {base.error_held_out:.3g} to {best.error_held_out:.3g}.{_besides(base, best, noise, tied)}",
+            f"falls from {_told(base.error_held_out)} to {best.error_held_out:.3g}.{_besides(base, best, noise, tied)}",
         )
     if ratio <= FAINT_REST + SURE * pooled_doubt(base.errors) and not best.effects:
         return answer(
@@ -144,6 +145,11 @@ def verdict_of(
         (),
         f"Something is missing (error {ratio:.3g} times the noise floor) that no effect of the catalogue explains.",
     )
+
+
+def _told(error: float) -> str:
+    """An error in words: a prediction that is worse than none at all may be so by any number."""
+    return f"{error:.3g}" if error <= NOTHING else "more than the motion itself"
 
 
 def _besides(base: Candidate, best: Candidate, noise: float, tied: tuple[str, ...]) -> str:

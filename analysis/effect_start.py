@@ -273,6 +273,17 @@ def gradual_entry(fitter: Fitter, effect: Effect, fit: WaveformFit, scanned: Sta
     return best.cost, best.state, wider
 
 
+def switched_on(fitter: Fitter, effect: Effect, origins: Sequence[Origin]) -> tuple[float, State, Fitter]:
+    """(cost, state, fitter) after a short fit with an effect without parameters, from the origin that then explains most.
+
+    What the model lacked it had made up for by all it has: no single step leads back.
+    """
+    states = [replace(one.state, model=one.state.model.with_effect(effect.name)) for one in origins]
+    found = [fitter.fit(state, iterations=CORNER) for state in states]
+    best = min(found, key=lambda one: one.cost)
+    return best.cost, best.state, fitter
+
+
 def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit) -> tuple[float, State, Fitter]:
     """(cost, state, fitter) after a short fit that begins with the effect at its largest start.
 

@@ -158,18 +158,24 @@ def _tied(first: Candidate, other: Candidate, current: Candidate, noise: float) 
     return apart < DELTA_BIC or (lost < 0.02 * gained and apart < 3 * DELTA_BIC)
 
 
-def _faint(base: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None]) -> Path:
-    """The search from a base model that leaves but noise: an effect that is certain and takes most of the rest, or none."""
-    assert base.fit is not None and base.fitter is not None
-    origins = origins_of(base.fitter.plant, model, base.fitter, base.fit, anchored=False)
-    found = certain_candidates(base, catalogue, origins, say)
-    left = (1.0 - TAKEN) * excess(base.error_held_out, noise)
-    passing = [one for one in found if excess(one.error_held_out, noise) <= left and one.error_held_out < base.error_held_out]
+def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Effect], noise: float,
+           say: Callable[[str], None]) -> Path:  # fmt: skip
+    """The search from a set that leaves but noise: an effect more that is certain and takes most of the rest, or none."""
+    current = steps[-1]
+    assert current.fit is not None and current.fitter is not None
+    origins = origins_of(current.fitter.plant, model, current.fitter, current.fit, anchored=False)
+    found = certain_candidates(current, catalogue, origins, say)
+    left = (1.0 - TAKEN) * excess(current.error_held_out, noise)
+    passing = [one for one in found
+               if excess(one.error_held_out, noise) <= left and one.error_held_out < current.error_held_out]
     if not passing:
-        return Path((base,), tuple(map(_told, found)), ())
+        return Path(tuple(steps), tuple(map(_told, found)), ())
     first, *others = passing
-    tied = tuple(one.effects[-1] for one in others if _tied(first, one, base, noise))
-    return Path((base, settled(first, catalogue)), tuple(map(_told, found)), (first.effects[-1], *tied) if tied else ())
+    tied = tuple(one.effects[-1] for one in others if _tied(first, one, current, noise))
+    if tied and current.effects:  # which of them it is, so faint, is not asked beside what is known
+        return Path(tuple(steps), tuple(map(_told, found)), ())
+    first = settled(first, catalogue)
+    return Path((*steps, first), tuple(map(_told, found)), (first.effects[-1], *tied) if tied else ())
 
 
 def _told(one: Candidate) -> Candidate:
@@ -188,7 +194,7 @@ def forward(
     base, current, steps = begun[0], begun[-1], list(begun)
     noise = pooled(base.errors)[1]
     if not current.effects and current.error_where_known <= ADEQUATE * noise:
-        return _faint(base, model, catalogue, noise, say)
+        return _faint([base], model, catalogue, noise, say)
     seen: list[Candidate] = []
     tied: tuple[str, ...] = ()
     complete: Candidate | None = None
@@ -230,4 +236,7 @@ def forward(
     current = complete or settled(by_noise(_weighed(current)), catalogue)
     steps = [*map(by_noise, steps[:-1]), current]
     seen = [_told(current) if one.effects == current.effects else one for one in seen]
+    if not tied and current.effects and len(current.effects) < most and current.error_where_known <= ADEQUATE * noise:
+        path = _faint(steps, model, catalogue, noise, say)
+        return replace(path, seen=(*seen, *path.seen))
     return Path(tuple(steps), tuple(seen), tied)

@@ -287,3 +287,9 @@ def test_ctrl_c_keeps_what_is_finished_and_says_how_to_go_on(testbed):
     assert not Path("many.h5").exists()
     kept = sorted(Path().glob("many.h5.parts/runs-*.h5"))
     assert kept and all(len(read_data_set(shard)) > 0 for shard in kept)
+
+
+def test_the_package_runs_as_a_module():
+    done = subprocess.run([sys.executable, "-m", "testbed", "--version"], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert done.stdout.startswith("testbed ")
+    assert subprocess.run([sys.executable, "-m", "testbed", "runn"], capture_output=True, cwd=ROOT).returncode == 2

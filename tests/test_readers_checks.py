@@ -247,3 +247,12 @@ def test_several_pulses_a_revolution_give_one_mark_each() -> None:
     pulse = (np.arange(12800) % 100 < 20).astype(float)
     found, _ = tachometer.marks(pulse, 12800.0, pulses_per_revolution=4)
     assert np.allclose(np.diff(found), 400 / 12800)
+
+
+def test_an_accelerations_teeth_are_neither_spikes_nor_missing_samples() -> None:
+    values = 1e-3 * np.random.default_rng(5).standard_normal(4000)
+    values[400:4000:700] += 1.0  # six teeth, one sample each
+    assert any("spike" in note or "jump" in note for note in checks.channel_notes("displacement", values))
+    assert not any("spike" in note or "jump" in note for note in checks.channel_notes("acceleration", values))
+    one = np.where(np.arange(4000) < 900, 0.0, 5.0) + 1e-3 * np.random.default_rng(5).standard_normal(4000)
+    assert any("jump" in note for note in checks.channel_notes("acceleration", one))

@@ -104,11 +104,11 @@ def catalogue_of(folders: tuple[str, ...]) -> Any:
     return catalogue(*folders)
 
 
-def cutting_model(path: str, catalogue: Any = None) -> Any:
-    """A model.yaml that has a cutter. InputProblem otherwise."""
+def cutting_model(path: str, catalogue: Any = None, otherwise: str = "") -> Any:
+    """A model.yaml that has a cutter. InputProblem, with what to do `otherwise`, where it has none."""
     from testbed.model_file import read_model
 
     model = read_model(path, catalogue)
     if model.cutter is None:
-        raise InputProblem(path, "has no cutter and cutting", "add both: this command is about a cut")
+        raise InputProblem(path, "has no cutter and cutting", f"add both: this command is about a cut{otherwise}")
     return model

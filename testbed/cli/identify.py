@@ -38,7 +38,8 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
     check_place(output)
     catalogue = catalogue_of(folders)
     multipliers = method == "multipliers"
-    model = cutting_model(model_file, catalogue) if multipliers else read_model(model_file, catalogue)
+    otherwise = "; for free decays and driven records there is --method waveform"
+    model = cutting_model(model_file, catalogue, otherwise) if multipliers else read_model(model_file, catalogue)
     records = load_records(data)
     try:
         found = identify_by_multipliers(model, records, data, seed or 0) if multipliers else \
