@@ -36,7 +36,8 @@ def verdict_of(found: Comparison) -> str:
     worst = max(found.records, key=lambda one: one.chi_square)
     return (
         f"The refitted model leaves more than noise: error {found.error:.3g} {held}, {ratio:.2f} times the noise floor "
-        f"of {found.noise_floor:.3g}; the worst record is {worst.name}. testbed diagnose says which effect it lacks."
+        f"of {found.noise_floor:.3g}; the worst record is {worst.name}. What it lacks may bend its "
+        "parameters beyond their intervals; testbed diagnose says whether an effect is missing."
     )
 
 

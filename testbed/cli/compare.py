@@ -88,7 +88,8 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
     if silent:
         answer.say(f"{', '.join(silent)}: hardly anything but noise was measured, which says nothing about the model")
     answer.say("the model explains every record down to its noise" if found.adequate
-               else "the model leaves more than noise: testbed diagnose says which effect it lacks")
+               else "the model leaves more than noise, and what it lacks may bend its parameters beyond their intervals: "
+                    "testbed diagnose says whether an effect is missing")
 
 
 def _failing(found: Any, name: str) -> str:
