@@ -95,15 +95,20 @@ def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], 
     What the model without a strong effect made up for can lead every start from its fit astray.
     """
     assert bare.fitter is not None
-    if marks_show(effect, bare.fitter.records):
-        return agreed(*model_fit(plant, bare.fitter.records, with_examples(model, [effect.name], catalogue), catalogue))
+    records = bare.fitter.records
+
+    def anew() -> tuple[Fitter, WaveformFit]:
+        return agreed(*model_fit(plant, records, with_examples(model, [effect.name], catalogue), catalogue))
+
+    if marks_show(effect, records):
+        return anew()
     found = agreed(*at_its_jumps(*_fit_with(plant, model, catalogue, effect, bare, say)))
     before, (likelihood, left) = pooled(bare.errors), misfit(*found)
     if left <= SOUND or before[0] <= ANCHOR * before[1]:
         return found
     say(f"fitting with {effect.name} from the believed machine")
-    anew = agreed(*model_fit(plant, bare.fitter.records, with_examples(model, [effect.name], catalogue), catalogue))
-    return anew if misfit(*anew)[0] < likelihood else found
+    other = anew()
+    return other if misfit(*other)[0] < likelihood else found
 
 
 def _fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,

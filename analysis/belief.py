@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -71,10 +71,10 @@ def foreign_modes(multipliers: np.ndarray, strength: np.ndarray, flutes: int) ->
     return found
 
 
-def held_modes(samples: np.ndarray, fit: MultiplierFit, drift: bool, strength: np.ndarray,
-          ) -> tuple[np.ndarray, dict[int, str], np.ndarray]:
-    """Which modes hold when first period, number of periods or rank are changed, why the others do not, and how far
-    each moves with a later first period (real and imaginary parts, (2 rank,))."""
+def held_modes(samples: np.ndarray, fit: MultiplierFit, drift: bool, strength: np.ndarray, foreign: Mapping[int, str],
+               ) -> tuple[np.ndarray, dict[int, str], np.ndarray]:
+    """Which modes but `foreign` ones hold when first period, number of periods or rank are changed, why the others do
+    not, and how far each moves with a later first period (real and imaginary parts, (2 rank,))."""
     errors, why, shift, needed = fit.standard_errors, {}, np.zeros(2 * fit.rank), _needed(samples, fit)
     strongest = np.abs(fit.multipliers[0]) if fit.rank else 0.0
     alive = samples.shape[0]
@@ -104,13 +104,14 @@ def held_modes(samples: np.ndarray, fit: MultiplierFit, drift: bool, strength: n
             allowed = max(0.02, min(3.0 * math.hypot(errors[i], other.standard_errors[match]), 9.0 * errors[i], 0.1))
             if moved > allowed and i not in why:
                 why[i] = f"moves by {moved:.3f} with {name} (allowed {allowed:.3f})"
+    why |= foreign
     conjugate = [int(np.argmin(np.abs(fit.multipliers - np.conj(mu)))) for mu in fit.multipliers]
     held = np.array([i not in why and conjugate[i] not in why for i in range(fit.rank)], dtype=bool)
     return held, why, shift
 
 
 def verdict(fit: MultiplierFit, strength: np.ndarray, held: np.ndarray, why: dict[int, str],
-            foreign: Collection[int] = ()) -> tuple[bool, str]:
+            foreign: Collection[int]) -> tuple[bool, str]:
     """Whether the strongest mode but for `foreign` ones is among those held, and the reason in words."""
     if fit.rank == 0:
         return False, "no motion above the noise"

@@ -208,9 +208,9 @@ def empirical_multipliers(recording: Recording, *, flutes: int = 1, period: floa
     assert fit is not None
     covariance = _bootstrap(samples, fit, sloped, bootstrap, seed) if bootstrap and fit.rank else fit.covariance
     strength = mode_strength(samples, fit) if fit.rank else np.zeros(0)
-    held, why, shift = held_modes(samples, fit, sloped, strength) if fit.rank else (np.zeros(0, bool), {}, np.zeros(0))
     foreign = foreign_modes(fit.multipliers, strength, flutes)
-    held, why = held & ~np.isin(np.arange(fit.rank), [*foreign]), why | foreign
+    held, why, shift = held_modes(samples, fit, sloped, strength, foreign) if fit.rank else \
+        (np.zeros(0, bool), {}, np.zeros(0))
     # resampling by spline takes power from the noise, but not where the slow motion of the modes lies
     dense = count > 0.7 * recording.sampling_rate * period
     covariance = covariance / (_SPLINE_POWER if dense else 1.0) + np.diag(shift**2)

@@ -41,7 +41,9 @@ def test_a_varying_speed_is_named_although_the_tachometer_shows_it(observed):
 
 def test_without_such_an_effect_the_speed_is_the_one_measured(observed):
     found = compare(PLANT, observed, BELIEVED, catalogue())
+    constant = compare(PLANT, [record.at_constant_speed() for record in observed], BELIEVED, catalogue())
     assert found.error < 1.4 * found.noise_floor  # within a tooth pass the measured speed is taken as constant
+    assert constant.error > 3.0 * found.error
     told = diagnose(PLANT, observed, BELIEVED, {"edge_force": KNOWN["edge_force"]})
     assert told.baseline == pytest.approx(found.error, rel=0.05) and "is the tachometer's" in told.sentence
 
