@@ -13,13 +13,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares, linear_sum_assignment
+from scipy.optimize import OptimizeResult, least_squares, linear_sum_assignment
 
 from analysis.delay_equation import milling_equation
 from analysis.floquet import EmpiricalMultipliers, TooFewPeriods, empirical_multipliers, passing_period, tooth_period
 from analysis.information import Z_95
 from analysis.ring_down import ring_down
 from analysis.temporal_elements import characteristic_multipliers
+from analysis.vibration_period import vibration_period
 from testbed.cut import Cut
 from testbed.machine import Model
 from testbed.recording import Recording
@@ -28,8 +29,13 @@ _ERROR_FLOOR = 3e-4  # of a multiplier: faster modes left out of the empirical f
 _SCALES = (1e-3, 0.2, 0.05)  # of the logarithms of frequency, damping and coefficient
 # a faster mode stands, in a fit of few modes, for several that die with it: its multiplier is nobody's
 _SLOWEST_SHARE = 0.3
+_RATIO_STEP = 0.01  # of the logarithm of the coefficients' ratio
 _CANDIDATES = 6  # model multipliers a measured one may be paired with
 _MOST_NAMED = 6  # tests that an error names
+_DISCORD = 10.0  # misfit per degree of freedom from which one test is asked whether it contradicts the others:
+_ACCORD = 5.0  # theirs without it is at most this, and a tenth,
+_FEWEST_IN_ACCORD = 3  # and so many they are at the least
+_SUSPECTS = 3  # tests that are asked, the most misfitted
 
 
 @dataclass(frozen=True)
@@ -59,7 +65,8 @@ class Identification:
 
     model; parameters: `natural_frequency` (Hz), `damping_ratio`, `tangential_coefficient` and `normal_coefficient`
     (N/m^2); tests in the order given; chi_square: weighted misfit per degree of freedom (about 1 when the model
-    explains the tests; NaN without spare data); converged.
+    explains the tests; NaN without spare data); converged; ratio_slope: relative change of the tangential coefficient
+    for one of the ratio of the coefficients, which is the model's.
     """
 
     model: Model
@@ -67,6 +74,7 @@ class Identification:
     tests: tuple[MultiplierTest, ...]
     chi_square: float
     converged: bool
+    ratio_slope: float
 
 
 @dataclass(frozen=True)
@@ -143,14 +151,38 @@ def _starts(start: Model, targets: Sequence[_Target], seed: int, count: int) -> 
 
 
 def identify_multipliers(model: Model, cuts: Sequence[Cut], measured: Sequence[EmpiricalMultipliers], *,
-                         names: Sequence[str] = (), elements: int = 12, starts: int = 5, seed: int = 0) -> Identification:
+                         names: Sequence[str] = (), elements: int = 12, starts: int = 5, seed: int = 0,
+                         ratio_doubt: float = 0.0) -> Identification:
     """Fit natural frequency, damping ratio and cutting coefficient to empirical multipliers of these cuts.
 
-    Tests that are not believed are left out. ValueError if those that remain hold fewer numbers than parameters; it calls
-    the tests by `names`, or by their number.
+    The intervals hold for the model's ratio of the coefficients, or allow for a standard error `ratio_doubt` of its
+    logarithm. Tests that are not believed are left out, and one that contradicts all others. ValueError if those that remain
+    hold fewer numbers than parameters; it calls the tests by `names`, or by their number.
     """
     if model.cutting is None:
         raise ValueError("the model has no cutting coefficients to identify")
+
+    def fitted(tests: Sequence[EmpiricalMultipliers]) -> tuple[Identification, np.ndarray]:
+        return _fitted(model, cuts, tests, names, elements, starts, seed, ratio_doubt)
+
+    found, misfits = fitted(measured)
+    if not found.chi_square > _DISCORD or np.count_nonzero(misfits) <= _FEWEST_IN_ACCORD:
+        return found
+    others = []
+    for place in np.argsort(-misfits)[:_SUSPECTS]:
+        reason = f"it contradicts the others: the misfit is {found.chi_square:.3g} with it"
+        tests = [replace(one, believed=False, reason=reason) if at == place else one for at, one in enumerate(measured)]
+        try:
+            others.append(fitted(tests)[0])
+        except ValueError:  # too few numbers are left without it
+            continue
+    best = min(others, key=lambda one: one.chi_square, default=found)
+    return best if best.chi_square <= min(_ACCORD, 0.1 * found.chi_square) else found
+
+
+def _fitted(model: Model, cuts: Sequence[Cut], measured: Sequence[EmpiricalMultipliers], names: Sequence[str], elements: int,
+            starts: int, seed: int, ratio_doubt: float) -> tuple[Identification, np.ndarray]:
+    """The machine that fits the believed tests, and each test's share of the misfit; ValueError as above."""
     used = [found.believed and found.rank > 0 for found in measured]
     targets = [_target(found, cut) for found, cut, use in zip(measured, cuts, used, strict=True) if use]
     numbers = sum(target.whiten.shape[0] for target in targets)
@@ -172,33 +204,47 @@ def identify_multipliers(model: Model, cuts: Sequence[Cut], measured: Sequence[E
         if best is None or fine.cost < best.cost:
             best = fine
     assert best is not None
-    return _answer(model, cuts, measured, used, best, numbers, elements)
+    ends = np.cumsum([target.whiten.shape[0] for target in targets])[:-1]
+    misfits = np.zeros(len(cuts))
+    misfits[np.flatnonzero(np.array(used))] = [float(part @ part) for part in np.split(best.fun, ends)]
+    return _answer(model, cuts, measured, used, best, numbers, elements, _ratio_slopes(model, targets, best, elements),
+                   ratio_doubt), misfits
 
 
-def _answer(start, cuts, measured, used, best, numbers, elements) -> Identification:
+def _ratio_slopes(start: Model, targets: Sequence[_Target], best: OptimizeResult, elements: int) -> np.ndarray:
+    """How the logarithms that are fitted follow that of the coefficients' ratio: a Gauss-Newton step at another one; (3,)."""
+    assert start.cutting is not None
+    other = replace(start.cutting, normal_coefficient=start.cutting.normal_coefficient * math.exp(_RATIO_STEP))
+    change = _residual(best.x, replace(start, cutting=other), targets, elements) - best.fun
+    return -(np.linalg.pinv(best.jac) @ change) / _RATIO_STEP
+
+
+def _answer(start, cuts, measured, used, best, numbers, elements, ratio_slopes, ratio_doubt) -> Identification:
     model = _model_at(start, best.x)
     assert model.cutting is not None
     spare = numbers - 3
     chi_square = 2.0 * float(best.cost) / spare if spare else float("nan")
     # a misfit above the multipliers' own errors widens the intervals; one below does not narrow them
     inflation = math.sqrt(max(1.0, chi_square)) if spare else 1.0
-    spread = Z_95 * inflation * np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
+    errors = inflation * np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
 
-    def estimate(value: float, log_spread: float, unit: str) -> Estimate:
-        factor = math.exp(min(abs(float(log_spread)), 700.0))  # what is fitted is the logarithm
+    def estimate(value: float, error: float, ratio_slope: float, unit: str) -> Estimate:
+        log_spread = Z_95 * math.hypot(float(error), ratio_doubt * float(ratio_slope))
+        factor = math.exp(min(log_spread, 700.0))  # what is fitted is the logarithm
         return Estimate(float(value), float(value) / factor, float(value) * factor, unit)
 
+    of_frequency, of_damping, of_coefficient = ratio_slopes
     parameters = {
-        "natural_frequency": estimate(model.structure.natural_frequency, spread[0], "Hz"),
-        "damping_ratio": estimate(model.structure.damping_ratio, spread[1], "1"),
-        "tangential_coefficient": estimate(model.cutting.tangential_coefficient, spread[2], "N/m^2"),
-        "normal_coefficient": estimate(model.cutting.normal_coefficient, spread[2], "N/m^2"),
+        "natural_frequency": estimate(model.structure.natural_frequency, errors[0], of_frequency, "Hz"),
+        "damping_ratio": estimate(model.structure.damping_ratio, errors[1], of_damping, "1"),
+        "tangential_coefficient": estimate(model.cutting.tangential_coefficient, errors[2], of_coefficient, "N/m^2"),
+        "normal_coefficient": estimate(model.cutting.normal_coefficient, errors[2], 1.0 + of_coefficient, "N/m^2"),
     }
     tests = []
     for cut, found, use in zip(cuts, measured, used, strict=True):
         predicted = characteristic_multipliers(milling_equation(model, cut), elements)
         tests.append(MultiplierTest(cut, found.multipliers, beside(found, predicted), use, found.reason))
-    return Identification(model, parameters, tuple(tests), chi_square, bool(best.success))
+    return Identification(model, parameters, tuple(tests), chi_square, bool(best.success), float(of_coefficient))
 
 
 def beside(measured: EmpiricalMultipliers, predicted: np.ndarray) -> np.ndarray:
@@ -216,22 +262,24 @@ def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, names: Seq
     Where free decay follows a cut, natural frequency and damping start from it. Each test is a recording and its cut;
     entry and exit come from the recording's conditions `entry_time` and `exit_time`, else from its pass times, else
     the whole recording is taken as the cut. A cut of too few periods is left out. names and ValueError as above. The model
-    is asked at the speeds that the marks show.
+    is asked at the speeds that the marks show or, where there are none, the vibration.
     """
     if model.cutter is None:
         raise ValueError("the model has no cutter: multipliers need cuts")
-    tests = [(recording, at_measured_speed(cut, recording, model.cutter.flutes)) for recording, cut in tests]
+    tests = [(recording, at_measured_speed(cut, recording, model.cutter.flutes, channel)) for recording, cut in tests]
     measured = [measured_multipliers(recording, cut, model.cutter.flutes, channel, delays) for recording, cut in tests]
     model = started_from_ring_down(model, tests, channel)
     return identify_multipliers(model, [cut for _, cut in tests], measured, names=names, elements=elements, starts=starts,
                                 seed=seed)
 
 
-def at_measured_speed(cut: Cut, recording: Recording, flutes: int) -> Cut:
-    """The cut at the speed that the recording's marks show, which need not be the one stated; itself without marks."""
-    if recording.marks.size < 3:
-        return cut
-    return replace(cut, spindle_speed=2.0 * math.pi / (flutes * tooth_period(recording, flutes)))
+def at_measured_speed(cut: Cut, recording: Recording, flutes: int, channel: str = "displacement") -> Cut:
+    """The cut at the speed that the recording's marks show, or without marks its vibration; it need not be the one stated."""
+    if recording.marks.size >= 3:
+        period = tooth_period(recording, flutes)
+    else:
+        period = vibration_period(recording, cut.tooth_passing_period(flutes), flutes, *cut_bounds(recording, cut), channel)
+    return replace(cut, spindle_speed=2.0 * math.pi / (flutes * period))
 
 
 def measured_multipliers(recording: Recording, cut: Cut, flutes: int, channel: str = "displacement",

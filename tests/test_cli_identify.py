@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from testbed.cli._measured import identify_by_multipliers
 from testbed.engines import fast
 from testbed.model_file import read_model
 from testbed.workshop import write_campaign
@@ -68,3 +69,25 @@ def test_the_waveform_corrects_an_effect_that_the_model_has(testbed):
     assert one["low"] < one["value"] < one["high"] < 1.3 * STRENGTH
     assert all(abs(complex(*test["measured"][0]) - complex(*test["model"][0])) < 0.05 for test in found["tests"])
     assert read_model("new.yaml").value(PATH) == one["value"] and f"\n{PATH} " in testbed.err
+
+
+def as_velocity(record, seed):
+    """The record of a vibrometer without a tachometer: noise of 20 um/s rms."""
+    recording = record.recording
+    values = np.gradient(recording.channels["displacement"], 1.0 / recording.sampling_rate)
+    values = values + 2e-5 * np.random.default_rng(seed).standard_normal(values.size)
+    measured = replace(recording, channels={"velocity": values}, units={"velocity": "m/s"}, marks=recording.marks[:0])
+    return replace(record, recording=measured)
+
+
+def test_a_velocity_without_a_tachometer_tells_the_multipliers_too():
+    records = [synthetic_campaign(fast.simulate, TRUE, seed=number, tests=TESTS[number : number + 1], course=LONG, rate=12800.0,
+                                  noise=1e-10, speed_error=5e-3)[0] for number in range(3)]  # fmt: skip
+    measured = [as_velocity(record, place) for place, record in enumerate(records)]
+    found = identify_by_multipliers(BELIEVED, measured, "campaign.yaml", 0)
+    assert all(test["used"] for test in found.tests) and found.quality["chi_square"] < 5.0
+    stated = [record.conditions["spindle_speed"] for record in records]
+    assert max(abs(test["spindle_speed"] / one - 1.0) for test, one in zip(found.tests, stated, strict=True)) > 1e-3
+    for name in ("natural_frequency", "damping_ratio", "tangential_coefficient", "normal_coefficient"):
+        one = found.parameters[name]
+        assert one.low < TRUE.value(name) < one.high, name

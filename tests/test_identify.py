@@ -95,6 +95,29 @@ def test_a_wrong_immersion_shows_in_the_misfit():
     assert found.model.cutting.tangential_coefficient > 1.6 * 2.16e8 * MASS
 
 
+def test_what_hangs_on_the_ratio_of_the_coefficients_is_told():
+    def with_ratio(ratio):
+        start = replace(TRUTH, cutting=replace(TRUTH.cutting, normal_coefficient=ratio * TRUTH.cutting.tangential_coefficient))
+        return identify_multipliers(start, CUTS, [exact(cut) for cut in CUTS])
+
+    found, steeper = with_ratio(0.3), with_ratio(0.33)
+    changed = steeper.model.cutting.tangential_coefficient / found.model.cutting.tangential_coefficient
+    assert found.ratio_slope < -0.05
+    assert np.log(changed) / np.log(1.1) == pytest.approx(found.ratio_slope, rel=0.1)
+
+
+def test_a_doubtful_ratio_widens_the_intervals_by_what_hangs_on_it():
+    measured = [exact(cut) for cut in CUTS]
+    sure, doubtful = (identify_multipliers(TRUTH, CUTS, measured, ratio_doubt=doubt) for doubt in (0.0, 0.2))
+
+    def error(found, name):
+        return math.log(found.parameters[name].high / found.parameters[name].value) / 1.96
+
+    for name, slope in (("tangential_coefficient", sure.ratio_slope), ("normal_coefficient", 1.0 + sure.ratio_slope)):
+        assert error(doubtful, name) == pytest.approx(math.hypot(error(sure, name), 0.2 * slope), rel=1e-3)
+    assert error(doubtful, "natural_frequency") < 1.2 * error(sure, "natural_frequency")
+
+
 def test_unbelieved_tests_are_left_out_and_said():
     doubtful = EmpiricalMultipliers(np.array([2.0 + 0j]), np.eye(2), np.ones(1), np.ones(1), 0.0, np.zeros(1),
                                     np.zeros((9, 1)), 1.0, 0, 0.0, False, "it moves")
@@ -106,6 +129,18 @@ def test_unbelieved_tests_are_left_out_and_said():
         identify_multipliers(TRUTH, CUTS[:2], [exact(CUTS[0]), doubtful])
     with pytest.raises(ValueError, match=r"tests left out: a \(it moves\), b .*, f \(it moves\), and 2 more$"):
         identify_multipliers(TRUTH, CUTS[:1] * 8, [doubtful] * 8, names="abcdefgh")
+
+
+def test_one_test_that_contradicts_all_others_is_left_out():
+    cuts = [*CUTS, Cut(3500 * 2 * math.pi / 60, 1.2e-3)]
+    hum = replace(exact(cuts[3]), multipliers=np.array([-0.55 + 0.82j, -0.55 - 0.82j]))
+    sound = [exact(cut) for cut in CUTS]
+    found = identify_multipliers(PAPER_START, cuts, [*sound, hum])
+    assert [test.used for test in found.tests] == [True, True, True, False]
+    assert "contradicts the others" in found.tests[3].reason and found.chi_square < 1.0
+    assert found.model.cutting.tangential_coefficient == pytest.approx(2.16e8 * MASS, rel=1e-3)
+    few = identify_multipliers(PAPER_START, cuts[1:], [*sound[1:], hum])  # of three, none is the odd one
+    assert all(test.used for test in few.tests) and few.chi_square > 10.0
 
 
 def test_a_cut_too_short_is_left_out_like_one_not_believed():

@@ -10,16 +10,22 @@ from typing import Any
 from testbed.problem import InputProblem
 
 KNOWN = ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth", "flutes")  # what a machinist knows of a cut
+MOTIONS = ("displacement", "velocity", "acceleration")
+RATIO_DOUBT = 0.2  # standard error of the logarithm of the coefficients' ratio that a model is believed to have
 
 
 @dataclass(frozen=True)
 class CutTest:
-    """A recorded cut ready for its multipliers: entry and exit (s) stand in the recording's conditions."""
+    """A recorded cut ready for its multipliers: entry and exit (s) stand in the recording's conditions.
+
+    channel: whose samples are taken; cut: at the speed that marks or vibration show.
+    """
 
     name: str
     recording: Any
     cut: Any
     segments: tuple[Any, ...]
+    channel: str
 
 
 def load_records(path: str | Path) -> tuple[Any, ...]:
@@ -55,6 +61,11 @@ def records_of(data: Any) -> tuple[Any, ...]:
     return tuple(records)
 
 
+def motion_channel(record: Any) -> str | None:
+    """The record's channel of motion, the least differentiated one: multipliers are the same in each."""
+    return next((name for name in MOTIONS if name in record.recording.channels), None)
+
+
 def cut_tests(records: Sequence[Any], flutes: int, path: object) -> list[CutTest]:
     """The cuts among records, with their entries and exits found. InputProblem where there is none."""
     from analysis.identify import at_measured_speed
@@ -62,15 +73,16 @@ def cut_tests(records: Sequence[Any], flutes: int, path: object) -> list[CutTest
 
     tests = []
     for record in records:
-        if record.kind != "cut" or "displacement" not in record.recording.channels:
+        channel = motion_channel(record)
+        if record.kind != "cut" or channel is None:
             continue
         segments = find_segments(record.recording, kind="cut")
         times = entry_and_exit(segments)
         recording = replace(record.recording, conditions={**record.recording.conditions, **times})
-        cut = at_measured_speed(record.cut(flutes), recording, flutes)
-        tests.append(CutTest(record.name, recording, cut, tuple(segments)))
+        cut = at_measured_speed(record.cut(flutes), recording, flutes, channel)
+        tests.append(CutTest(record.name, recording, cut, tuple(segments), channel))
     if not tests:
-        raise InputProblem(path, "holds no cut with a displacement channel", "record cuts, or use --method waveform")
+        raise InputProblem(path, "holds no cut with a channel of motion", "record cuts, or use --method waveform")
     return tests
 
 
@@ -89,13 +101,15 @@ def start_from_ring_downs(model: Any, records: Sequence[Any], tests: Sequence[Cu
     """
     from analysis.ring_down import ring_down
 
-    decays = [(test.recording, part) for test in tests for part in test.segments if part.kind == "ring-down"]
     found = []
-    for recording, part in decays:
-        found += _decay(ring_down, recording, part.start, part.stop)
+    for test in tests:
+        for part in test.segments:
+            if part.kind == "ring-down":
+                found += _decay(ring_down, test.recording, part.start, part.stop, test.channel)
     for record in records:
-        if record.kind == "ring-down" and "displacement" in record.recording.channels:
-            found += _decay(ring_down, record.recording, None, None)
+        channel = motion_channel(record)
+        if record.kind == "ring-down" and channel is not None:
+            found += _decay(ring_down, record.recording, None, None, channel)
     wide = 0.2 * model.structure.natural_frequency  # a decay of another mode, or a misread one, is no start
     close = [decay for decay in found if abs(decay.natural_frequency[0] - model.structure.natural_frequency) < wide
              and 0 < decay.damping_ratio[0] < 0.5]
@@ -106,9 +120,9 @@ def start_from_ring_downs(model: Any, records: Sequence[Any], tests: Sequence[Cu
                               "damping_ratio": float(best.damping_ratio[0])})
 
 
-def _decay(ring_down: Any, recording: Any, start: float | None, stop: float | None) -> list[Any]:
+def _decay(ring_down: Any, recording: Any, start: float | None, stop: float | None, channel: str) -> list[Any]:
     try:
-        return [ring_down(recording, start=start, stop=stop)]
+        return [ring_down(recording, start=start, stop=stop, channel=channel)]
     except (ValueError, ArithmeticError):  # too short or too quiet a decay is no start
         return []
 
@@ -123,17 +137,21 @@ class Identified:
     quality: Mapping[str, Any]
 
 
-def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, seed: int) -> Identified:
+def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, seed: int, *,
+                            ratio_doubt: float = RATIO_DOUBT) -> Identified:
     """Fit the characteristic multipliers of the cuts. ValueError where they do not suffice."""
-    from analysis.identify import identify
+    from analysis.identify import identify_multipliers, measured_multipliers
 
-    tests = cut_tests(records, model.cutter.flutes, path)
+    flutes = model.cutter.flutes
+    tests = cut_tests(records, flutes, path)
+    measured = [measured_multipliers(test.recording, test.cut, flutes, test.channel) for test in tests]
     start = start_from_ring_downs(model, records, tests)
-    found = identify(start, [(test.recording, test.cut) for test in tests], names=[test.name for test in tests], seed=seed)
+    found = identify_multipliers(start, [test.cut for test in tests], measured, names=[test.name for test in tests], seed=seed,
+                                 ratio_doubt=ratio_doubt)
     rows = tuple(_row(test, result.measured, result.model, result.used, result.reason)
                  for test, result in zip(tests, found.tests, strict=True))
     return Identified(found.model, found.parameters, rows,
-                      {"chi_square": found.chi_square, "converged": found.converged})
+                      {"chi_square": found.chi_square, "converged": found.converged, "ratio_slope": found.ratio_slope})
 
 
 def _row(test: CutTest, measured: Any, model: Any, used: bool, reason: str) -> dict[str, Any]:
@@ -142,18 +160,18 @@ def _row(test: CutTest, measured: Any, model: Any, used: bool, reason: str) -> d
 
 
 def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path: object) -> tuple[dict[str, Any], ...]:
-    """Per cut with a displacement, its measured multipliers and those of a model that was fitted to something else.
+    """Per cut with a channel of motion, its measured multipliers and those of a model that was fitted to something else.
 
     A model whose motion repeats over several tooth passes only (runout) has none of a single one.
     """
     from analysis.identify import beside, measured_multipliers
     from testbed.cli.multipliers import multipliers
 
-    if not any(record.kind == "cut" and "displacement" in record.recording.channels for record in records):
+    if not any(record.kind == "cut" and motion_channel(record) is not None for record in records):
         return ()
     rows = []
     for test in cut_tests(records, model.cutter.flutes, path):
-        measured = measured_multipliers(test.recording, test.cut, model.cutter.flutes)
+        measured = measured_multipliers(test.recording, test.cut, model.cutter.flutes, test.channel)
         try:
             found = multipliers(model, test.cut, catalogue, test.name)
             predicted = beside(measured, found["multipliers"]) if found["period_passes"] == 1 else ()

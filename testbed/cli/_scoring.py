@@ -129,7 +129,8 @@ def method_named(name: str) -> Callable[[Sealed, Sequence[Any], Any], Mapping[st
 def _multipliers(sealed: Sealed, records: Sequence[Any], belief: Any) -> Mapping[str, Any]:
     from testbed.cli._measured import identify_by_multipliers
 
-    return identify_by_multipliers(belief, records, sealed.order.data, 0).parameters
+    # a belief has the true ratio of the coefficients
+    return identify_by_multipliers(belief, records, sealed.order.data, 0, ratio_doubt=0.0).parameters
 
 
 def _waveform(sealed: Sealed, records: Sequence[Any], belief: Any) -> Mapping[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import click
@@ -96,7 +95,7 @@ def _with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: b
 
 def _tests(model: Any, data: str) -> list[Any]:
     """The cuts of a data set or campaign with the class that their own multipliers show."""
-    from analysis.floquet import empirical_multipliers
+    from analysis.identify import measured_multipliers
     from analysis.plots import ChartTest
     from analysis.stability import classify
     from testbed.cli._measured import cut_tests, load_records
@@ -104,11 +103,8 @@ def _tests(model: Any, data: str) -> list[Any]:
     flutes = model.cutter.flutes
     overlay = []
     for test in cut_tests(load_records(data), flutes, data):
-        times = test.recording.conditions
-        period = None if test.recording.marks.size >= 3 else 2 * math.pi / (flutes * test.cut.spindle_speed)
         try:
-            found = empirical_multipliers(test.recording, flutes=flutes, period=period, start=times.get("entry_time"),
-                                          stop=times.get("exit_time"))
+            found = measured_multipliers(test.recording, test.cut, flutes, test.channel)
             outcome = str(classify(found.multipliers)) if found.believed else "undecided"
         except (ValueError, ArithmeticError):
             outcome = "undecided"

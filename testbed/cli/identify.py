@@ -54,6 +54,8 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
         worst = max((test for test in found.tests if test["used"]), key=_missed_by)
         notes.append(f"the linear machine does not explain these multipliers, {worst['name']} least: its parameters may be far "
                      "outside their intervals; look at that record, or try --method waveform")
+    if multipliers:
+        notes.append(_of_the_ratio(found))
     for note in notes:
         answer.say(note)
     _say(answer, found)
@@ -61,6 +63,17 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
         write_model(found.model, output, catalogue)
         answer.say(f"written: {output}")
     answer.finish({"method": method, "parameters": found.parameters, "tests": found.tests, **found.quality, "notes": notes})
+
+
+def _of_the_ratio(found: Any) -> str:
+    """That the ratio of the coefficients is not found, what hangs on it, and what the intervals allow for."""
+    from testbed.cli._measured import RATIO_DOUBT
+
+    cutting, more = found.model.cutting, (1.0 + RATIO_DOUBT) ** found.quality["ratio_slope"] - 1.0
+    ratio = cutting.normal_coefficient / cutting.tangential_coefficient
+    return (f"normal_coefficient stays {ratio:.3g} of the tangential one, as the model has it: multipliers do not tell. Were "
+            f"that {RATIO_DOUBT:.0%} more, tangential_coefficient would be {more:+.1%}; the intervals allow for it, and "
+            "--method waveform finds both")
 
 
 def _missed_by(test: Any) -> float:
