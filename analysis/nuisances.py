@@ -45,13 +45,13 @@ def turned_by(nuisances: Nuisances, path: str, angle: float) -> Nuisances:
     return replace(nuisances, shifts=tuple(sorted(shifts.items())))
 
 
-def other_teeth(nuisances: Nuisances, flutes: int) -> list[Nuisances]:
-    """The same course with another tooth the first to cut: unequal teeth tell which it was.
+def other_teeth(nuisances: Nuisances, flutes: int, every: int = 1) -> list[Nuisances]:
+    """The same course with another tooth (one in `every`) the first to cut: unequal teeth tell which it was.
 
     A simulation counts teeth from a pass that stays; the angle turns back by a pitch, and the passes that are meant move on.
     """
     found = []
-    for tooth in range(1, flutes):
+    for tooth in range(every, flutes, every):
         angle = nuisances.angle - 2 * math.pi * tooth / flutes
         back = flutes if angle < -math.pi else 0  # a whole turn on, so that angles do not wander off
         found.append(

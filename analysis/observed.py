@@ -41,7 +41,7 @@ class Observed:
     speed, from the scatter of its marks. segments and conditions as read. force (samples,) drives an excited record.
     heard: whether it has a say in the fit. noise_doubt: standard error of the first channel's noise over itself. believed
     (samples,): those that count; all, where None. measured: the record at the speed that its marks show, where those are
-    left out here.
+    left out here. slots: of how many slots of the spindle the marks may be any; they do not tell its teeth apart.
     """
 
     name: str
@@ -68,6 +68,7 @@ class Observed:
     noise_doubt: float = 0.0
     believed: np.ndarray | None = None
     measured: Observed | None = None
+    slots: int = 1
 
     @property
     def forces_only(self) -> bool:
@@ -160,7 +161,9 @@ class Observed:
 
     def at_constant_speed(self) -> Observed:
         """The record without what unsteady marks say of its course; itself where the speed is constant."""
-        return self if self.marks is None else replace(self, marks=None, first_mark=None, clock_error=None, measured=self)
+        if self.marks is None:
+            return self
+        return replace(self, marks=None, first_mark=None, clock_error=None, measured=self, slots=1)
 
     def loudest(self, count: int) -> Observed:
         """The `count` samples of an excited record in which it moves most, as a record; a record of another kind itself."""
@@ -308,12 +311,13 @@ def _used(kind: str, segments: Sequence[Segment], recording: Any, name: str) -> 
 def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
     cut = record.cut(flutes)
     marks = np.asarray(record.recording.marks)
-    period, anchor, kept, error = 2 * math.pi / cut.spindle_speed, None, None, None
+    period, anchor, kept, error, slots = 2 * math.pi / cut.spindle_speed, None, None, None, 1
     if len(marks) >= 3:
         halfway = digital(marks, base.rate, record.recording.start)
         sample = 1.0 / base.rate if halfway else 0.0
         period, anchor, steady = clock_of(marks, sample)
-        if flutes % record.recording.pulses_per_revolution:  # which pulse came first is open: the marks tell the speed alone
+        slots = record.recording.pulses_per_revolution
+        if flutes % slots:  # which pulse came first is open: the marks tell the speed alone
             anchor = None
         elif steady:
             error = clock_error(marks, period, anchor, base.rate, halfway=halfway)
@@ -329,5 +333,6 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
         first_mark=anchor,
         marks=kept,
         clock_error=error,
+        slots=slots if anchor is not None else 1,
         starts_in_cut="idle" not in kinds and "entry" not in kinds,
     )

@@ -22,7 +22,8 @@ ROUND = 8  # places round the circle at which a record's own phase is looked for
 def settle_passes(fitter: Fitter, state: State, reach: int = 1) -> tuple[State, bool]:
     """The state with every cut's entry and exit pass at the best of their neighbours; and whether any moved.
 
-    Without a tachometer the record's tooth angle is looked for around where it was, too.
+    Without a tachometer the record's tooth angle is looked for around where it was, too, and which tooth came first, as where
+    its marks may be any of several.
     """
 
     def one(index: int) -> Nuisances:
@@ -33,6 +34,9 @@ def settle_passes(fitter: Fitter, state: State, reach: int = 1) -> tuple[State, 
         if record.first_mark is None:
             turns = [replace(nuisances, angle=nuisances.angle + turn) for turn in TURNS]
             nuisances = _best(fitter, index, state, [*turns, *other_teeth(nuisances, record.flutes)])
+        elif record.slots > 1:
+            others = other_teeth(nuisances, record.flutes, record.flutes // record.slots)
+            nuisances = _best(fitter, index, state, [nuisances, *others])
         last = record.last_pass(state.angle, nuisances)
         held = record.starts_in_cut and nuisances.entry < record.first_pass
         entries = range(0) if held else range(nuisances.entry - EARLIER, nuisances.entry + reach + 1)

@@ -99,7 +99,8 @@ class Fitter:
         """What the marks say of a record's own clock, as residuals: its angle and speed in units of their errors."""
         if record.clock_error is None:
             return np.empty(0)
-        return np.array([nuisances.angle / record.clock_error[0], (nuisances.speed - 1.0) / record.clock_error[1]])
+        angle = math.remainder(nuisances.angle, 2 * math.pi / record.slots)
+        return np.array([angle / record.clock_error[0], (nuisances.speed - 1.0) / record.clock_error[1]])
 
     # -- residuals and slopes ------------------------------------------------------------------------------------------
 

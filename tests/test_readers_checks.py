@@ -213,7 +213,7 @@ def test_marks_are_found_between_samples(edge: str, noise: float) -> None:
     pulse = np.clip((phase + 1.5 / rate) % period / (3 / rate), 0, 1) - np.clip(
         (phase - 0.002 + 1.5 / rate) % period / (3 / rate), 0, 1
     ) * (phase + 1.5 / rate > 0.002) * (phase < period - 1.5 / rate)
-    found, notes = tachometer.marks(
+    found, _, notes = tachometer.marks(
         5 * pulse + noise * random.standard_normal(len(time)), rate, rising=edge == "rising"
     )
     true = np.arange(0.0031 + (0.002 if edge == "falling" else 0), 1.0, period)
@@ -227,14 +227,14 @@ def test_lost_marks_are_said_and_do_not_bias_the_speed() -> None:
     pulse = np.zeros(12000)
     for mark in marks:
         pulse[round(mark * 12800) : round(mark * 12800) + 20] = 5.0
-    found, notes = tachometer.marks(pulse, 12800.0)
+    found, _, notes = tachometer.marks(pulse, 12800.0)
     assert any("2 gaps" in note for note in notes)
     assert tachometer.speed(found) == pytest.approx(2 * np.pi / 0.015, rel=1e-4)
 
 
 def test_a_spindle_at_rest_has_no_marks() -> None:
     random = np.random.default_rng(5)
-    found, notes = tachometer.marks(0.1 + 0.03 * random.standard_normal(20000), 12800.0)
+    found, _, notes = tachometer.marks(0.1 + 0.03 * random.standard_normal(20000), 12800.0)
     assert len(found) == 0 and len(notes) == 1 and "no regular pulses" in notes[0]
     slowing = np.cumsum(np.geomspace(0.01, 0.04, 60))  # a speed that falls to a quarter has marks
     pulse = np.zeros(20000)
@@ -245,8 +245,21 @@ def test_a_spindle_at_rest_has_no_marks() -> None:
 
 def test_several_pulses_a_revolution_give_one_mark_each() -> None:
     pulse = (np.arange(12800) % 100 < 20).astype(float)
-    found, _ = tachometer.marks(pulse, 12800.0, pulses_per_revolution=4)
+    found, *_ = tachometer.marks(pulse, 12800.0, pulses_per_revolution=4)
     assert np.allclose(np.diff(found), 400 / 12800)
+
+
+def test_uneven_slots_are_told_apart_and_even_ones_are_not() -> None:
+    random = np.random.default_rng(6)
+    for first in range(3):  # whichever slot a record begins with
+        turns = np.add.outer(np.arange(20), (np.array([0.0, 0.30, 0.65]))).ravel()[first:]
+        edges = 0.02 * turns + 2e-6 * random.standard_normal(turns.size)
+        found, slots = tachometer.same_slot(edges, 3)
+        assert slots == 1 and found.size >= 19
+        assert (found / 0.02) % 1.0 == pytest.approx(0.30, abs=1e-3)
+    even = 0.01 * np.arange(60) + 2e-6 * random.standard_normal(60)
+    found, slots = tachometer.same_slot(even, 2)
+    assert slots == 2 and found.size == 30 and found[0] == even[0]
 
 
 def test_an_accelerations_teeth_are_neither_spikes_nor_missing_samples() -> None:

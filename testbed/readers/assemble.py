@@ -55,13 +55,12 @@ def assemble(
     found, pulses = np.empty(0), 1
     if "tachometer" in channels:
         source = sources["tachometer"]
-        pulses = source.pulses_per_revolution
-        found, more = tachometer.marks(
+        found, pulses, more = tachometer.marks(
             channels["tachometer"],
             base.sampling_rate,
             base.start,
             rising=source.edge == "rising",
-            pulses_per_revolution=pulses,
+            pulses_per_revolution=source.pulses_per_revolution,
         )
         notes += more
     facts = dict(conditions or {})

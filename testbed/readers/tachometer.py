@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+EDGE = 3e-4  # of a gap: how far an edge may come early or late in all revolutions alike
+UNEVEN = 6.0  # standard errors by which the gaps between slots must differ, to tell the slots apart
 IRREGULAR = 0.3  # share of neighbouring periods that differ by half, above which the edges are no pulses of a spindle
 
 
@@ -52,15 +54,17 @@ def _irregular(periods: np.ndarray) -> bool:
 
 def marks(
     values: np.ndarray, rate: float, start: float = 0.0, *, rising: bool = True, pulses_per_revolution: int = 1
-) -> tuple[np.ndarray, list[str]]:
-    """One mark a revolution (s) and notes: too few marks, lost or extra pulses, an unsteady speed."""
-    found = edges(values, rate, start, rising=rising)[:: max(1, pulses_per_revolution)]
+) -> tuple[np.ndarray, int, list[str]]:
+    """One mark a revolution (s), of how many slots they may be any, and notes: too few marks, lost or extra pulses, an
+    unsteady speed."""
+    found, slots = same_slot(edges(values, rate, start, rising=rising), max(1, pulses_per_revolution))
     if len(found) < 3:
-        return found, [f"tachometer: {len(found)} marks only, so that it gives no speed"]
+        return found, slots, [f"tachometer: {len(found)} marks only, so that it gives no speed"]
     notes = []
     periods = np.diff(found)
     if _irregular(periods):
-        return np.empty(0), ["tachometer: no regular pulses (spindle at rest, noise, uneven marks), so that it gives no speed"]
+        note = "tachometer: no regular pulses (spindle at rest, noise, uneven marks), so that it gives no speed"
+        return np.empty(0), slots, [note]
     usual = float(np.median(periods))
     lost, extra = int((periods > 1.5 * usual).sum()), int((periods < 0.6 * usual).sum())
     if lost or extra:
@@ -71,7 +75,25 @@ def marks(
     spread = float(np.quantile(np.abs(periods / usual - 1), 0.9))
     if spread > 0.02:
         notes.append(f"tachometer: the speed varies by {100 * spread:.2g} %")
-    return found, notes
+    return found, slots, notes
+
+
+def same_slot(found: np.ndarray, slots: int) -> tuple[np.ndarray, int]:
+    """(edges of one of the spindle's slots, of how many it may be any): 1 where the slots are uneven.
+
+    The gaps then tell which slot it is, the same one in every record; of even slots, it is the record's first.
+    """
+    gaps = np.diff(found)
+    if slots == 1 or len(gaps) < 3 * slots:
+        return found[::slots], slots
+    middles = np.array([np.median(gaps[first::slots]) for first in range(slots)])
+    scatter = max(float(np.median(np.abs(gaps[first::slots] - middles[first]))) for first in range(slots))
+    weights = np.arange(slots)[::-1]
+    scores = np.array([weights @ np.roll(middles, -first) for first in range(slots)])  # long gaps first
+    second, best = np.sort(scores)[-2:]
+    error = 1.4826 * scatter * np.sqrt(slots / len(gaps)) + EDGE * float(middles.mean())
+    uneven = best - second > UNEVEN * error
+    return (found[int(np.argmax(scores)) :: slots], 1) if uneven else (found[::slots], slots)
 
 
 def speed(found: np.ndarray) -> float | None:
