@@ -22,6 +22,7 @@ from testbed.effect import Effect
 from testbed.machine import Model
 
 CLEAN = 1.01  # error over noise floor up to which nothing is left that another valley could explain
+MATTERS = 1e-2  # share of the cost by which switching on an effect without parameters must change it, to be worth a fit
 MUCH_CHEAPER = 0.7  # times the cost that the new fit must have where it, too, leaves more than noise
 
 
@@ -60,6 +61,37 @@ def begun_anew(
     fitter, fit = model_fit(first.fitter.plant, first.fitter.records, believed, catalogue, first.fitter.unknowns)
     found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
     return found if _better(found, first.fit, fit, noise) and found.error_held_out < first.error_held_out else first
+
+
+def switched_on_too(
+    current: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None]
+) -> Candidate | None:
+    """The set with an effect more that has no parameter (loss of contact), fitted from the believed `model`.
+
+    None where that, too, leaves more than noise. Such an effect is there or is not: where the last one found was fitted without
+    it, it has bent so far to make up for it that no descent comes back.
+    """
+    assert current.fit is not None and current.fitter is not None
+    fit, fitter = current.fit, current.fitter
+    records = [replace(record, weight=None) for record in fitter.records]
+    if not any(record.cut is not None for record in records):
+        return None
+    *others, last = current.effects
+    for name, effect in catalogue.items():
+        if effect.parameters or name in fit.state.model.effects:
+            continue
+        switched = fitter.cost(replace(fit.state, model=fit.state.model.with_effect(name)))
+        if abs(switched - fit.cost) < MATTERS * fit.cost:
+            continue
+        say(f"fitting {last} with {name} from the believed machine")
+        believed = model
+        for other in others:
+            believed = believed.with_effect(other, **fit.state.model.effects[other])
+        believed = with_examples(believed, [last, name], catalogue)
+        found = candidate_of(*model_fit(fitter.plant, records, believed, catalogue), (*current.effects, name), None, 1.0)
+        if found.error_where_known <= ADEQUATE * noise:
+            return found
+    return None
 
 
 def _better(found: Candidate, before: WaveformFit, after: WaveformFit, noise: float) -> bool:

@@ -75,7 +75,7 @@ def try_candidates(
     origins: Sequence[Origin],
     say: Callable[[str], None],
 ) -> list[Candidate]:
-    """Candidates that extend the current set by one effect, best held-out error first."""
+    """Candidates that extend the current set by one effect, the one that foretells best first."""
     assert current.fit is not None and current.fitter is not None
     entries = _first_steps(current, catalogue, origins, say)
     floor = 0.5 * sum(one.count * float(np.sum((one.noise / one.scale) ** 2)) for one in current.fitter.records)
@@ -85,7 +85,7 @@ def try_candidates(
     if entries and entries[0].cost <= hopeful:
         leader = entries[0]
         leader.fitted = _refitted(current, leader, catalogue, say)
-        incomplete = leader.fitted.error_held_out > ADEQUATE * noise
+        incomplete = leader.fitted.error_where_known > ADEQUATE * noise
         if incomplete and leader.cost - floor > MUCH * over:
             _try_from_far(current, entries, catalogue, origins, say)
         elif not incomplete and current.error_held_out < FAINT * noise:
@@ -104,8 +104,8 @@ def try_candidates(
             continue
         fitted = entry.fitted or _refitted(current, entry, catalogue, say, 40 if not complete else 10)
         found.append(fitted)
-        complete += int(complete > 0 or fitted.error_held_out <= ADEQUATE * noise)
-    return sorted(found, key=lambda candidate: candidate.error_held_out)
+        complete += int(complete > 0 or fitted.error_where_known <= ADEQUATE * noise)
+    return sorted(found, key=lambda candidate: candidate.error_beside(noise))
 
 
 def certain_candidates(

@@ -13,9 +13,10 @@ from dataclasses import replace
 
 from analysis.begun_anew import from_believed
 from analysis.candidate_round import candidate_of
-from analysis.diagnosis import COMPLETE, Candidate, Diagnosis, excess, verdict_of
+from analysis.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, excess, verdict_of
 from analysis.forward_search import against, by_noise, forward
 from analysis.held_out import pooled
+from analysis.misstated import misstated
 from analysis.model_fit import model_fit
 from analysis.next_test import next_test
 from analysis.nuisances import Nuisances
@@ -54,18 +55,28 @@ def diagnose(
     swing = speed_swing(records)
     if not swing:
         return _diagnosed(plant, records, model, catalogue, most, say)
-    constant = _diagnosed(plant, [record.at_constant_speed() for record in records], model, catalogue, most, say)
+    steady = [record.at_constant_speed() for record in records]
+    rulers = {name: one for name, one in catalogue.items() if rules_the_speed([name], catalogue)}
+    others = {name: one for name, one in catalogue.items() if name not in rulers}
+    as_measured = f"The speed, which varies by {swing:.2%}, is the tachometer's."
+    say("fitting at the speed that the tachometer shows")
+    base = candidate_of(*model_fit(plant, records, model, catalogue), (), None, 1.0)
+    measured = base.error_where_known
+    if measured <= COMPLETE * pooled(base.errors)[1] and not _complete(_search(plant, steady, model, rulers, 1, say)):
+        found = _diagnosed(plant, records, model, others, most, say)
+        return replace(found, sentence=f"{found.sentence} {as_measured}")
+    constant = _diagnosed(plant, steady, model, catalogue, most, say)
     named = constant.verdict == "missing_effect" and rules_the_speed(constant.effects, catalogue)
-    said = replace(constant, sentence=f"{constant.sentence} The tachometer, too, shows a speed that varies by {swing:.2%}.")
-    left = constant.best.error_where_known
-    if named and left <= COMPLETE * constant.noise_floor:
-        return said
+    if named and (_complete(constant) or constant.best.error_where_known <= measured):
+        return replace(constant, sentence=f"{constant.sentence} The tachometer, too, shows a speed that varies by {swing:.2%}.")
     say("once more, at the speed that the tachometer shows")
-    if named and left <= candidate_of(*model_fit(plant, records, model, catalogue), (), None, 1.0).error_where_known:
-        return said
-    others = {name: one for name, one in catalogue.items() if not rules_the_speed([name], catalogue)}
     found = _diagnosed(plant, records, model, others, most, say)
-    return replace(found, sentence=f"{found.sentence} The speed, which varies by {swing:.2%}, is the tachometer's.")
+    return replace(found, sentence=f"{found.sentence} {as_measured}")
+
+
+def _complete(found: Diagnosis) -> bool:
+    """Whether effects are named that leave hardly more than noise."""
+    return found.verdict == "missing_effect" and found.best.error_where_known <= COMPLETE * found.noise_floor
 
 
 def _diagnosed(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], most: int,
@@ -83,10 +94,31 @@ def _diagnosed(plant: Plant, records: Sequence[Observed], model: Model, catalogu
     return verdict_of(steps[0], steps[-1], steps, found.candidates, noise, tied)
 
 
+def _contradicted(base: Candidate, noise: float, say: Callable[[str], None]) -> Diagnosis | None:
+    """The diagnosis where one record alone contradicts the model, and would not had another condition been written down."""
+    assert base.fitter is not None and base.fit is not None
+    if base.error_where_known <= ADEQUATE * noise:
+        return None
+    fitter, fit = agreed(base.fitter, base.fit)
+    strange = [place for place, record in enumerate(fitter.records) if not record.heard]
+    if len(strange) != 1:
+        return None
+    name = fitter.records[strange[0]].name
+    say(f"{name} alone contradicts the model: looking at its conditions")
+    found = misstated(fitter, fit.state, strange[0])
+    if found is None:
+        return None
+    told = candidate_of(fitter, fit, (), None, 1.0)
+    result = verdict_of(told, told, [told], (), noise, ())
+    sentence = f"All records but {name} agree with the model as it is. {found.sentence}"
+    return replace(result, verdict="unexplained", sentence=sentence)
+
+
 def _with_strange_records(result: Diagnosis, say: Callable[[str], None]) -> Diagnosis:
     """An unexplained campaign's diagnosis with what all records but a few agree on, if there is such a thing."""
-    if result.verdict != "unexplained":
-        return result
+    assert result.base.fitter is not None
+    if result.verdict != "unexplained" or not all(record.heard for record in result.base.fitter.records):
+        return result  # the latter: the one that stands alone is told
     say("looking for records that stand alone")
     fitted = [one for one in (result.base, *result.candidates) if one.fit is not None]
     best: dict[tuple[str, ...], Candidate] = {}
@@ -112,10 +144,10 @@ def _but(strange: Sequence[str], effects: Sequence[str]) -> str:
 def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:
     """A step of the search on parts of the records, fitted to the whole ones."""
     assert step.fitter is not None and step.fit is not None
-    short = [whole.samples != part.samples for whole, part in zip(records, step.fitter.records, strict=True)]
-    known = [whole if cut else part for whole, part, cut in zip(records, step.fitter.records, short, strict=True)]
-    fitter = Fitter(step.fitter.plant, known, step.fitter.unknowns)
-    own = tuple(Nuisances() if cut else seen for cut, seen in zip(short, step.fit.state.nuisances, strict=True))
+    kept = [whole.samples == seen.samples for whole, seen in zip(records, step.fitter.records, strict=True)]
+    wider = [seen if as_it_was else whole for whole, seen, as_it_was in zip(records, step.fitter.records, kept, strict=True)]
+    fitter = Fitter(step.fitter.plant, wider, step.fitter.unknowns)
+    own = tuple(seen if as_it_was else Nuisances() for seen, as_it_was in zip(step.fit.state.nuisances, kept, strict=True))
     fit = fitter.fit(replace(step.fit.state, nuisances=own), iterations=10)
     return replace(candidate_of(fitter, fit, step.effects, None, 1.0), delta_bic=step.delta_bic)
 
@@ -133,6 +165,9 @@ def _search(
     fitter, fit = model_fit(plant, records, model, catalogue)
     base = candidate_of(fitter, fit, (), None, 1.0)
     noise = pooled(base.errors)[1]
+    contradicted = _contradicted(base, noise, say)
+    if contradicted is not None:
+        return contradicted
     begun = [base, *_swung(base, plant, model, catalogue, say)]
     path = looked_again(forward(begun, model, catalogue, most, say), model, catalogue, noise, most, say)
     seen = sorted(path.seen, key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))

@@ -46,6 +46,10 @@ class Candidate:
         """The held-out error, but in the fit of a record that shows what no other does, where those others agree."""
         return pooled_where_known(self.errors) if self.errors else self.error_held_out
 
+    def error_beside(self, noise: float) -> float:
+        """The error by which sets of effects are chosen among: held out, but of one that where known leaves noise alone."""
+        return self.error_where_known if self.error_where_known <= ADEQUATE * noise else self.error_held_out
+
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -119,14 +123,14 @@ def verdict_of(
     share = 1.0 - excess(best.error_where_known, noise) / max(excess(base.error_held_out, noise), 1e-300)
     left = best.error_where_known / noise
     many = len(best.effects) >= MANY
-    if best.effects and (left <= ADEQUATE if many else left <= COMPLETE or share >= EXPLAINED):
+    helps = left <= ADEQUATE or share >= PARTIAL  # of a little that is left, what takes a part of it is no name for it
+    if best.effects and helps and (left <= ADEQUATE if many else left <= COMPLETE or share >= EXPLAINED):
         return answer(
             "missing_effect",
             best.effects,
-            f"The model lacks {' and '.join(best.effects)}: the error {judged_on(base.held_out)} "
-            f"falls from {_told(base.error_held_out)} to {best.error_held_out:.3g}.{_besides(base, best, noise, tied)}",
+            f"The model lacks {' and '.join(best.effects)}: the error {_fall(base, best)}.{_besides(base, best, noise, tied)}",
         )
-    if ratio <= FAINT_REST + SURE * pooled_doubt(base.errors) and not best.effects:
+    if ratio <= FAINT_REST + SURE * pooled_doubt(base.errors) and not (best.effects and helps):
         return answer(
             "adequate",
             (),
@@ -145,6 +149,13 @@ def verdict_of(
         (),
         f"Something is missing (error {ratio:.3g} times the noise floor) that no effect of the catalogue explains.",
     )
+
+
+def _fall(base: Candidate, best: Candidate) -> str:
+    """In words, from where the error falls to where: held out or, if one condition alone shows what is missing, in the fit."""
+    held = best.error_held_out < base.error_held_out
+    before, after = (base.error_held_out, best.error_held_out) if held else (base.error_fit, best.error_fit)
+    return f"{judged_on(base.held_out) if held else 'in the fit'} falls from {_told(before)} to {after:.3g}"
 
 
 def _told(error: float) -> str:

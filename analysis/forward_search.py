@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.begun_anew import begun_anew
+from analysis.begun_anew import begun_anew, switched_on_too
 from analysis.candidate_round import GAIN, candidate_of, certain_candidates, try_candidates
 from analysis.diagnosis import ADEQUATE, Candidate, excess
 from analysis.effect_start import ANCHOR, origins_of
@@ -19,6 +19,7 @@ from analysis.fine_steps import has_kinks
 from analysis.force_jumps import at_its_jumps
 from analysis.held_out import pooled
 from analysis.information import DELTA_BIC, bic, effective_size
+from analysis.parts_of_passes import with_parts_of_passes
 from analysis.settled import settled
 from analysis.starts import polish
 from analysis.waveform import Fitter
@@ -65,6 +66,8 @@ def _weighed(current: Candidate) -> Candidate:
         weighed.append(replace(record, weight=np.hypot(record.noise, left) if rough else None))
     fitter = Fitter(current.fitter.plant, weighed, current.fitter.unknowns)
     fit = polish(fitter, current.fit.state, rounds=2, iterations=20)
+    if not rough:
+        fit = with_parts_of_passes(fitter, fit)  # such weights hid what a cut that begins within an arc leaves
     return replace(candidate_of(fitter, fit, current.effects, None, 1.0), delta_bic=current.delta_bic)
 
 
@@ -139,10 +142,10 @@ def worth_naming(candidate: Candidate, current: Candidate, base: Candidate, nois
     The last, so that where something unknown remains, no effect is named for nibbling at it; what completes the model passes.
     Of the faint rest of a strong effect it must take away most: no law is the machine's own to the last per cent.
     """
-    before, after = excess(current.error_held_out, noise), excess(candidate.error_held_out, noise)
+    before, after = excess(current.error_held_out, noise), excess(candidate.error_beside(noise), noise)
     gained = before - after
     whole = excess(min(base.error_held_out, base.error_fit), noise)  # extrapolated, a wrong law may look worse than it is
-    material = gained > MATERIAL * whole or candidate.error_held_out <= FINAL * noise
+    material = gained > MATERIAL * whole or candidate.error_beside(noise) <= FINAL * noise
     share = TAKEN if current.effects and before < FAINT * whole else GAIN
     return candidate.delta_bic > DELTA_BIC and gained > max(share * before, 1e-3 * noise**2) and material
 
@@ -153,8 +156,9 @@ def _tied(first: Candidate, other: Candidate, current: Candidate, noise: float) 
         return False
     size = effective_size(first.fit)
     apart = abs(bic(other.fit, size) - bic(first.fit, size))
-    gained = excess(current.error_held_out, noise) - excess(first.error_held_out, noise)
-    lost = excess(other.error_held_out, noise) - excess(first.error_held_out, noise)
+    best = excess(first.error_beside(noise), noise)
+    gained = excess(current.error_held_out, noise) - best
+    lost = excess(other.error_beside(noise), noise) - best
     return apart < DELTA_BIC or (lost < 0.02 * gained and apart < 3 * DELTA_BIC)
 
 
@@ -168,14 +172,11 @@ def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Eff
     left = (1.0 - TAKEN) * excess(current.error_held_out, noise)
     passing = [one for one in found
                if excess(one.error_held_out, noise) <= left and one.error_held_out < current.error_held_out]
-    if not passing:
-        return Path(tuple(steps), tuple(map(_told, found)), ())
-    first, *others = passing
-    tied = tuple(one.effects[-1] for one in others if _tied(first, one, current, noise))
-    if tied and current.effects:  # which of them it is, so faint, is not asked beside what is known
-        return Path(tuple(steps), tuple(map(_told, found)), ())
-    first = settled(first, catalogue)
-    return Path((*steps, first), tuple(map(_told, found)), (first.effects[-1], *tied) if tied else ())
+    tied = tuple(one.effects[-1] for one in passing if _tied(passing[0], one, current, noise))  # the first with itself
+    seen = tuple(map(_told, found))
+    if not passing or (len(tied) > 1 and current.effects):  # which of them it is, so faint, is not asked beside what is known
+        return Path(tuple(steps), seen, ())
+    return Path((*steps, settled(passing[0], catalogue)), seen, tied if len(tied) > 1 else ())
 
 
 def _told(one: Candidate) -> Candidate:
@@ -233,6 +234,12 @@ def forward(
         complete = _complete_with_finer_steps(current, noise, catalogue, say)
         if complete is not None:
             break
+        if len(current.effects) < most and current.error_where_known > ADEQUATE * noise:
+            more = switched_on_too(current, model, catalogue, noise, say)
+            if more is not None:
+                current = against(more, by_noise(current))
+                steps.append(current)
+                seen.append(_told(current))
     current = complete or settled(by_noise(_weighed(current)), catalogue)
     steps = [*map(by_noise, steps[:-1]), current]
     seen = [_told(current) if one.effects == current.effects else one for one in seen]

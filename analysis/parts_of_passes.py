@@ -6,6 +6,7 @@ alone such a record has a first or a last kick of the wrong size, and no paramet
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -14,10 +15,14 @@ import numpy as np
 
 from analysis.fit_state import State, WaveformFit
 from analysis.nuisances import Nuisances
+from analysis.observed import Observed
 from analysis.pass_search import squares_of
 from analysis.waveform import WORKERS, Fitter
 
-MISFIT = 1.05  # mean squared residual, in noise, above which a record may have begun or ended within an arc
+MISFIT = 1.05  # mean squared residual, in noise, above which a record may have begun or ended within an arc,
+KICK = 3.0  # or slow residual about its entry or exit over that of its other passes, as mean squares,
+AROUND = 3  # passes after either,
+SLOW = 8  # means of the residual a pass: a kick is slow, and in single samples the noise hides it
 REACH = 2  # passes beside the entry and the exit that are tried
 PARTS = 8  # into which the arc is divided first,
 HALVINGS = 6  # and how often the best part is then halved
@@ -25,6 +30,8 @@ GAIN = 20.0  # in minus the log likelihood, and
 SHARE = 0.6  # share of the record's excess that must go for a part of a pass to be believed
 USUAL = 0.5  # share of the cuts above which a weak first pass is no chance of where the work begins, but a slow entry,
 ALIKE = 0.15  # if what is missing of them is as much in all: standard deviation, in arcs
+NEARLY_WHOLE = 0.1  # of a pass before the next begins, where a tooth is always in the work: so little is no slow entry
+MEDIAN = 0.455  # median over mean of squares that are the noise's
 FINER = 0.5  # gain from which a part that is believed is changed
 ROUNDS = 5  # of looking for parts and fitting again
 
@@ -47,19 +54,42 @@ def _in_part(fitter: Fitter, fit: WaveformFit) -> tuple[Nuisances, ...]:
 
     def one(index: int) -> Nuisances:
         record, own = fitter.records[index], fit.state.nuisances[index]
-        if record.cut is None or record.starts_in_cut or record.forces_only or (left[index] < MISFIT and _whole(own)):
+        if record.cut is None or record.starts_in_cut or record.forces_only:
+            return own
+        if _whole(own) and left[index] < MISFIT and not _kicked(record, own, fit.residuals[index], fit.state.angle):
             return own
         return _best_part(fitter, index, fit.state)
 
     with ThreadPoolExecutor(WORKERS) as pool:
         found = tuple(pool.map(one, range(len(fitter.records))))
-    cuts = [place for place, record in enumerate(fitter.records) if record.cut is not None]
-    late = [found[place].late_entry / fit.state.share_in_arc(fitter.records[place].flutes) for place in cuts]
-    late = [share for share in late if share > 0.0]
-    if len(late) <= USUAL * len(cuts) or np.std(late) > ALIKE:
+    late = [_missing(fitter.records[place], own, fit.state) for place, own in enumerate(found) if fitter.records[place].cut]
+    weak = [share for share in late if share > 0.0]
+    if len(weak) <= USUAL * len(late) or np.std(weak) > ALIKE:
         return found
     return tuple(replace(own, entry=before.entry, late_entry=0.0)
                  for own, before in zip(found, fit.state.nuisances, strict=True))  # fmt: skip
+
+
+def _missing(record: Observed, own: Nuisances, state: State) -> float:
+    """Share of the arc that the first pass lacks; 0 where the cut begins just before a pass, among teeth on their way out."""
+    arc = state.share_in_arc(record.flutes)
+    return 0.0 if arc == 1.0 and own.late_entry > 1.0 - NEARLY_WHOLE else own.late_entry / arc
+
+
+def _kicked(record: Observed, own: Nuisances, residual: np.ndarray, angle: float) -> bool:
+    """Whether what is left of a record is far larger just after its entry or its exit than elsewhere."""
+    length = record.period / record.flutes / own.speed
+    count = max(1, round(record.rate * length / SLOW))
+    rest = record.on_samples(residual)
+    means = rest[:, : rest.shape[1] // count * count].reshape(rest.shape[0], -1, count).mean(axis=2)
+    size, around = (means**2).mean(axis=0), AROUND * SLOW
+    usual = float(np.median(size)) / MEDIAN
+    for place in (own.entry, own.exit):
+        first = int((record.pass_start(place, angle, own) - record.start) * record.rate / count)
+        part = size[max(first, 0) : max(first + around, 0)]
+        if part.size and float(part.mean()) > KICK * usual:
+            return True
+    return False
 
 
 def _best_part(fitter: Fitter, index: int, state: State) -> Nuisances:
@@ -94,8 +124,8 @@ def _placed(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float
     cost, best = float(costs.min()), tried[int(np.argmin(costs))]
     name = _NAMES[end]
     step = 0.5 * arc / PARTS
-    for _ in range(HALVINGS if getattr(best, name) > 0.0 else 0):
-        near = [best.with_fields(**{name: value}) for by in (-step, step) if 0.0 <= (value := getattr(best, name) + by) < 1.0]
+    for _ in range(HALVINGS if getattr(best, name) > 0.0 or arc == 1.0 else 0):
+        near = [_shifted(best, end, by) for by in (-step, step)]
         costs = 0.5 * squares_of(fitter, index, state, near)
         if costs.min() < cost:
             cost, best = float(costs.min()), near[int(np.argmin(costs))]
@@ -104,6 +134,13 @@ def _placed(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float
 
 
 _NAMES = {"entry": "late_entry", "exit": "early_exit"}
+
+
+def _shifted(own: Nuisances, end: str, by: float) -> Nuisances:
+    """The nuisances with more (or less, `by` < 0) of the first or the last pass missing; beyond its bounds, of the next one."""
+    missing, outwards = getattr(own, _NAMES[end]) + by, 1 if end == "entry" else -1
+    passes = math.floor(missing)
+    return own.with_fields(**{end: getattr(own, end) + outwards * passes, _NAMES[end]: missing - passes})
 
 
 def _places(own: Nuisances, arc: float, end: str) -> Iterator[Nuisances]:

@@ -12,7 +12,7 @@ from dataclasses import replace
 from analysis.begun_anew import from_believed, with_examples
 from analysis.diagnosis import COMPLETE, excess
 from analysis.effect_start import all_free, applicable
-from analysis.forward_search import Path, against, forward
+from analysis.forward_search import Path, against, forward, worth_naming
 from analysis.observed import Observed
 from analysis.starts import opening_fit, structure_start
 from testbed.effect import Effect
@@ -29,9 +29,9 @@ def looked_again(
     Which that is, the openings of the records tell. noise: the noise floor, as the errors.
     """
     cut = path.end.fitter is not None and any(record.cut is not None for record in path.end.fitter.records)
-    if len(path.steps) < 2 or most < 2 or not cut or path.end.error_where_known <= COMPLETE * noise:
+    if most < 2 or not cut or path.end.error_where_known <= COMPLETE * noise:
         return path
-    base, first = path.steps[0], path.steps[1]
+    base, first = path.steps[0], path.steps[1] if len(path.steps) > 1 else None
     assert base.fitter is not None and base.fit is not None
     plant, records = base.fitter.plant, base.fitter.records
 
@@ -43,11 +43,11 @@ def looked_again(
         return opening_fit(plant, records, with_examples(started, [name], catalogue), free).cost
 
     say("much is left: looking at every effect again, from the believed machine")
-    best = min(_could_be_first(records, model, catalogue), key=opened, default=first.effects[0])
-    if (best,) == first.effects:
+    best = min(_could_be_first(records, model, catalogue), key=opened, default=None)
+    if best is None or first is not None and (best,) == first.effects:
         return path
     alone = against(from_believed(plant, records, model, [best], catalogue), base)
-    if alone.error_held_out >= first.error_held_out:
+    if alone.error_held_out >= (first or base).error_held_out or first is None and not worth_naming(alone, base, base, noise):
         return path
     again = forward([base, alone], model, catalogue, most, say)
     now, before = excess(again.end.error_held_out, noise), excess(path.end.error_held_out, noise)
