@@ -17,7 +17,8 @@ from scipy.optimize import least_squares
 
 from analysis.delay_equation import milling_equation
 from analysis.floquet import delay_embedding_multipliers, once_per_period_samples, passing_period
-from analysis.identify import Estimate, cut_bounds
+from analysis.identify import Estimate
+from analysis.recorded_cut import cut_bounds
 from analysis.temporal_elements import characteristic_multipliers
 from testbed.cut import Cut
 from testbed.machine import Model

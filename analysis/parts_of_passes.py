@@ -125,7 +125,7 @@ def _placed(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float
     name = _NAMES[end]
     step = 0.5 * arc / PARTS
     for _ in range(HALVINGS if getattr(best, name) > 0.0 or arc == 1.0 else 0):
-        near = [_shifted(best, end, by) for by in (-step, step)]
+        near = [one for by in (-step, step) if (one := _shifted(best, end, by)).entry < one.exit]
         costs = 0.5 * squares_of(fitter, index, state, near)
         if costs.min() < cost:
             cost, best = float(costs.min()), near[int(np.argmin(costs))]

@@ -10,7 +10,8 @@ from independent_simulator import simulate
 from analysis.collocation import collocation_multipliers
 from analysis.delay_equation import milling_equation
 from analysis.floquet import EmpiricalMultipliers
-from analysis.identify import cut_bounds, identify, identify_multipliers, started_from_ring_down
+from analysis.identify import identify, identify_multipliers
+from analysis.recorded_cut import cut_bounds, started_from_ring_down
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.recording import Recording

@@ -68,7 +68,7 @@ def motion_channel(record: Any) -> str | None:
 
 def cut_tests(records: Sequence[Any], flutes: int, path: object) -> list[CutTest]:
     """The cuts among records, with their entries and exits found. InputProblem where there is none."""
-    from analysis.identify import at_measured_speed
+    from analysis.recorded_cut import at_measured_speed
     from analysis.segments import find_segments
 
     tests = []
@@ -140,7 +140,8 @@ class Identified:
 def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, seed: int, *,
                             ratio_doubt: float = RATIO_DOUBT) -> Identified:
     """Fit the characteristic multipliers of the cuts. ValueError where they do not suffice."""
-    from analysis.identify import identify_multipliers, measured_multipliers
+    from analysis.identify import identify_multipliers
+    from analysis.recorded_cut import measured_multipliers
 
     flutes = model.cutter.flutes
     tests = cut_tests(records, flutes, path)
@@ -164,7 +165,8 @@ def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path
 
     A model whose motion repeats over several tooth passes only (runout) has none of a single one.
     """
-    from analysis.identify import beside, measured_multipliers
+    from analysis.identify import beside
+    from analysis.recorded_cut import measured_multipliers
     from testbed.cli.multipliers import multipliers
 
     if not any(record.kind == "cut" and motion_channel(record) is not None for record in records):

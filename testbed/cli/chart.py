@@ -95,8 +95,8 @@ def _with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: b
 
 def _tests(model: Any, data: str) -> list[Any]:
     """The cuts of a data set or campaign with the class that their own multipliers show."""
-    from analysis.identify import measured_multipliers
     from analysis.plots import ChartTest
+    from analysis.recorded_cut import measured_multipliers
     from analysis.stability import classify
     from testbed.cli._measured import cut_tests, load_records
 
