@@ -91,3 +91,20 @@ def test_a_velocity_without_a_tachometer_tells_the_multipliers_too():
     for name in ("natural_frequency", "damping_ratio", "tangential_coefficient", "normal_coefficient"):
         one = found.parameters[name]
         assert one.low < TRUE.value(name) < one.high, name
+
+
+def test_speeds_that_nobody_measured_are_told_beside_those_stated(testbed):
+    records = [synthetic_campaign(fast.simulate, TRUE, seed=number, tests=TESTS[number : number + 1], course=LONG, rate=6400.0,
+                                  speed_error=8e-3)[0] for number in range(3)]  # fmt: skip
+    write_campaign(Path(), records, BELIEVED)
+    with_marks = testbed.json("identify", "campaign.yaml", "-m", "model.yaml")
+    assert not any("without a tachometer" in note for note in with_marks["notes"])
+    lines = [line for line in Path("campaign.yaml").read_text().splitlines() if "tachometer" not in line]
+    Path("campaign.yaml").write_text("\n".join(lines) + "\n")
+    found = testbed.json("identify", "campaign.yaml", "-m", "model.yaml")
+    (note,) = [note for note in found["notes"] if note.startswith("without a tachometer, the speed is that of the vibration: ")]
+    assert " rpm (stated 3810 rpm)" in note
+    for test, other in zip(found["tests"], with_marks["tests"], strict=True):
+        assert test["spindle_speed"] == pytest.approx(other["spindle_speed"], rel=1e-4)
+    one, other = (answer["parameters"]["tangential_coefficient"] for answer in (found, with_marks))
+    assert one["value"] == pytest.approx(other["value"], rel=0.02) and one["low"] < other["value"] < one["high"]

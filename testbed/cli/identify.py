@@ -11,6 +11,8 @@ from testbed.cli._options import catalogue_of, cutting_model, effects_option, mo
 from testbed.cli._places import check_place
 from testbed.problem import InputProblem
 
+OTHER_SPEED = 5e-4  # relative difference from which a speed that was found is told beside the stated one,
+MOST_TOLD = 6  # of so many cuts
 MISSED = 30.0  # misfit per degree of freedom from which a fit by multipliers is doubted aloud
 
 
@@ -55,7 +57,7 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
         notes.append(f"the linear machine does not explain these multipliers, {worst['name']} least: its parameters may be far "
                      "outside their intervals; look at that record, or try --method waveform")
     if multipliers:
-        notes.append(_of_the_ratio(found))
+        notes += [*_speeds_found(records, found), _of_the_ratio(found)]
     for note in notes:
         answer.say(note)
     _say(answer, found)
@@ -63,6 +65,17 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
         write_model(found.model, output, catalogue)
         answer.say(f"written: {output}")
     answer.finish({"method": method, "parameters": found.parameters, "tests": found.tests, **found.quality, "notes": notes})
+
+
+def _speeds_found(records: Any, found: Any) -> list[str]:
+    """At which speeds cuts without a tachometer are taken, and which were stated."""
+    stated = {one.name: one.conditions["spindle_speed"] for one in records
+              if one.recording.marks.size < 3 and "spindle_speed" in one.conditions}
+    told = [f"{test['name']} {shown(test['spindle_speed'], 'rad/s')} (stated {shown(stated[test['name']], 'rad/s')})"
+            for test in found.tests
+            if test["name"] in stated and abs(test["spindle_speed"] / stated[test["name"]] - 1.0) > OTHER_SPEED]
+    more = [f"and {len(told) - MOST_TOLD} more"] if len(told) > MOST_TOLD else []
+    return [f"without a tachometer, the speed is that of the vibration: {', '.join(told[:MOST_TOLD] + more)}"] if told else []
 
 
 def _of_the_ratio(found: Any) -> str:
