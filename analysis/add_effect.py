@@ -10,7 +10,7 @@ from typing import Any
 from analysis.begun_anew import with_examples
 from analysis.candidate_round import candidate_of, with_effect
 from analysis.compare import estimates
-from analysis.diagnosis import Candidate, judged_on
+from analysis.diagnosis import ADEQUATE, Candidate, judged_on
 from analysis.effect_start import ANCHOR, applicable, effect_parameters, origins_of
 from analysis.fine_steps import finely, has_kinks
 from analysis.fit_state import State, WaveformFit
@@ -23,6 +23,7 @@ from analysis.prediction import Plant
 from analysis.spindle_speed import at_modelled_speed
 from analysis.starts import polish
 from analysis.swing_start import marks_show
+from analysis.switched import switch_note
 from analysis.unheard import SOUND, agreed, misfit
 from analysis.waveform import Fitter
 from testbed.effect import Effect
@@ -144,8 +145,8 @@ def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect])
     before, after, noise = result.heard()
     if names := result.unheard:
         said.append(f"{', '.join(names)}: not followed by a model that explains all other records down to their noise, and so "
-                    "without a say in the fit (chaotic, or disturbed); over the others the error goes from "
-                    f"{before:.4f} to {after:.4f} (noise floor {noise:.4f})")
+                    "without a say in the fit (chaotic, disturbed, or alone in showing what else is missing); over the others "
+                    f"the error goes from {before:.4f} to {after:.4f} (noise floor {noise:.4f})")
     if not result.converged:
         said.append("the fit did not converge: the values are those of its last step")
     if after > before * (1 - 1e-3):
@@ -167,6 +168,8 @@ def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect])
             said.append(f"the interval of {path} reaches the bound of what the law allows")
         elif half > WIDE * abs(one.value):
             said.append(f"{path} is poorly known: +-{half:.3g} {one.unit} on {one.value:.3g} {one.unit}")
+    if after > ADEQUATE * noise:
+        said += switch_note(fitter, result.fit.state, catalogue)
     return said
 
 

@@ -18,11 +18,11 @@ from analysis.information import DELTA_BIC
 from analysis.model_fit import model_fit
 from analysis.observed import Observed
 from analysis.prediction import Plant
+from analysis.switched import switchable
 from testbed.effect import Effect
 from testbed.machine import Model
 
 CLEAN = 1.01  # error over noise floor up to which nothing is left that another valley could explain
-MATTERS = 1e-2  # share of the cost by which switching on an effect without parameters must change it, to be worth a fit
 MUCH_CHEAPER = 0.7  # times the cost that the new fit must have where it, too, leaves more than noise
 
 
@@ -74,15 +74,8 @@ def switched_on_too(
     assert current.fit is not None and current.fitter is not None
     fit, fitter = current.fit, current.fitter
     records = [replace(record, weight=None) for record in fitter.records]
-    if not any(record.cut is not None for record in records):
-        return None
     *others, last = current.effects
-    for name, effect in catalogue.items():
-        if effect.parameters or name in fit.state.model.effects:
-            continue
-        switched = fitter.cost(replace(fit.state, model=fit.state.model.with_effect(name)))
-        if abs(switched - fit.cost) < MATTERS * fit.cost:
-            continue
+    for name, _ in switchable(fitter, fit.state, catalogue):
         say(f"fitting {last} with {name} from the believed machine")
         believed = model
         for other in others:

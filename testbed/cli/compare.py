@@ -31,6 +31,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     """
     from analysis.compare import as_json, compare
     from analysis.sensor_sign import sign_note
+    from analysis.switched import switch_note
     from testbed.cli._fitting import channel_units, doubts, plant_of, read_both, sign_of_life, uncalibrated
 
     answer = Answer(json_file, quiet)
@@ -40,7 +41,8 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     with sign_of_life("fitting the believed model to all records", quiet):
         found = compare(plant_of(catalogue), records, model, catalogue)
         sign = sign_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
-    notes = [*uncalibrated(read), *doubts(read, model), *sign]
+    unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
+    notes = [*uncalibrated(read), *doubts(read, model), *sign, *unlike]
     _say(answer, found, notes, model)
     if pictures is not None:
         from analysis.compare_plots import save
