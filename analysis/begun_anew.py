@@ -52,15 +52,20 @@ def begun_anew(
     assert first.fit is not None and first.fitter is not None
     if first.error_held_out <= (ANCHOR if has_kinks(first.effects, catalogue) else CLEAN) * noise:
         return first
-    *others, last = first.effects
-    say(f"fitting {last} anew from the believed machine")
-    believed = model
-    for name in others:
-        believed = believed.with_effect(name, **first.fit.state.model.effects[name])
-    believed = with_examples(believed, [last], catalogue)
+    say(f"fitting {first.effects[-1]} anew from the believed machine")
+    believed = _believed_but_last(first, model, catalogue)
     fitter, fit = model_fit(first.fitter.plant, first.fitter.records, believed, catalogue, first.fitter.unknowns)
     found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
     return found if _better(found, first.fit, fit, noise) and found.error_held_out < first.error_held_out else first
+
+
+def _believed_but_last(one: Candidate, model: Model, catalogue: Mapping[str, Effect]) -> Model:
+    """The believed `model` with the set's effects as they were found, but for the last, which starts at its example."""
+    assert one.fit is not None
+    *others, last = one.effects
+    for name in others:
+        model = model.with_effect(name, **one.fit.state.model.effects[name])
+    return with_examples(model, [last], catalogue)
 
 
 def switched_on_too(
@@ -74,13 +79,9 @@ def switched_on_too(
     assert current.fit is not None and current.fitter is not None
     fit, fitter = current.fit, current.fitter
     records = [replace(record, weight=None) for record in fitter.records]
-    *others, last = current.effects
     for name, _ in switchable(fitter, fit.state, catalogue):
-        say(f"fitting {last} with {name} from the believed machine")
-        believed = model
-        for other in others:
-            believed = believed.with_effect(other, **fit.state.model.effects[other])
-        believed = with_examples(believed, [last, name], catalogue)
+        say(f"fitting {current.effects[-1]} with {name} from the believed machine")
+        believed = _believed_but_last(current, model, catalogue).with_effect(name)
         found = candidate_of(*model_fit(fitter.plant, records, believed, catalogue), (*current.effects, name), None, 1.0)
         if found.error_where_known <= ADEQUATE * noise:
             return found

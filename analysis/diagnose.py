@@ -17,7 +17,6 @@ from analysis.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, excess,
 from analysis.forward_search import against, by_noise, forward
 from analysis.held_out import pooled
 from analysis.misstated import misstated
-from analysis.model_fit import model_fit
 from analysis.next_test import next_test
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed
@@ -59,18 +58,21 @@ def diagnose(
     rulers = {name: one for name, one in catalogue.items() if rules_the_speed([name], catalogue)}
     others = {name: one for name, one in catalogue.items() if name not in rulers}
     as_measured = f"The speed, which varies by {swing:.2%}, is the tachometer's."
-    say("fitting at the speed that the tachometer shows")
-    base = candidate_of(*model_fit(plant, records, model, catalogue), (), None, 1.0)
-    measured = base.error_where_known
-    if measured <= COMPLETE * pooled(base.errors)[1] and not _complete(_search(plant, steady, model, rulers, 1, say)):
-        found = _diagnosed(plant, records, model, others, most, say)
-        return replace(found, sentence=f"{found.sentence} {as_measured}")
-    constant = _diagnosed(plant, steady, model, catalogue, most, say)
+    say("at the speed that the tachometer shows")
+    base = _as_believed(plant, records, model, catalogue, say)
+    measured, at_constant = base.error_where_known, None
+    if measured <= COMPLETE * pooled(base.errors)[1]:
+        say("at a constant speed")
+        at_constant = _as_believed(plant, steady, model, catalogue, say)
+        if not _complete(_search(at_constant, plant, model, rulers, 1, say)):
+            found = _diagnosed(plant, records, model, others, most, say, base)
+            return replace(found, sentence=f"{found.sentence} {as_measured}")
+    constant = _diagnosed(plant, steady, model, catalogue, most, say, at_constant)
     named = constant.verdict == "missing_effect" and rules_the_speed(constant.effects, catalogue)
     if named and (_complete(constant) or constant.best.error_where_known <= measured):
         return replace(constant, sentence=f"{constant.sentence} The tachometer, too, shows a speed that varies by {swing:.2%}.")
     say("once more, at the speed that the tachometer shows")
-    found = _diagnosed(plant, records, model, others, most, say)
+    found = _diagnosed(plant, records, model, others, most, say, base)
     return replace(found, sentence=f"{found.sentence} {as_measured}")
 
 
@@ -80,13 +82,13 @@ def _complete(found: Diagnosis) -> bool:
 
 
 def _diagnosed(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], most: int,
-               say: Callable[[str], None]) -> Diagnosis:  # fmt: skip
-    """The diagnosis of records as they are."""
+               say: Callable[[str], None], base: Candidate | None = None) -> Diagnosis:  # fmt: skip
+    """The diagnosis of records as they are. base: the believed model fitted to them, where that is at hand."""
     parts = [record.loudest(LONG) for record in records]
     if all(part is record for part, record in zip(parts, records, strict=True)):
-        found = _search(plant, records, model, catalogue, most, say)
+        found = _search(base or _as_believed(plant, records, model, catalogue, say), plant, model, catalogue, most, say)
         return _with_strange_records(_with_next_test(found, plant, records, say), say)
-    found = _search(plant, parts, model, catalogue, most, say)
+    found = _search(_as_believed(plant, parts, model, catalogue, say), plant, model, catalogue, most, say)
     say("fitting the whole records")
     steps = [_on_whole(step, records) for step in found.steps]
     noise = pooled(steps[0].errors)[1]
@@ -152,18 +154,22 @@ def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:
     return replace(candidate_of(fitter, fit, step.effects, None, 1.0), delta_bic=step.delta_bic)
 
 
+def _as_believed(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
+                 say: Callable[[str], None]) -> Candidate:  # fmt: skip
+    """The believed model fitted to records."""
+    say("fitting the believed model")
+    return from_believed(plant, records, model, (), catalogue)
+
+
 def _search(
+    base: Candidate,
     plant: Plant,
-    records: Sequence[Observed],
     model: Model,
     catalogue: Mapping[str, Effect],
     most: int,
     say: Callable[[str], None],
 ) -> Diagnosis:
-    """The base fit, the rounds of candidates from it and, where much is left, from another beginning."""
-    say("fitting the believed model")
-    fitter, fit = model_fit(plant, records, model, catalogue)
-    base = candidate_of(fitter, fit, (), None, 1.0)
+    """The rounds of candidates from the base fit and, where much is left, from another beginning."""
     noise = pooled(base.errors)[1]
     contradicted = _contradicted(base, noise, say)
     if contradicted is not None:
