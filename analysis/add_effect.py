@@ -11,12 +11,13 @@ from analysis.begun_anew import with_examples
 from analysis.candidate_round import candidate_of, with_effect
 from analysis.compare import estimates
 from analysis.diagnosis import ADEQUATE, Candidate, judged_on
-from analysis.effect_start import ANCHOR, applicable, effect_parameters, origins_of
+from analysis.effect_start import ANCHOR, applicable, effect_parameters, origins_of, state_without
 from analysis.fine_steps import finely, has_kinks
 from analysis.fit_state import State, WaveformFit
 from analysis.force_jumps import at_its_jumps
 from analysis.held_out import RecordError, held_out_errors, holds_out, pooled
 from analysis.identify import Estimate
+from analysis.length_cut import length_note
 from analysis.model_fit import model_fit
 from analysis.observed import Observed
 from analysis.prediction import Plant
@@ -29,6 +30,7 @@ from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
 
+FURTHER = 60  # iterations more of a fit with the effect that has not converged
 WIDE = 0.5  # half an interval over its value from which the value is called poorly known
 
 
@@ -77,8 +79,10 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     before = bare.errors
     say(f"fitting with {effect.name}")
     wider, with_it = _best_fit_with(plant, model, {**catalogue, effect.name: effect}, effect, bare, say)
+    if not with_it.converged:
+        with_it = min(with_it, wider.fit(with_it.state, iterations=FURTHER), key=lambda one: one.cost)
     say("looking again for a fit without it")
-    again = polish(fitter, with_it.state.without_effect(effect.name), rounds=1, iterations=8)
+    again = polish(fitter, state_without(with_it.state, effect.name, {effect.name: effect}), rounds=1, iterations=8)
     if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
         fit, before = again, tuple(held_out_errors(fitter, again))
     after = held_out_errors(wider, with_it)
@@ -86,7 +90,7 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     result = Addition(effect.name, with_it.state.model, pooled(before)[0], pooled(after)[0], pooled(after)[1],
                       before, tuple(after), holds_out(records), found, with_it.converged, (), with_it, fit,
                       tuple(record.name for record in wider.records if not record.heard))
-    return replace(result, warnings=tuple(_warnings(result, wider, catalogue)))
+    return replace(result, warnings=(*_warnings(result, wider, catalogue), *length_note(records, wider.records)))
 
 
 def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
@@ -120,7 +124,8 @@ def _fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effec
     error, noise = pooled(bare.errors)
     origins = origins_of(plant, model, fitter, fit, anchored=error > ANCHOR * noise)
     tried = with_effect(bare, effect.name, catalogue, origins, say)
-    wider = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, *effect_parameters(effect, fitter.records)])
+    records = fitter.records if tried.fitter is None else tried.fitter.records
+    wider = Fitter(fitter.plant, records, [*fitter.unknowns, *effect_parameters(effect, records)])
     if tried.fit is None or effect.name not in tried.fit.state.model.effects:
         found = polish(wider, _with_neutral(fit.state, effect))
     else:

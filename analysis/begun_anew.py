@@ -23,6 +23,7 @@ from testbed.effect import Effect
 from testbed.machine import Model
 
 CLEAN = 1.01  # error over noise floor up to which nothing is left that another valley could explain
+FAR_OFF = 2.0  # times the cost of the fit at hand, above which the new one is given up
 MUCH_CHEAPER = 0.7  # times the cost that the new fit must have where it, too, leaves more than noise
 
 
@@ -54,7 +55,10 @@ def begun_anew(
         return first
     say(f"fitting {first.effects[-1]} anew from the believed machine")
     believed = _believed_but_last(first, model, catalogue)
-    fitter, fit = model_fit(first.fitter.plant, first.fitter.records, believed, catalogue, first.fitter.unknowns)
+    goal = FAR_OFF * first.fit.cost
+    fitter, fit = model_fit(first.fitter.plant, first.fitter.records, believed, catalogue, first.fitter.unknowns, goal)
+    if fit.cost > goal:
+        return first
     found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
     return found if _better(found, first.fit, fit, noise) and found.error_held_out < first.error_held_out else first
 

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.diagnosis import ADEQUATE, Candidate
+from analysis.diagnosis import ADEQUATE, COMPLETE, Candidate
 from analysis.effect_start import Origin, applicable, far_step, first_step, gradual_entry, switched_on
 from analysis.entry_passes import entries_together
 from analysis.fit_state import State, WaveformFit
 from analysis.held_out import errors_in_fit, held_out_errors, pooled
 from analysis.information import bic, effective_size
+from analysis.length_cut import asks_length, carried_on, with_lengths_found
 from analysis.parts_of_passes import with_parts_of_passes
 from analysis.pass_count import recounted
 from analysis.scale_hops import hopped
@@ -34,7 +35,10 @@ HELPS = 0.95  # share of the cost that a candidate may leave for its scales to b
 # the square of its angle, so that its own first step leads nowhere, and what is left of a faint effect passes for noise.
 FAINT = 1.3
 CERTAIN = 100.0  # gain in BIC from which an effect is there although the error is that of the noise: no chance gives that
-MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far
+BEHIND = 4.0  # times the cost of the best of its round above which a candidate is out: its fit is given up,
+RIVAL = 1.5  # and where that best explains everything
+MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far,
+LITTLE = 0.03  # or its fit: most of what no first step showed would then have to be hidden behind it
 
 
 def candidate_of(
@@ -74,19 +78,25 @@ def try_candidates(
     catalogue: Mapping[str, Effect],
     origins: Sequence[Origin],
     say: Callable[[str], None],
+    last: bool = False,
 ) -> list[Candidate]:
-    """Candidates that extend the current set by one effect, the one that foretells best first."""
+    """Candidates that extend the current set by one effect, the one that foretells best first.
+
+    last: no further round follows, so that only one which leaves hardly more than noise is of interest.
+    """
     assert current.fit is not None and current.fitter is not None
     entries = _first_steps(current, catalogue, origins, say)
     floor = 0.5 * sum(one.count * float(np.sum((one.noise / one.scale) ** 2)) for one in current.fitter.records)
     over = max(current.fit.cost - floor, 0.0)
     hopeful = current.fit.cost - HOPE * GAIN * over
     noise = pooled(current.errors)[1]
+    wanted = COMPLETE**2 * floor if last else math.inf
     if entries and entries[0].cost <= hopeful:
         leader = entries[0]
-        leader.fitted = _refitted(current, leader, catalogue, say)
+        leader.fitted = _refitted(current, leader, catalogue, say, goal=wanted)
         incomplete = leader.fitted.error_where_known > ADEQUATE * noise
-        if incomplete and leader.cost - floor > MUCH * over:
+        assert leader.fitted.fit is not None
+        if incomplete and leader.cost - floor > MUCH * over and leader.fitted.fit.cost - floor > LITTLE * over:
             _try_from_far(current, entries, catalogue, origins, say)
         elif not incomplete and current.error_held_out < FAINT * noise:
             _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say)
@@ -102,10 +112,17 @@ def try_candidates(
             effects = (*current.effects, entry.name)
             found.append(Candidate(effects, {}, current.error_fit, current.error_held_out, 0.0, False))
             continue
-        fitted = entry.fitted or _refitted(current, entry, catalogue, say, 40 if not complete else 10)
+        iterations, behind = (10, RIVAL) if complete else (40, BEHIND)
+        goal = min(wanted, behind * _best(entries))
+        fitted = entry.fitted = entry.fitted or _refitted(current, entry, catalogue, say, iterations, goal)
         found.append(fitted)
         complete += int(complete > 0 or fitted.error_where_known <= ADEQUATE * noise)
     return sorted(found, key=lambda candidate: candidate.error_beside(noise))
+
+
+def _best(entries: Sequence[_Entry]) -> float:
+    """The lowest cost that a candidate of the round was fitted to."""
+    return min((one.fitted.fit.cost for one in entries if one.fitted and one.fitted.fit), default=math.inf)
 
 
 def certain_candidates(
@@ -177,23 +194,29 @@ def _begun(current: Candidate, effect: Effect, origins: Sequence[Origin]) -> _En
     """An effect after its first step."""
     assert current.fit is not None and current.fitter is not None
     entry = _Entry(effect.name, *first_step(current.fitter, effect, current.fit, origins))
+    if asks_length([effect.name], {effect.name: effect}) and (longer := carried_on(current.fitter.records)) is not None:
+        worn = Fitter(current.fitter.plant, longer, current.fitter.unknowns)
+        entry = min(entry, _Entry(effect.name, *first_step(worn, effect, current.fit, origins)), key=lambda one: one.cost)
     if _shifts_in_time(effect):
         _from_far(current, entry, effect)
     return entry
 
 
-def _from_far(current: Candidate, entry: _Entry, effect: Effect, origins: Sequence[Origin] = ()) -> None:
+def _from_far(
+    current: Candidate, entry: _Entry, effect: Effect, origins: Sequence[Origin] = (), goal: float = math.inf
+) -> None:
     """Put the entry where a fit from far outside ends, if that is better."""
     assert current.fit is not None and current.fitter is not None
     scanned = origins[-1].scanned if origins and "engagement" in effect.hooks else None
     if any(one.each_record for one in effect.parameters):
         return
+    base = Fitter(current.fitter.plant, entry.fitter.records, current.fitter.unknowns)
     if not effect.parameters:
-        cost, state, fitter = switched_on(current.fitter, effect, origins)
+        cost, state, fitter = switched_on(base, effect, origins)
     elif scanned is not None:
-        cost, state, fitter = gradual_entry(current.fitter, effect, current.fit, scanned)
+        cost, state, fitter = gradual_entry(base, effect, current.fit, scanned, goal)
     else:
-        cost, state, fitter = far_step(current.fitter, effect, current.fit)
+        cost, state, fitter = far_step(base, effect, current.fit, entry.reached)
     if cost < entry.reached:
         entry.cost, entry.state, entry.fitter, entry.fitted = cost, state, fitter, None
 
@@ -210,20 +233,25 @@ def _try_from_far(
         effect = catalogue[entry.name]
         if (entry.fitted is None or "engagement" in effect.hooks) and not _shifts_in_time(effect):
             say(f"trying {entry.name} from far")
-            _from_far(current, entry, effect, origins)
+            _from_far(current, entry, effect, origins, BEHIND * _best(entries))
     entries.sort(key=lambda entry: entry.reached)
 
 
 def _refitted(
-    current: Candidate, entry: _Entry, catalogue: Mapping[str, Effect], say: Callable[[str], None], iterations: int = 40
-) -> Candidate:
-    """The entry fitted in full."""
-    assert current.fit is not None
+    current: Candidate, entry: _Entry, catalogue: Mapping[str, Effect], say: Callable[[str], None], iterations: int = 40,
+    goal: float = math.inf,
+) -> Candidate:  # fmt: skip
+    """The entry fitted in full, or as far as showed that it will not come down to a cost of `goal`."""
+    assert current.fit is not None and current.fitter is not None
     say(f"refitting with {entry.name}")
     smooth = catalogue[entry.name].smooth
     if not smooth:  # its valleys are narrow and bent: crept along after another scale is looked for
         iterations = min(iterations, CREEP)
-    fit = polish(entry.fitter, entry.state, rounds=3, iterations=iterations)
+    fit = polish(entry.fitter, entry.state, rounds=3, iterations=iterations, goal=goal)
+    if fit.cost > goal:
+        return _candidate(current, entry.fitter, fit, (*current.effects, entry.name))
+    if entry.fitter.records is not current.fitter.records and asks_length([entry.name], catalogue):
+        entry.fitter, fit = with_lengths_found(entry.fitter, fit)
     if not smooth:
         fit = rested(entry.fitter, fit, rounds=3, iterations=iterations)
     effects = (*current.effects, entry.name)

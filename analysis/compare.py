@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from analysis.diagnosis import FAINT_REST
 from analysis.fit_state import WaveformFit
 from analysis.held_out import RecordError, held_out_errors, holds_out, pooled, record_error
 from analysis.identify import Estimate
@@ -97,6 +98,11 @@ class Comparison:
     def adequate(self) -> bool:
         """Whether nothing but noise is left of any record."""
         return not any(test.fails for test in self.tests)
+
+    @property
+    def slight(self) -> bool:
+        """Whether what is left beyond the noise is so little that the error hardly shows it."""
+        return not self.adequate and self.error <= FAINT_REST * self.noise_floor
 
 
 def unit_of(path: str, catalogue: Mapping[str, Effect]) -> str:

@@ -198,7 +198,7 @@ def _with_next_test(
 ) -> Diagnosis:
     """The diagnosis with the cut that separates the tied effects, or the named one from a runner-up that came close."""
     rivals = [one for one in result.candidates if one.fit is not None and len(one.effects) == len(result.best.effects)]
-    if result.verdict not in ("undecided", "missing_effect") or len(rivals) < 2:
+    if result.verdict not in ("undecided", "missing_effect") or not result.effects or len(rivals) < 2:
         return result
     rivals.sort(key=lambda one: one.error_held_out)
     if result.verdict == "undecided":

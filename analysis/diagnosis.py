@@ -19,6 +19,7 @@ COMPLETE = 1.15  # error over noise floor above which something is still missing
 EXPLAINED = 0.99  # share of the excess that named effects must take away where something is left: else the law is unknown
 MANY = 3  # effects from which they must leave no more than ADEQUATE: a law of no catalogue is soon made up of several known
 NOTHING = 2.0  # error from which a prediction foretells nothing
+SILENT = 0.95  # noise over what was measured from which records say nothing
 PARTIAL = 0.5  # share of the excess from which effects are told although something of another kind remains
 
 
@@ -100,6 +101,12 @@ def verdict_of(
         )
 
     ratio = base.error_where_known / noise
+    if noise > SILENT and not best.effects:
+        return answer(
+            "undecided",
+            (),
+            f"Hardly anything but noise was measured ({noise:.0%} of the signal): these records can tell nothing of the model.",
+        )
     if ratio <= ADEQUATE and not best.effects:
         return answer(
             "adequate",
@@ -114,14 +121,16 @@ def verdict_of(
             "The fit of the believed model did not settle, so nothing can be said of what "
             "it lacks: check the conditions and the starting values.",
         )
-    if tied and len(best.effects) <= 1 and tied[0] in best.effects:
+    share = 1.0 - excess(best.error_where_known, noise) / max(excess(base.error_held_out, noise), 1e-300)
+    left = best.error_where_known / noise
+    if tied and tied[0] in best.effects and (left <= COMPLETE or share >= EXPLAINED):
+        beside = [name for name in best.effects if name not in tied]
         return answer(
             "undecided",
             tied,
-            f"Something is missing, and {' and '.join(tied)} explain it equally well: these records cannot tell them apart.",
+            f"Something is missing, and {' and '.join(tied)} explain it equally well{_with(beside)}: these records cannot "
+            "tell them apart.",
         )
-    share = 1.0 - excess(best.error_where_known, noise) / max(excess(base.error_held_out, noise), 1e-300)
-    left = best.error_where_known / noise
     many = len(best.effects) >= MANY
     helps = left <= ADEQUATE or share >= PARTIAL  # of a little that is left, what takes a part of it is no name for it
     if best.effects and helps and (left <= ADEQUATE if many else left <= COMPLETE or share >= EXPLAINED):
@@ -141,14 +150,26 @@ def verdict_of(
         return answer(
             "unexplained",
             best.effects,
-            f"{' and '.join(best.effects)} would take away {share:.0%} of what is unexplained, but the error is still "
-            f"{left:.3g} times the noise floor: something is missing that no effect of the catalogue explains.",
+            f"{' and '.join(best.effects)}{_or(tied, best.effects)} would take away {share:.0%} of what is unexplained, "
+            f"but the error is still {left:.3g} times the noise floor: something is missing that no effect of the catalogue "
+            "explains.",
         )
     return answer(
         "unexplained",
         (),
         f"Something is missing (error {ratio:.3g} times the noise floor) that no effect of the catalogue explains.",
     )
+
+
+def _with(beside: Sequence[str]) -> str:
+    """In words, beside which other effects."""
+    return f", each beside {' and '.join(beside)}" if beside else ""
+
+
+def _or(tied: Sequence[str], named: Sequence[str]) -> str:
+    """In words, what explains as much as the first of the effects named."""
+    others = [name for name in tied if name not in named]
+    return f" (or {' or '.join(others)} in place of {tied[0]})" if others else ""
 
 
 def _fall(base: Candidate, best: Candidate) -> str:

@@ -96,8 +96,15 @@ def effect_parameters(effect: Effect, records: Sequence[Observed]) -> list[Free]
             size = 0.3
         round_about = parameter.unit == "rad" and not parameter.vanishes and high - low >= 2 * math.pi
         step = size if parameter.unit in ("Hz", "rad") else 0.3 * size
-        free.append(Free(f"{effect.name}.{parameter.name}", step, parameter.bounds, round_about, parameter.each_record))
+        free.append(Free(f"{effect.name}.{parameter.name}", step, parameter.bounds, round_about, parameter.each_record,
+                         "engagement" in effect.hooks))
     return free
+
+
+def state_without(state: State, name: str, catalogue: Mapping[str, Effect]) -> State:
+    """The state whose model lacks an effect; without one that makes entries gradual, they are those of whole passes again."""
+    state = state.without_effect(name)
+    return state.with_whole_first_passes() if name in catalogue and "engagement" in catalogue[name].hooks else state
 
 
 def all_free(records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> list[Free]:
@@ -237,16 +244,18 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
         found = grown(wider, starts)
         best = min(best, (found.cost, found.state), key=lambda one: one[0])
     elif best[0] > fit.cost * (1.0 - SMALL) and all(one.cut is None for one in fitter.records):
-        found = wider.fit(best[1] if effect.name in best[1].model.effects else tried[0][1], iterations=CORNER)
-        best = min(best, (found.cost, found.state), key=lambda one: one[0])
+        further = wider.descend(best[1] if effect.name in best[1].model.effects else tried[0][1], iterations=CORNER)
+        best = min(best, (further.cost, further.state), key=lambda one: one[0])
     return best[0], best[1], wider
 
 
-def gradual_entry(fitter: Fitter, effect: Effect, fit: WaveformFit, scanned: State) -> tuple[float, State, Fitter]:
+def gradual_entry(
+    fitter: Fitter, effect: Effect, fit: WaveformFit, scanned: State, goal: float = math.inf
+) -> tuple[float, State, Fitter]:
     """(cost, state, fitter) after a short fit of an entry that is not sudden, from coefficients that no sudden entry has bent.
 
     Which pass is the first is nearly made up for by how gradual it is, and in all records alike: so they are placed in turn
-    with soft fits, then moved together, pass by pass, as long as that helps.
+    with soft fits, then moved together, pass by pass, as long as that helps; where they are far above the cost `goal`, not.
     """
     wider = _extended(fitter, effect)
     soft = Fitter(fitter.plant, [softened(record) for record in fitter.records], wider.unknowns)
@@ -256,17 +265,17 @@ def gradual_entry(fitter: Fitter, effect: Effect, fit: WaveformFit, scanned: Sta
     tried = []
     for values in points:
         state = replace(scanned, model=scanned.model.with_effect(effect.name, **values), nuisances=own)
-        cost, found = math.inf, soft.fit(place_entries(soft, state), iterations=6)
+        cost, found = math.inf, soft.descend(place_entries(soft, state), iterations=6)
         for _ in range(SETTLING):
             if found.cost > SETTLED * cost:
                 break
-            cost, found = found.cost, soft.fit(place_entries(soft, found.state), iterations=6)
+            cost, found = found.cost, soft.descend(place_entries(soft, found.state), iterations=6)
         tried.append((wider.cost(found.state), found.state))
-    best = wider.fit(min(tried, key=_cost)[1], iterations=CORNER)
-    for passes in (-1, 1):
+    best = wider.descend(min(tried, key=_cost)[1], iterations=CORNER)
+    for passes in (-1, 1) if best.cost <= goal else ():
         for _ in range(TOGETHER):
             moved = tuple(replace(one, entry=min(one.entry + passes, one.exit - 1)) for one in best.state.nuisances)
-            trial = wider.fit(replace(best.state, nuisances=moved), iterations=CORNER)
+            trial = wider.descend(replace(best.state, nuisances=moved), iterations=CORNER)
             if not trial.cost < best.cost:
                 break
             best = trial
@@ -279,13 +288,13 @@ def switched_on(fitter: Fitter, effect: Effect, origins: Sequence[Origin]) -> tu
     What the model lacked it had made up for by all it has: no single step leads back.
     """
     states = [replace(one.state, model=one.state.model.with_effect(effect.name)) for one in origins]
-    found = [fitter.fit(state, iterations=CORNER) for state in states]
+    found = [fitter.descend(state, iterations=CORNER) for state in states]
     best = min(found, key=lambda one: one.cost)
     return best.cost, best.state, fitter
 
 
-def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit) -> tuple[float, State, Fitter]:
-    """(cost, state, fitter) after a short fit that begins with the effect at its largest start.
+def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit, goal: float = math.inf) -> tuple[float, State, Fitter]:
+    """(cost, state, fitter) after a short fit that begins with the effect at its largest start, of use below the cost `goal`.
 
     What shifts the record in time (a sensor's lag, a speed that falls), mark angle, speed and coefficients have made up
     for: near nothing the valley is flat and bent, and no single step leads along it. From far outside it is short.
@@ -299,5 +308,5 @@ def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit) -> tuple[float, S
     if not effect.smooth:
         states = [at_rest(wider, state)[0] for state in states]
     tried = sorted(((wider.cost(state, worst), state) for state in states), key=_cost)
-    found = wider.fit(tried[0][1], iterations=CORNER if effect.smooth else 2 * CORNER)
+    found = wider.descend(tried[0][1], iterations=CORNER if effect.smooth else 2 * CORNER, goal=goal)
     return found.cost, found.state, wider

@@ -18,7 +18,8 @@ class Free:
     """A machine parameter that is fitted: its path, the size of a natural step, and its bounds.
 
     periodic: an angle that goes round, kept between -pi and pi instead of at its bounds. each_record: no parameter of the
-    machine, but an angle that every record has for itself, as a shift from the model's value.
+    machine, but an angle that every record has for itself, as a shift from the model's value. gradual: of an engagement that
+    is not sudden, so that the moment of the first touch, within a pass, is an unknown of every record.
     """
 
     path: str
@@ -26,6 +27,7 @@ class Free:
     bounds: tuple[float, float]
     periodic: bool = False
     each_record: bool = False
+    gradual: bool = False
 
 
 @dataclass(frozen=True)

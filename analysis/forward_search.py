@@ -13,8 +13,8 @@ import numpy as np
 
 from analysis.begun_anew import begun_anew, switched_on_too
 from analysis.candidate_round import GAIN, candidate_of, certain_candidates, try_candidates
-from analysis.diagnosis import ADEQUATE, Candidate, excess
-from analysis.effect_start import ANCHOR, origins_of
+from analysis.diagnosis import ADEQUATE, COMPLETE, Candidate, excess
+from analysis.effect_start import ANCHOR, origins_of, state_without
 from analysis.fine_steps import has_kinks
 from analysis.force_jumps import at_its_jumps
 from analysis.held_out import pooled
@@ -22,6 +22,7 @@ from analysis.information import DELTA_BIC, bic, effective_size
 from analysis.parts_of_passes import with_parts_of_passes
 from analysis.settled import settled
 from analysis.starts import polish
+from analysis.ties import tied_with, with_rivals
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -30,6 +31,7 @@ MATERIAL = 0.02  # share of the base model's excess from which a further effect 
 FAINT = 5e-3  # share of it below which what the found effects leave may be the form of their laws, not another effect,
 TAKEN = 0.6  # unless that takes away this share of what is left
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
+HOPEFUL = 2.0  # error over noise floor above which the last effect that may be added is not: too much would still be missing
 COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
 ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
 STILL_ROUGH = 3.0  # and, once they were, from which they still are: else the quiet records take over half way
@@ -99,13 +101,13 @@ def _complete_with_finer_steps(
     return finer if finer.error_held_out <= ADEQUATE * noise else None
 
 
-def _nesting_guard(current: Candidate, tried: Sequence[Candidate]) -> Candidate:
+def _nesting_guard(current: Candidate, tried: Sequence[Candidate], catalogue: Mapping[str, Effect]) -> Candidate:
     """The current set refitted from where the best larger set ended: a local minimum must not pass for missing physics."""
     assert current.fit is not None and current.fitter is not None
     best = current
     for one in sorted((one for one in tried if one.fit is not None), key=lambda one: one.error_fit)[:2]:
         assert one.fit is not None
-        fit = current.fitter.fit(one.fit.state.without_effect(one.effects[-1]), iterations=12)
+        fit = current.fitter.fit(state_without(one.fit.state, one.effects[-1], catalogue), iterations=12)
         assert best.fit is not None
         if fit.cost < best.fit.cost * (1.0 - 1e-4):
             best = candidate_of(current.fitter, fit, current.effects, best.fit, effective_size(fit))
@@ -120,7 +122,7 @@ def _backward(current: Candidate, catalogue: Mapping[str, Effect], say: Callable
         assert current.fit is not None and current.fitter is not None
         say(f"is {name} still needed?")
         fitter = current.fitter.without(name)
-        fit = polish(fitter, current.fit.state.without_effect(name), rounds=2, iterations=15)
+        fit = polish(fitter, state_without(current.fit.state, name, catalogue), rounds=2, iterations=15)
         size = effective_size(current.fit)
         if bic(fit, size) <= bic(current.fit, size) + DELTA_BIC:
             effects = tuple(other for other in current.effects if other != name)
@@ -150,18 +152,6 @@ def worth_naming(candidate: Candidate, current: Candidate, base: Candidate, nois
     return candidate.delta_bic > DELTA_BIC and gained > max(share * before, 1e-3 * noise**2) and material
 
 
-def _tied(first: Candidate, other: Candidate, current: Candidate, noise: float) -> bool:
-    """Whether the data cannot tell two candidates apart."""
-    if other.fit is None or first.fit is None:
-        return False
-    size = effective_size(first.fit)
-    apart = abs(bic(other.fit, size) - bic(first.fit, size))
-    best = excess(first.error_beside(noise), noise)
-    gained = excess(current.error_held_out, noise) - best
-    lost = excess(other.error_beside(noise), noise) - best
-    return apart < DELTA_BIC or (lost < 0.02 * gained and apart < 3 * DELTA_BIC)
-
-
 def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Effect], noise: float,
            say: Callable[[str], None]) -> Path:  # fmt: skip
     """The search from a set that leaves but noise: an effect more that is certain and takes most of the rest, or none."""
@@ -172,7 +162,7 @@ def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Eff
     left = (1.0 - TAKEN) * excess(current.error_held_out, noise)
     passing = [one for one in found
                if excess(one.error_held_out, noise) <= left and one.error_held_out < current.error_held_out]
-    tied = tuple(one.effects[-1] for one in passing if _tied(passing[0], one, current, noise))  # the first with itself
+    tied = tuple(one.effects[-1] for one in passing if tied_with(passing[0], one, current, noise))  # the first with itself
     seen = tuple(map(_told, found))
     if not passing or (len(tied) > 1 and current.effects):  # which of them it is, so faint, is not asked beside what is known
         return Path(tuple(steps), seen, ())
@@ -198,7 +188,9 @@ def forward(
         return _faint([base], model, catalogue, noise, say)
     seen: list[Candidate] = []
     tied: tuple[str, ...] = ()
+    rivals: list[Candidate] = []
     complete: Candidate | None = None
+    believed = base  # as it was fitted to the noise, or by the nesting guard: with this the fall of the error is told
     while len(current.effects) < most and current.error_where_known > ADEQUATE * noise:
         current = _weighed(current)
         steps[-1] = current
@@ -206,12 +198,14 @@ def forward(
         assert current.fit is not None and current.fitter is not None
         anchored = not current.effects and current.error_held_out > ANCHOR * noise
         origins = origins_of(current.fitter.plant, model, current.fitter, current.fit, anchored)
-        last = try_candidates(current, catalogue, origins, say)
-        refitted = _nesting_guard(current, last)
+        final = most > 1 and len(current.effects) == most - 1
+        last = try_candidates(current, catalogue, origins, say, final)
+        refitted = _nesting_guard(current, last, catalogue)
         if refitted is not current:
             current = refitted
             steps[-1] = refitted
-            base = refitted if not refitted.effects else base
+            if not refitted.effects:
+                base = believed = refitted
             last = [against(one, refitted) for one in last]
             if current.error_where_known <= ADEQUATE * noise:
                 break
@@ -220,13 +214,17 @@ def forward(
         if not passing:
             break
         first = passing[0]
-        tied = tuple(one.effects[-1] for one in passing[1:] if _tied(first, one, current, noise))
-        if tied:
-            tied = (first.effects[-1], *tied)
+        if final and first.error_where_known > HOPEFUL * noise:
+            break
+        equal = [one for one in passing[1:] if tied_with(first, one, current, noise)]
+        if equal and (current.effects or first.error_where_known <= COMPLETE * noise):
+            tied = (first.effects[-1], *(one.effects[-1] for one in equal))
             if not current.effects:
                 current = first
                 steps.append(first)
             break
+        if equal and not rivals:  # what else is missing may tell them apart
+            rivals = [first, *equal]
         current = _at_its_jumps(_backward(begun_anew(first, model, catalogue, noise, say), catalogue, say))
         steps.append(current)
         if current is not first:
@@ -241,7 +239,10 @@ def forward(
                 steps.append(current)
                 seen.append(_told(current))
     current = complete or settled(by_noise(_weighed(current)), catalogue)
-    steps = [*map(by_noise, steps[:-1]), current]
+    steps = [*map(by_noise, [believed, *steps[1:]][:-1]), current] if current.effects else [by_noise(believed)]
+    if rivals and not tied:
+        current, tied = with_rivals(current, rivals, steps[0], noise, catalogue, say)
+        steps[-1] = current
     seen = [_told(current) if one.effects == current.effects else one for one in seen]
     if not tied and current.effects and len(current.effects) < most and current.error_where_known <= ADEQUATE * noise:
         path = _faint(steps, model, catalogue, noise, say)

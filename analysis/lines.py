@@ -42,6 +42,11 @@ def amplitude_spectrum(values: np.ndarray, rate: float) -> tuple[np.ndarray, np.
 
 def find_peaks(values: np.ndarray, rate: float, count: int = 40, above: float = 4.0) -> list[tuple[float, float]]:
     """(frequency, amplitude) of the strongest lines standing `above` times over their surroundings, loudest first."""
+    return [(frequency, amplitude) for frequency, amplitude, _ in standing_out(values, rate, count, above)]
+
+
+def standing_out(values: np.ndarray, rate: float, count: int = 40, above: float = 4.0) -> list[tuple[float, float, float]]:
+    """The same lines as (frequency, amplitude, amplitude over that of their surroundings)."""
     from scipy.ndimage import median_filter
 
     frequencies, amplitude = amplitude_spectrum(values, rate)
@@ -50,14 +55,14 @@ def find_peaks(values: np.ndarray, rate: float, count: int = 40, above: float = 
     inner = amplitude[1:-1]
     tops = np.flatnonzero((inner >= amplitude[:-2]) & (inner > amplitude[2:]) & (inner > above * floor[1:-1])) + 1
     tops = tops[frequencies[tops] > 3 * rate / len(values)]
-    chosen: list[tuple[float, float]] = []
+    chosen: list[tuple[float, float, float]] = []
     for top in tops[np.argsort(-amplitude[tops])]:
         before, here, after = amplitude[top - 1 : top + 2]
         curve = before - 2 * here + after
         shift = 0.5 * (before - after) / curve if curve else 0.0
         frequency = float((top + shift) * rate / (4 * len(values)))
-        if not any(_side_lobe(abs(frequency - other) * len(values) / rate, here / loud) for other, loud in chosen):
-            chosen.append((frequency, float(here)))
+        if not any(_side_lobe(abs(frequency - other) * len(values) / rate, here / loud) for other, loud, _ in chosen):
+            chosen.append((frequency, float(here), float(here / max(floor[top], 1e-300))))
         if len(chosen) == count:
             break
     return chosen

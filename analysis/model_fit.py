@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -9,6 +10,7 @@ from analysis.effect_start import all_free, grown
 from analysis.fine_steps import kinked
 from analysis.fit_state import Free, WaveformFit
 from analysis.force_jumps import at_its_jumps
+from analysis.length_cut import asks_length, carried_on, with_lengths_found
 from analysis.observed import Observed
 from analysis.prediction import Plant
 from analysis.scale_hops import hopped
@@ -25,17 +27,32 @@ def model_fit(
     model: Model,
     catalogue: Mapping[str, Effect],
     free: Sequence[Free] | None = None,
+    goal: float = math.inf,
 ) -> tuple[Fitter, WaveformFit]:
     """The model refitted with every nuisance; without `free`, all that these records can speak of is unknown.
 
     Laws with kinks have valleys beside the deepest, into which even the true scale may slip on the way from a wrong opening:
     theirs are looked for. So have free decays alone, whose phases run apart: those are fitted from their openings on.
+    goal: the cost above which the fit is of no use, and is given up. Where an effect asks for the length cut and no record
+    states one, the fitter's records have that which explains them better, see `length_cut`.
     """
     if free is None and model.effects:
         free = all_free(records, model, catalogue)
+    found = _fitted(plant, records, model, catalogue, free, goal)
+    if asks_length(model.effects, catalogue) and (longer := carried_on(records)) is not None:
+        worn = _fitted(plant, longer, model, catalogue, free, goal)
+        found = with_lengths_found(*worn) if worn[1].cost < found[1].cost else found
+    return found
+
+
+def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
+            free: Sequence[Free] | None, goal: float) -> tuple[Fitter, WaveformFit]:  # fmt: skip
+    """The fit to the records with the lengths cut before as they have them."""
     swung = swung_fit(plant, records, model, catalogue, free) if free is not None else None
-    fitter, fit = swung or base_fit(plant, records, model, free=free)
+    fitter, fit = swung or base_fit(plant, records, model, free=free, goal=goal)
     if model.effects and all(record.kind == "ring-down" for record in records):
         believed = replace(fit.state, model=structure_start(records, model))
         fit = min(fit, grown(fitter, [believed, fit.state]), key=lambda one: one.cost)
+    if fit.cost > goal:
+        return fitter, fit
     return at_its_jumps(fitter, hopped(fitter, kinked(model.effects, catalogue), fit))

@@ -56,12 +56,14 @@ def _in_part(fitter: Fitter, fit: WaveformFit) -> tuple[Nuisances, ...]:
         record, own = fitter.records[index], fit.state.nuisances[index]
         if record.cut is None or record.starts_in_cut or record.forces_only:
             return own
-        if _whole(own) and left[index] < MISFIT and not _kicked(record, own, fit.residuals[index], fit.state.angle):
+        if _whole(fitter, own) and left[index] < MISFIT and not _kicked(record, own, fit.residuals[index], fit.state.angle):
             return own
         return _best_part(fitter, index, fit.state)
 
     with ThreadPoolExecutor(WORKERS) as pool:
         found = tuple(pool.map(one, range(len(fitter.records))))
+    if fitter.gradual:
+        return found
     late = [_missing(fitter.records[place], own, fit.state) for place, own in enumerate(found) if fitter.records[place].cut]
     weak = [share for share in late if share > 0.0]
     if len(weak) <= USUAL * len(late) or np.std(weak) > ALIKE:
@@ -100,11 +102,12 @@ def _best_part(fitter: Fitter, index: int, state: State) -> Nuisances:
     cost, best = min((_tried(fitter, index, state, clock, arc) for clock in clocks), key=lambda pair: pair[0])
     before = 0.5 * squares_of(fitter, index, state, [now])[0]
     floor = 0.5 * record.size
-    return best if before - cost > (max(GAIN, SHARE * (before - floor)) if _whole(now) else FINER) else now
+    return best if before - cost > (max(GAIN, SHARE * (before - floor)) if _whole(fitter, now) else FINER) else now
 
 
-def _whole(own: Nuisances) -> bool:
-    return own.late_entry == own.early_exit == 0.0
+def _whole(fitter: Fitter, own: Nuisances) -> bool:
+    """Whether no pass is cut in part; the first touch of a gradual entry is fitted with all else."""
+    return (fitter.gradual or own.late_entry == 0.0) and own.early_exit == 0.0
 
 
 def _tried(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float) -> tuple[float, Nuisances]:
@@ -112,9 +115,14 @@ def _tried(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float)
     last = fitter.records[index].last_pass(state.angle, own)
     cost = np.inf
     for _ in range(2):
-        cost, own = _placed(fitter, index, state, own, arc, "entry")
-        if own.exit <= last + 1:
-            cost, own = _placed(fitter, index, state, own, arc, "exit")
+        before = own
+        if not fitter.gradual:
+            cost, own = _placed(fitter, index, state, own, arc, "entry")
+        if own.exit > last + 1:
+            break
+        cost, own = _placed(fitter, index, state, own, arc, "exit")
+        if own == before:
+            break
     return cost, own
 
 

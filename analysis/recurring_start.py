@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.fit_state import WaveformFit
-from analysis.lines import find_peaks
+from analysis.lines import standing_out
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed
 from analysis.prediction import predict
@@ -26,18 +26,29 @@ SCREENED = 3  # records, the worst fitted, that are asked and on which starting 
 FASTEST = 0.5  # of the tooth passing frequency: speed that varies faster is no longer a speed
 MOST = 96  # frequencies asked about
 KEPT = 4  # frequencies that a fit starts from
+SAME = 0.02  # relative distance up to which lines are one
+ALONE = 5.5  # times its surroundings that a line of one record alone must stand
 LEVELS = (1.0, 3.0)  # times the amplitude of the linear solution: what is large shows less than in proportion
 
 
 def residual_peaks(records: Sequence[Observed], fit: WaveformFit, count: int = 6) -> list[float]:
-    """Frequencies (Hz) of the strongest lines in the residuals."""
-    found: list[tuple[float, float]] = []
-    for record, rest in zip(records, fit.residuals, strict=True):
+    """Frequencies (Hz) of the strongest lines in the residuals.
+
+    A line of one record alone must stand higher over its surroundings: among so many frequencies, chance makes some.
+    """
+    found: list[tuple[float, float, int]] = []
+    loud: set[float] = set()
+    for index, (record, rest) in enumerate(zip(records, fit.residuals, strict=True)):
         for values in record.on_samples(rest):
-            found += [(height, frequency) for frequency, height in find_peaks(values, record.rate, count=count)]
+            for frequency, amplitude, height in standing_out(values, record.rate, count=count):
+                found.append((amplitude, frequency, index))
+                if height > ALONE or len(records) == 1:
+                    loud.add(frequency)
     kept: list[float] = []
-    for _, frequency in sorted(found, reverse=True):
-        if frequency > 5.0 and all(abs(frequency / other - 1) > 0.02 for other in kept):
+    for _, frequency, index in sorted(found, reverse=True):
+        if frequency <= 5.0 or any(abs(frequency / other - 1) <= SAME for other in kept):
+            continue
+        if frequency in loud or any(where != index and abs(frequency / other - 1) <= SAME for _, other, where in found):
             kept.append(frequency)
     return kept[:count]
 

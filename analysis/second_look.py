@@ -12,12 +12,14 @@ from dataclasses import replace
 from analysis.begun_anew import from_believed, with_examples
 from analysis.diagnosis import COMPLETE, excess
 from analysis.effect_start import all_free, applicable
+from analysis.fit_state import Free
 from analysis.forward_search import Path, against, forward, worth_naming
 from analysis.observed import Observed
-from analysis.starts import opening_fit, structure_start
+from analysis.starts import glance, opening_fit, structure_start
 from testbed.effect import Effect
 from testbed.machine import Model
 
+LIKELY = 4  # effects whose openings are fitted from several starts
 CLEARLY = 0.5  # share of the excess of the first search that the second may leave, to be believed instead
 
 
@@ -37,13 +39,20 @@ def looked_again(
 
     started = structure_start(records, model)
 
-    def opened(name: str) -> float:
+    def free(name: str) -> list[Free]:
+        return all_free(records, with_examples(model, [name], catalogue), catalogue)
+
+    def glanced(name: str) -> float:
         say(f"{name} from the believed machine")
-        free = all_free(records, with_examples(model, [name], catalogue), catalogue)
-        return opening_fit(plant, records, with_examples(started, [name], catalogue), free).cost
+        return glance(plant, records, with_examples(started, [name], catalogue), free(name))
+
+    def opened(name: str) -> float:
+        say(f"{name} from the believed machine, its opening")
+        return opening_fit(plant, records, with_examples(started, [name], catalogue), free(name)).cost
 
     say("much is left: looking at every effect again, from the believed machine")
-    best = min(_could_be_first(records, model, catalogue), key=opened, default=None)
+    likely = sorted(_could_be_first(records, model, catalogue), key=glanced)[:LIKELY]
+    best = min(likely, key=opened, default=None)
     if best is None or first is not None and (best,) == first.effects:
         return path
     alone = against(from_believed(plant, records, model, [best], catalogue), base)

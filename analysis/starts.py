@@ -27,6 +27,7 @@ from testbed.machine import Model
 ANGLES = 24
 COEFFICIENTS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 OPENING = 8192  # samples of an excited record that the first fits see
+GLANCE = 8  # iterations of a fit that only tells which models are worth another
 SOFT = 0.1  # of a record's own size: what the first rounds forgive, so that no record rules them alone
 UNEVEN = 1.5  # mean square residual of the worst record over the median's, from which the worst are doubted
 _STRUCTURE_BOUNDS = {"natural_frequency": (1.0, 1e5), "damping_ratio": (1e-6, 0.9), "mass": (1e-12, 1e12)}
@@ -173,12 +174,13 @@ def _scan(plant: Plant, records: Sequence[Observed], model: Model) -> tuple[floa
     return total, float(angles[best]) if shared else 0.0, tuple(nuisances)
 
 
-def scan_starts(plant: Plant, records: Sequence[Observed], model: Model, count: int = 3) -> list[State]:
-    """The best few starts over cutting coefficients and tooth angle."""
+def scan_starts(plant: Plant, records: Sequence[Observed], model: Model, count: int = 3,
+                factors: Sequence[float] = COEFFICIENTS) -> list[State]:  # fmt: skip
+    """The best few starts over tooth angle and cutting coefficients, which are multiplied by the factors."""
     if model.cutting is None or all(record.cut is None for record in records):
         return [State(model, 0.0, tuple(Nuisances() for _ in records))]
     found = []
-    for factor in COEFFICIENTS:
+    for factor in factors:
         trial = model.with_values(
             {
                 "tangential_coefficient": factor * model.cutting.tangential_coefficient,
@@ -190,15 +192,19 @@ def scan_starts(plant: Plant, records: Sequence[Observed], model: Model, count: 
     return [state for _, state in sorted(found, key=lambda pair: pair[0])[:count]]
 
 
-def polish(fitter: Fitter, state: State, *, rounds: int = 4, iterations: int = 40) -> WaveformFit:
-    """Fit and put entry and exit passes right in turn, until they stay."""
+def polish(
+    fitter: Fitter, state: State, *, rounds: int = 4, iterations: int = 40, goal: float = math.inf
+) -> WaveformFit:
+    """Fit and put entry and exit passes right in turn, until they stay, or it would not come to the cost that is the goal."""
     state, _ = settle_passes(fitter, state)
-    fit = fitter.fit(state, iterations=iterations)
+    fit = fitter.fit(state, iterations=iterations, goal=goal)
     for _ in range(rounds - 1):
+        if fit.cost > goal:
+            break
         state, moved = settle_passes(fitter, fit.state)
         if not moved:
             break
-        fit = fitter.fit(state, iterations=iterations)
+        fit = fitter.fit(state, iterations=iterations, goal=goal)
     return fit
 
 
@@ -218,11 +224,21 @@ def anchored_states(plant: Plant, records: Sequence[Observed], model: Model) -> 
     return scanned, polish(fitter, scanned, rounds=2, iterations=8).state
 
 
+def glance(plant: Plant, records: Sequence[Observed], model: Model, free: Sequence[Free]) -> float:
+    """The cost of a short fit to the openings from the coefficients as believed: a fifth of the work of `opening_fit`."""
+    opening = _opening(plant, records, free)
+    start = scan_starts(plant, opening.records, model, 1, (1.0,))[0]
+    return opening.descend(place_entries(opening, start), iterations=GLANCE).cost
+
+
+def _opening(plant: Plant, records: Sequence[Observed], free: Sequence[Free]) -> Fitter:
+    return Fitter(plant, [softened(record.opening().loudest(OPENING)) for record in records], free)
+
+
 def opening_fit(plant: Plant, records: Sequence[Observed], model: Model, free: Sequence[Free]) -> WaveformFit:
     """The model fitted softly to the openings of all records, from several starts: a fifth of the work of `base_fit`."""
-    short = [softened(record.opening().loudest(OPENING)) for record in records]
-    opening = Fitter(plant, short, free)
-    tries = [polish(opening, state, rounds=3, iterations=12) for state in scan_starts(plant, short, model)]
+    opening = _opening(plant, records, free)
+    tries = [polish(opening, state, rounds=3, iterations=12) for state in scan_starts(plant, opening.records, model)]
     best = min(tries, key=lambda fit: fit.cost)
     return polish(opening, place_entries(opening, best.state), rounds=2, iterations=12)
 
@@ -238,16 +254,22 @@ def base_fit(
     model: Model,
     *,
     free: Sequence[Free] | None = None,
+    goal: float = math.inf,
 ) -> tuple[Fitter, WaveformFit]:
-    """The believed model refitted to all records, from several starts, with every nuisance."""
+    """The believed model refitted to all records, from several starts, with every nuisance.
+
+    goal: the cost above which the fit is of no use, and is given up.
+    """
     started = structure_start(records, model)
     free = list(free) if free is not None else free_parameters(records, started)
     best = opening_fit(plant, records, started, free)
     soft = Fitter(plant, [softened(record) for record in records], free)
     best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
     fitter = Fitter(plant, records, free)
-    fit = rested(fitter, from_the_best_half(fitter, polish(fitter, place_exits(fitter, best.state))))
-    return fitter, with_courses(fitter, fit)
+    fit = polish(fitter, place_exits(fitter, best.state), goal=goal)
+    if fit.cost > goal:
+        return fitter, fit
+    return fitter, with_courses(fitter, rested(fitter, from_the_best_half(fitter, fit)))
 
 
 def with_courses(fitter: Fitter, fit: WaveformFit) -> WaveformFit:

@@ -6,6 +6,7 @@ record by record (Schur complement), so that the cost of a step grows linearly w
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -26,12 +27,24 @@ FAINTEST = 1e-3  # slope by an unknown, in units of the noise over a natural ste
 ROUNDED = 1e-12  # share of an unknown's squared slopes below which what the records' own unknowns leave is rounding
 COLLINEAR = 1e-10  # eigenvalue of the unknowns' correlations below which a combination of them is as good as unknown
 ANGLE_STEP = 0.1  # rad: a natural step of the mark angle
+LATE_STEP = 0.1  # of a pass: a natural step of the first touch
 BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
+PACE = 4  # iterations over which the pace of a descent is measured,
+SPARE = 3.0  # and times that pace: what even so would not reach its goal in the iterations left is given up
 
 
 def _padded(rows: np.ndarray, count: int) -> np.ndarray:
     """The rows with `count` rows of zeros after them."""
     return np.vstack([rows, np.zeros((count, rows.shape[1]))])
+
+
+def too_slow(costs: Sequence[float], iterations: int, goal: float) -> bool:
+    """Whether a descent of so many iterations would not come down to its goal at the best pace of its last ones."""
+    done = len(costs) - 1
+    if done < PACE:
+        return False
+    pace = max(before - after for before, after in itertools.pairwise(costs[-PACE - 1 :]))
+    return costs[-1] - SPARE * pace * (iterations - done) > goal
 
 
 class Fitter:
@@ -42,6 +55,7 @@ class Fitter:
         self.unknowns = tuple(free)
         self.free = tuple(one for one in free if not one.each_record)
         self.shifting = tuple(one for one in free if one.each_record)
+        self.gradual = any(one.gradual for one in free)
         self.fits_angle = any(record.cut is not None and record.first_mark is not None for record in records)
         self.names = (*(one.path for one in self.free), *(("mark_angle",) if self.fits_angle else ()))
 
@@ -72,7 +86,13 @@ class Fitter:
         return replace(state, model=state.model.with_values(values), angle=angle)
 
     def _own_steps(self, record: Observed) -> list[dict[str, float]]:
-        own = [{one.path: one.scale} for one in reversed(self.shifting)]  # the newest first, see with_slopes
+        enters = record.cut is not None and not record.starts_in_cut
+        own: list[dict[str, float]] = []
+        for one in reversed(self.unknowns):  # the newest first, see with_slopes
+            if one.each_record:
+                own.append({one.path: one.scale})
+            elif one.gradual and enters and {"late_entry": LATE_STEP} not in own:
+                own.append({"late_entry": LATE_STEP})
         if not record.starts_in_cut:
             size = record.motion_size
             own += [{"displacement": size}, {"velocity": size * 2 * math.pi * 100.0}]
@@ -90,6 +110,10 @@ class Fitter:
                 nuisances = turned_by(nuisances, key, amount * size)
             else:
                 values[key] = getattr(nuisances, key) + amount * size
+        if "late_entry" in values:  # of a gradual entry: beyond a pass, it is the next one's
+            passes = math.floor(values["late_entry"])
+            values["entry"] = min(nuisances.entry + passes, nuisances.exit - 1)
+            values["late_entry"] -= passes
         if "speed" in values:  # records that fit no cut at all must not turn the spindle back
             values["speed"] = min(max(values["speed"], SLOWEST), 1.0 / SLOWEST)
         return replace(nuisances, **values)
@@ -248,13 +272,14 @@ class Fitter:
             changed.append(nuisances)
         return replace(state, nuisances=tuple(changed))
 
-    def fit(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5, near: Descent | None = None) -> WaveformFit:
+    def fit(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5, near: Descent | None = None,
+            goal: float = math.inf) -> WaveformFit:  # fmt: skip
         """Levenberg-Marquardt from a state, or from where a descent ended that knows the slopes there.
 
         Converged: the last step lowered the cost by less than `tolerance` of itself, or none, however short, lowers it any
-        more (at a kink of a law, or with an unknown at its bound).
+        more (at a kink of a law, or with an unknown at its bound). goal: see `descend`.
         """
-        found = self.descend(state, iterations=iterations, tolerance=tolerance, near=near)
+        found = self.descend(state, iterations=iterations, tolerance=tolerance, near=near, goal=goal)
         parts = found.parts if found.anew else self.linearise_all(found.state)
         size = sum(part.residual.size for part in parts)
         covariance = self.covariance(parts, max(1.0, 2.0 * found.cost / size))
@@ -264,18 +289,18 @@ class Fitter:
             residuals=residuals, names=self.names, covariance=covariance,
         )
 
-    def descend(
-        self, state: State, *, iterations: int = 25, tolerance: float = 1e-5, near: Descent | None = None
-    ) -> Descent:
+    def descend(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5, near: Descent | None = None,
+                goal: float = math.inf) -> Descent:  # fmt: skip
         """The same, for who asks for no covariance: slopes where it ends are not computed; `near` lends those of a first step.
 
         Slopes are computed anew after every step: steps with kept slopes cost a tenth, but creep along the valley between
-        the cutting coefficients, and need tens of times as many.
+        the cutting coefficients, and need tens of times as many. goal: the cost from which its end is of any use; a descent
+        is given up once, at its late pace, it would not come to that.
         """
         parts, anew = self._first_slopes(state, near)
         cost = 0.5 * sum(float(part.residual @ part.residual) for part in parts)
-        damping, converged, count = 1e-3, False, 0
-        while count < iterations and not converged:
+        damping, converged, count, costs = 1e-3, False, 0, [cost]
+        while count < iterations and not converged and not too_slow(costs, iterations, goal):
             if not anew and count:
                 parts, anew = self.linearise_all(state), True
             count += 1
@@ -288,6 +313,7 @@ class Fitter:
             elif anew:
                 converged = damping > 1e4 or (np.isfinite(new) and abs(new - cost) < 1e-9 * cost)
                 damping *= 6.0
+            costs.append(cost)
         return Descent(state=state, cost=cost, parts=parts, anew=anew, converged=converged, iterations=count)
 
     def _first_slopes(self, state: State, near: Descent | None) -> tuple[tuple[Linearised, ...], bool]:

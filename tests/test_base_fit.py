@@ -8,7 +8,7 @@ import pytest
 from analysis.fit_state import Linearised
 from analysis.observed import observe
 from analysis.starts import base_fit
-from analysis.waveform import Fitter
+from analysis.waveform import Fitter, too_slow
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.validation.blind.draw import draw
@@ -77,3 +77,25 @@ def test_an_unknown_that_a_records_own_make_up_for_has_a_large_variance_and_no_n
         variance = np.diag(Fitter.covariance(alone, [part]))
         assert np.isfinite(variance).all() and variance[1] == pytest.approx(1 / 300, rel=0.3)
     assert negative > 3
+
+
+@pytest.mark.parametrize(("costs", "goal", "given_up"), [
+    ([100.0, 90.0, 80.0, 70.0, 60.0], 50.0, False),  # ten a step, thirty-six steps left
+    ([100.0, 99.9, 99.8, 99.7, 99.6], 50.0, True),
+    ([100.0, 99.9, 99.8, 99.7], 50.0, False),  # too early to say
+    ([100.0, 60.0, 60.0, 60.0, 60.0], 50.0, False),  # a step that was not taken may be followed by a long one,
+    ([100.0, 60.0, 60.0, 60.0, 60.0, 60.0], 50.0, True),  # so many in a row are not
+    ([100.0, 99.9, 99.8, 99.7, 99.6], np.inf, False),
+])
+def test_a_descent_is_given_up_once_its_pace_would_not_lead_to_its_goal(costs, goal, given_up):
+    assert too_slow(costs, 40, goal) is given_up
+
+
+def test_a_descent_that_comes_to_its_goal_is_the_one_without(monkeypatch):
+    truth = draw(13, KNOWN, kind="none")
+    monkeypatch.setattr("tests.validation.blind.make.mujoco_engine.simulate", simulate)
+    observed = [observe(record, truth.believed) for record in records_of(truth, KNOWN)[:3]]
+    fitter, fit = base_fit(predict, observed, truth.believed)
+    away = fit.state.with_value("natural_frequency", 1.0005 * fit.state.model.value("natural_frequency"))
+    free, bound = fitter.descend(away), fitter.descend(away, goal=2.0 * fit.cost)
+    assert bound.cost == free.cost and bound.state == free.state and free.cost < 1.01 * fit.cost

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from analysis.identify import Estimate
+from testbed.cli._answer import interval_shown
 from testbed.cli._measured import identify_by_multipliers
 from testbed.engines import fast
 from testbed.model_file import read_model
@@ -69,6 +71,31 @@ def test_the_waveform_corrects_an_effect_that_the_model_has(testbed):
     assert one["low"] < one["value"] < one["high"] < 1.3 * STRENGTH
     assert all(abs(complex(*test["measured"][0]) - complex(*test["model"][0])) < 0.05 for test in found["tests"])
     assert read_model("new.yaml").value(PATH) == one["value"] and f"\n{PATH} " in testbed.err
+
+
+def test_waveforms_that_the_model_does_not_explain_are_told(testbed):
+    write_campaign(Path(), cuts((8, 20, 10), (8, 20, 10), true=TRUE.with_effect(EFFECT, coefficient=STRENGTH)), BELIEVED)
+    found = testbed.json("identify", "campaign.yaml", "-m", "model.yaml", "--method", "waveform")
+    assert found["chi_square"] > 1.1 and any("may bend its parameters" in note for note in found["notes"])
+
+
+def test_of_noise_alone_no_interval_is_told_without_a_word(testbed):
+    noise = np.random.default_rng(5)
+    records = []
+    for record in cuts((8, 12, 6), (8, 12, 6)):
+        values = 4e-6 * noise.standard_normal(len(record.recording))
+        records.append(replace(record, recording=replace(record.recording, channels={"displacement": values})))
+    write_campaign(Path(), records, BELIEVED)
+    found = testbed.json("identify", "campaign.yaml", "-m", "model.yaml", "--method", "waveform")
+    assert any(note.startswith("hardly anything but noise") for note in found["notes"])
+    verdict = testbed.json("diagnose", "campaign.yaml", "-m", "model.yaml")
+    assert verdict["verdict"] == "undecided" and verdict["effects"] == [] and "noise" in verdict["sentence"]
+
+
+def test_an_interval_is_shown_with_the_digits_that_tell_its_ends_apart():
+    assert interval_shown(Estimate(146.49979, 146.49952, 146.50006, "Hz")) == ("146.49979 Hz", "146.49952 Hz", "146.50006 Hz")
+    assert interval_shown(Estimate(5.5e8, 5.4e8, 5.6e8, "N/m^2")) == ("550 N/mm^2", "540 N/mm^2", "560 N/mm^2")
+    assert interval_shown(Estimate(5.0, 5e-120, 5e120, "1")) == ("5", "unknown", "unknown")
 
 
 def as_velocity(record, seed):

@@ -34,6 +34,11 @@ def verdict_of(found: Comparison) -> str:
             f"{ratio:.2f} times the noise floor."
         )
     worst = max(found.records, key=lambda one: one.chi_square)
+    if found.slight:
+        return (
+            f"What the refitted model leaves beyond the noise is slight: error {found.error:.3g} {held}, {ratio:.3f} times the "
+            f"noise floor; the worst record is {worst.name}. testbed diagnose says whether a known effect lowers it."
+        )
     return (
         f"The refitted model leaves more than noise: error {found.error:.3g} {held}, {ratio:.2f} times the noise floor "
         f"of {found.noise_floor:.3g}; the worst record is {worst.name}. What it lacks may bend its "

@@ -186,6 +186,7 @@ def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path
 def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catalogue: Any, model_file: object) -> Identified:
     """Fit the whole waveform of every record with the simulator, the parameters of the model's effects too."""
     from analysis.compare import estimates
+    from analysis.held_out import errors_in_fit, pooled
     from analysis.model_fit import model_fit
     from analysis.spindle_speed import at_modelled_speed
     from testbed.cli._fitting import observed_records, plant_of
@@ -193,6 +194,7 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     observed = at_modelled_speed(observed_records(records, model, path, model_file), model.effects, catalogue)
     fitter, fit = model_fit(plant_of(catalogue), observed, model, catalogue)
     chi_square = fit.squares / max(1, sum(residual.size for residual in fit.residuals) - len(fit.names))
+    noise = pooled(errors_in_fit(fitter, fit))[1]
     rows = _multipliers_beside(fit.state.model, records, catalogue, path)
     return Identified(fit.state.model, estimates(fitter, fit, catalogue), rows,
-                      {"chi_square": chi_square, "converged": fit.converged})
+                      {"chi_square": chi_square, "converged": fit.converged, "noise_floor": noise})

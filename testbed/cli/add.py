@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, shown
+from testbed.cli._answer import Answer, interval_shown
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
 from testbed.cli._places import check_place, output_folder
 from testbed.problem import InputProblem
@@ -79,7 +79,7 @@ def _say(answer: Answer, found: Any, notes: list[str]) -> None:
     answer.table(("held out" if found.held_out else "in the fit", "error before", "after", "noise floor"), rows)
     answer.say()
     answer.table(("parameter", "value", "low", "high"),
-                 [(path, *(shown(getattr(one, part), one.unit) for part in ("value", "low", "high")))
+                 [(path, *interval_shown(one))
                   for path, one in found.parameters.items()])
     for warning in found.warnings:
         answer.say(f"warning: {warning}")

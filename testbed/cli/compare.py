@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, shown
+from testbed.cli._answer import Answer, interval_shown, shown
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
 from testbed.cli._places import output_folder
 
@@ -30,6 +30,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     error = rms(measured - predicted) / rms(measured about its mean). Nothing here is random: --seed changes nothing.
     """
     from analysis.compare import as_json, compare
+    from analysis.length_cut import length_note
     from analysis.sensor_sign import sign_note
     from analysis.switched import switch_note
     from testbed.cli._fitting import channel_units, doubts, plant_of, read_both, sign_of_life, uncalibrated
@@ -42,7 +43,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
         found = compare(plant_of(catalogue), records, model, catalogue)
         sign = sign_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
     unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
-    notes = [*uncalibrated(read), *doubts(read, model), *sign, *unlike]
+    notes = [*uncalibrated(read), *doubts(read, model), *sign, *unlike, *length_note(records, found.fitter.records)]
     _say(answer, found, notes, model)
     if pictures is not None:
         from analysis.compare_plots import save
@@ -76,8 +77,7 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
     _segments(answer, found)
     answer.say()
     answer.table(("parameter", "believed", "found", "low", "high"),
-                 [(path, shown(before.value(path), one.unit), *(shown(getattr(one, part), one.unit)
-                   for part in ("value", "low", "high"))) for path, one in found.parameters.items()])
+                 [(path, shown(before.value(path), one.unit), *interval_shown(one)) for path, one in found.parameters.items()])
     bounds = {one.path: one.bounds for one in found.fitter.free}
     stuck = [path for path, one in found.parameters.items() if one.high - one.low <= 1e-9 * abs(one.value)
              or any(math.isclose(one.value, end, rel_tol=1e-6) for end in bounds.get(path, ()))]
@@ -89,9 +89,19 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
     silent = [one.name for one in found.records if one.noise_floor > NOTHING]
     if silent:
         answer.say(f"{', '.join(silent)}: hardly anything but noise was measured, which says nothing about the model")
-    answer.say("the model explains every record down to its noise" if found.adequate
-               else "the model leaves more than noise, and what it lacks may bend its parameters beyond their intervals: "
-                    "testbed diagnose says whether an effect is missing")
+    if len(silent) < len(found.records):
+        answer.say(_in_words(found))
+
+
+def _in_words(found: Any) -> str:
+    """What the error says of the model."""
+    if found.adequate:
+        return "the model explains every record down to its noise"
+    if found.slight:
+        return (f"the error is {found.error / found.noise_floor:.3f} of the noise floor: what is left beyond the noise is "
+                "slight; testbed diagnose says whether a known effect lowers it")
+    return ("the model leaves more than noise, and what it lacks may bend its parameters beyond their intervals: testbed "
+            "diagnose says whether an effect is missing")
 
 
 def _failing(found: Any, name: str) -> str:

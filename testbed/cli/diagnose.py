@@ -39,6 +39,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     """
     from analysis.diagnose import diagnose
     from analysis.diagnosis import as_json
+    from analysis.length_cut import length_note
     from analysis.sensor_sign import sign_note
     from testbed.catalogue import DECOYS
     from testbed.cli._fitting import channel_units, doubts, plant_of, read_both, sign_of_life, uncalibrated
@@ -53,7 +54,8 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         found = diagnose(plant_of(catalogue), records, model, catalogue, say=say,
                          **({"most": MANY} if until_adequate else {}))
         sign = sign_note(plant_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
-    notes = [*uncalibrated(read), *doubts(read, model), *sign]
+    worn = [] if found.best.fitter is None else length_note(records, found.best.fitter.records)
+    notes = [*uncalibrated(read), *doubts(read, model), *sign, *worn]
     for note in notes:
         answer.say(note)
     said = as_json(found, model) | {"notes": notes}
@@ -144,6 +146,12 @@ def _next_step(found: Any, campaign: str, model_file: str) -> str:
     return f"testbed add {found.effects[0]} -m {model_file} -c {campaign} -o NEW.yaml"
 
 
+def _without(before: Any, step: Any) -> str:
+    """In words, which effects of the step before a later one made needless."""
+    dropped = [name for name in before.effects if name not in step.effects]
+    return f" (no longer {', '.join(dropped)})" if dropped else ""
+
+
 def _say(answer: Answer, found: Any, said: Any, campaign: str, model_file: str) -> None:
     answer.say(f"{found.verdict.replace('_', ' ')}: {', '.join(found.effects)}" if found.effects
                else found.verdict.replace("_", " "))
@@ -170,8 +178,9 @@ def _say(answer: Answer, found: Any, said: Any, campaign: str, model_file: str) 
     if len(found.steps) > 1:
         answer.say()
         answer.table(("step", "effects", error, "noise floor"),
-                     [(str(number), " + ".join(step.effects) or "as believed", f"{step.error_held_out:.4f}",
-                       f"{found.noise_floor:.4f}") for number, step in enumerate(found.steps)])
+                     [(str(number), " + ".join(step.effects) + _without(before, step) or "as believed",
+                       f"{step.error_held_out:.4f}", f"{found.noise_floor:.4f}")
+                      for number, (before, step) in enumerate(zip((found.steps[0], *found.steps), found.steps, strict=False))])
     if found.next_test is not None:
         test = found.next_test
         answer.say(f"a cut at {test.spindle_speed * 30 / math.pi:.0f} rpm, {test.depth_of_cut * 1e3:.2f} mm would tell "

@@ -6,13 +6,15 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, shown
+from testbed.cli._answer import Answer, interval_shown, shown
 from testbed.cli._options import catalogue_of, cutting_model, effects_option, model_option, shared
 from testbed.cli._places import check_place
 from testbed.problem import InputProblem
 
 OTHER_SPEED = 5e-4  # relative difference from which a speed that was found is told beside the stated one,
 MOST_TOLD = 6  # of so many cuts
+LEFT_OUT = 1.0 / 3.0  # of the cuts, from which it is said that the machine found is that of the others
+BENT = 1.1  # misfit per degree of freedom from which a fit to waveforms leaves more than noise
 MISSED = 30.0  # misfit per degree of freedom from which a fit by multipliers is doubted aloud
 
 
@@ -32,6 +34,7 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
     The multipliers of a cut are those of the linear machine: they know nothing of effects. --method waveform simulates
     the model with its effects, and fits their parameters too. Intervals are 95 %.
     """
+    from analysis.diagnosis import SILENT
     from testbed.cli._fitting import doubts, uncalibrated
     from testbed.cli._measured import identify_by_multipliers, identify_by_waveform, load_records
     from testbed.model_file import read_model, write_model
@@ -57,7 +60,12 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
         notes.append(f"the linear machine does not explain these multipliers, {worst['name']} least: its parameters may be far "
                      "outside their intervals; look at that record, or try --method waveform")
     if multipliers:
-        notes += [*_speeds_found(records, found), _of_the_ratio(found)]
+        notes += [*_left_out(found), *_speeds_found(records, found), _of_the_ratio(found)]
+    elif found.quality["noise_floor"] > SILENT:
+        notes.append("hardly anything but noise was measured: these records say nothing of the machine, whatever the intervals")
+    elif found.quality["chi_square"] > BENT:
+        notes.append(f"the model leaves {found.quality['chi_square'] ** 0.5:.2g} times the noise: what it lacks may bend its "
+                     "parameters beyond their intervals; testbed diagnose says whether an effect is missing")
     for note in notes:
         answer.say(note)
     _say(answer, found)
@@ -65,6 +73,15 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
         write_model(found.model, output, catalogue)
         answer.say(f"written: {output}")
     answer.finish({"method": method, "parameters": found.parameters, "tests": found.tests, **found.quality, "notes": notes})
+
+
+def _left_out(found: Any) -> list[str]:
+    """That much of what was measured plays no part in what was found."""
+    count = sum(not test["used"] for test in found.tests)
+    if count <= LEFT_OUT * len(found.tests):
+        return []
+    return [f"{count} of {len(found.tests)} cuts were left out, for the reasons below: the machine found is that of the others "
+            "alone; testbed compare shows whether it explains them all"]
 
 
 def _speeds_found(records: Any, found: Any) -> list[str]:
@@ -97,7 +114,7 @@ def _missed_by(test: Any) -> float:
 
 def _say(answer: Answer, found: Any) -> None:
     answer.table(("parameter", "value", "low", "high"),
-                 [(name, *(shown(getattr(one, part), one.unit) for part in ("value", "low", "high")))
+                 [(name, *interval_shown(one))
                   for name, one in found.parameters.items()])
     if found.tests:
         answer.say()
@@ -110,8 +127,11 @@ def _say(answer: Answer, found: Any) -> None:
 
 
 def _row(test: Any) -> tuple[str, ...]:
-    def first(values: Any) -> str:
-        return f"{values[0]:+.4f}" if len(values) else "-"
+    def told(values: Any) -> str:
+        return f"{values[place]:+.4f}" if len(values) > place else "-"
 
+    # the model's largest and what was measured beside it: the largest measured may be the sensor's drift
+    both = min(len(test["measured"]), len(test["model"]))
+    place = max(range(both), key=lambda at: abs(test["model"][at])) if both else 0
     return (test["name"], shown(test["spindle_speed"], "rad/s"), f"{test['axial_depth_of_cut'] * 1e3:.4g} mm",
-            first(test["measured"]), first(test["model"]), "yes" if test["used"] else "no")
+            told(test["measured"]), told(test["model"]), "yes" if test["used"] else "no")

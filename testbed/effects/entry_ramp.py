@@ -7,11 +7,13 @@ touch,
 
 so the engagement is complete after g R sin_m: 8 mm or 80 feeds for a 19 mm cutter at immersion 0.162. g, the extent,
 is 1 for a square front face at right angles to the feed, less where the front was cut before, 0 for an instant entry.
-Up-milling begins at its exit angle, down-milling at its entry. The edge of the gate is rounded over a share w = 0.25
-of the reach, for a real corner is not sharp and an integrator needs a smooth law:
+Up-milling begins at its exit angle, down-milling at its entry. The edge of the gate is rounded over a share w = 0.1
+of the reach about where it is sharp, for a real corner is not sharp and an integrator needs a smooth law:
 
-    share in the cut = S((sin(theta) / sin_m - 1 + p (1 + w)) / w),
+    share in the cut = S((sin(theta) / sin_m - 1 + p) / w + 1 / 2),
     p = s / (g R sin_m),    S(u) = 35 u^4 - 84 u^5 + 70 u^6 - 20 u^7
+
+Where the chip is thin, at sin(theta) near 0, that is complete a share w / 2 later.
 
 Source: geometry; the milling entry as in Y. Altintas (2012), Manufacturing Automation, 2nd ed., chapter 2, and F.
 Koenigsberger and J. Tlusty (1970), Machine Tool Structures, Pergamon. The rounding is this project's.
@@ -26,7 +28,7 @@ import math
 
 from testbed.effect import Effect, Parameter
 
-ROUNDING = 0.25  # share of the reach over which the gate opens
+ROUNDING = 0.1  # share of the reach over which the gate opens
 
 EFFECT = Effect(
     title="Geometric ramp of the engagement at entry",
@@ -51,10 +53,10 @@ def engagement(phase, entry_angle, engagement_angle, feed_travel, radius, extent
     highest = max(math.sin(first), math.sin(last))
     if first < 0.5 * math.pi < last:
         highest = 1.0
-    if extent <= 0.0 or feed_travel >= extent * radius * highest:
+    if extent <= 0.0 or feed_travel >= (1.0 + 0.5 * ROUNDING) * extent * radius * highest:
         return 1.0
     progress = feed_travel / (extent * radius * highest)
-    u = (math.sin(entry_angle + phase) / highest - 1.0 + progress * (1.0 + ROUNDING)) / ROUNDING
+    u = (math.sin(entry_angle + phase) / highest - 1.0 + progress) / ROUNDING + 0.5
     if u <= 0.0:
         return 0.0
     if u >= 1.0:

@@ -28,7 +28,7 @@ from testbed.engines.hooks import (
 
 FLUTES, PITCH, RADIUS, ENTRY, ENGAGED, SLICES, SLICE_LAG, SLICE_DEPTH, KT, KN, FEED, FEED_SPEED, OMEGA, T_ENTRY, \
     LENGTH_BEFORE, FIRST_TOOTH, MASS, DAMPING, STIFFNESS, BEGIN, END, CORNERS = range(22)
-# The cut begins and ends G[BEGIN] and G[END] after the start of its first pass, rad.
+# The cut begins and ends G[BEGIN] and G[END] after the start of its first pass, rad; an engagement's travel counts from there.
 # The pitch is cut into segments at the corners of the force; segment i runs from G[CORNERS + i] to G[CORNERS + i + 1].
 MOST_SEGMENTS = 4
 G_SIZE = CORNERS + MOST_SEGMENTS + 1
@@ -122,7 +122,7 @@ def force_of_edge(A, P, G, Y, velocity, feed, cover, turned, theta, sine, cosine
         return 0.0, 0.0, radial if chip == penetration else met + chip
     cutting_speed, length = G[RADIUS] * G[OMEGA], G[LENGTH_BEFORE] + feed
     depth = G[SLICE_DEPTH] * cover \
-        * hook_engagement(A, P, Y, turned, G[ENGAGED], G[ENTRY], feed, G[FEED], G[RADIUS])
+        * hook_engagement(A, P, Y, turned, G[ENGAGED], G[ENTRY], feed - G[FEED] * G[BEGIN] / G[PITCH], G[FEED], G[RADIUS])
     radial_velocity = velocity * sine
     factor = depth * chip * hook_force_factor(A, P, Y, chip, penetration, theta, radial_velocity, depth,
                                               cutting_speed, length, G[RADIUS], G[FEED], tooth)

@@ -18,6 +18,7 @@ from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.problem import InputProblem
 
 _PYTHON_HOOKS = ("measure",)
+GATED = 2  # times as many steps in the cut where the edge of an engagement wanders through it
 
 
 @dataclass(frozen=True)
@@ -257,7 +258,8 @@ def pack(
         # squared: the frequency grows, and so does the share of the force that is integrated and not carried exactly
         motion = replace(motion, rates=(carried, max(integrated, stiffening**2 * own)))
     chosen = steps_of_segments(steps, tooth.corners, tooth.teeth, tooth.crossing, speed, own, motion, of.steady)
-    counts = [refinement * count for count in chosen]
+    gated = not steps and any("engagement" in of.effects[name].hooks for name in of.active)
+    counts = [refinement * (GATED if gated and teeth else 1) * count for count, teeth in zip(chosen, tooth.teeth, strict=True)]
     G, I = tooth.G.copy(), tooth.I.copy()  # noqa: E741
     G[lk.SLICE_DEPTH] = depth / tooth.slices
     G[lk.FEED], G[lk.FEED_SPEED] = feed, feed / cut.tooth_passing_period(of.cutter.flutes)

@@ -1,5 +1,6 @@
 """Is an entry that is not sudden found when the base fit has bent the coefficients to make up for it?"""
 
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -7,12 +8,15 @@ import pytest
 from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
-from analysis.effect_start import gradual_entry
+from analysis.begun_anew import from_believed
+from analysis.effect_start import gradual_entry, state_without
+from analysis.held_out import pooled
 from analysis.observed import observe
 from analysis.starts import anchored_states, base_fit, polish
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
+from testbed.workshop import RPM
 
 TRUE = Model(Structure(2.573, 146.42, 0.0032), Cutter(), Cutting()).with_effect("entry_ramp", extent=0.4)
 PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
@@ -30,3 +34,21 @@ def test_a_gradual_entry_is_found_from_bent_coefficients():
     assert found.squares < 1.1 * count
     assert found.state.model.value("entry_ramp.extent") == pytest.approx(0.4, rel=0.03)
     assert found.state.model.value("tangential_coefficient") == pytest.approx(TRUE.value("tangential_coefficient"), rel=0.1)
+
+
+def test_the_first_touch_within_a_pass_is_found_record_by_record():
+    late = {3500: 0.3, 2600: 0.68, 3900: 0.9}
+
+    def simulate(model, cut, sampling):
+        touched = min(late.items(), key=lambda pair: abs(pair[0] * RPM - cut.spindle_speed))[1]
+        return fast.simulate(model, replace(cut, late_entry=touched), sampling, steps=61)
+
+    records = synthetic_campaign(simulate, TRUE, seed=6, tests=((3500, 1.2), (2600, 1.5), (3900, 2.2)), noise=3e-7)
+    found = from_believed(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED, ["entry_ramp"], catalogue())
+    state = found.fit.state
+    assert found.error_where_known < 1.03 * pooled(found.errors)[1]
+    assert state.model.value("entry_ramp.extent") == pytest.approx(0.4, rel=0.005)
+    assert state.model.value("normal_coefficient") == pytest.approx(TRUE.value("normal_coefficient"), rel=0.05)
+    assert [own.late_entry for own in state.nuisances] == pytest.approx(list(late.values()), abs=0.05)
+    whole = state_without(state, "entry_ramp", catalogue())
+    assert all(own.late_entry == 0.0 for own in whole.nuisances)

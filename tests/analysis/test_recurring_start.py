@@ -13,7 +13,7 @@ from analysis.effect_start import Origin, first_step
 from analysis.held_out import own_refit
 from analysis.nuisances import Nuisances, turned_by
 from analysis.observed import observe
-from analysis.recurring_start import recurring_starts
+from analysis.recurring_start import recurring_starts, residual_peaks
 from analysis.starts import base_fit, polish
 from analysis.waveform import Fitter
 from testbed.catalogue import catalogue
@@ -69,3 +69,18 @@ def test_no_record_gets_worse_when_its_own_unknowns_are_refitted():
     after = [float(np.sum(rest**2)) for rest in fitter.residuals(state)]
     assert all(late <= early * (1 + 1e-9) for late, early in zip(after, before, strict=True))
     assert any(late < early for late, early in zip(after, before, strict=True))
+
+
+def test_a_line_of_one_record_alone_must_stand_higher_than_one_of_two():
+    random, time = np.random.default_rng(8), np.arange(20000) / 1e4
+
+    def peaks(*records):
+        lines = [size * np.sin(2 * np.pi * hertz * time + 1.0) for hertz, size in records]
+        rests = tuple(line + random.standard_normal(time.size) for line in lines)
+        seen = [SimpleNamespace(rate=1e4, on_samples=lambda rest: rest.reshape(1, -1)) for _ in rests]
+        return residual_peaks(seen, SimpleNamespace(residuals=rests))
+
+    faint, loud = 0.068, 0.3
+    assert any(abs(peak - 1234.5) < 1.0 for peak in peaks((1234.5, faint), (1234.5, faint)))
+    assert not any(abs(peak - 1234.5) < 1.0 for peak in peaks((1234.5, faint), (900.0, loud)))
+    assert any(abs(peak - 900.0) < 1.0 for peak in peaks((1234.5, faint), (900.0, loud)))

@@ -10,6 +10,7 @@ from direct import KN, KT, MODEL, RADIUS, WINDOW, cut, engine, error, forces, in
 from testbed.catalogue import catalogue
 from testbed.machine import Cutting
 
+ROUNDED = 0.1  # share of the reach
 GATE = catalogue()["entry_ramp"].hooks["engagement"]
 
 
@@ -18,8 +19,8 @@ def opened(theta: float, travel: float, extent: float) -> float:
     from scipy.special import betainc
 
     highest = math.sin(WINDOW)
-    share = min(1.0, travel / (extent * RADIUS * highest))
-    return float(betainc(4, 4, min(1.0, max(0.0, (math.sin(theta) / highest - 1 + 1.25 * share) / 0.25))))
+    share = travel / (extent * RADIUS * highest)
+    return float(betainc(4, 4, min(1.0, max(0.0, (math.sin(theta) / highest - 1 + share) / ROUNDED + 0.5))))
 
 
 def test_matches_a_direct_integration_with_the_gate_written_out():
@@ -43,8 +44,7 @@ def test_half_of_the_edge_of_the_gate_stands_where_the_front_face_is(first, span
     for travel in (0.2, 0.5, 0.8):
         gate = np.array([GATE(angle - first, first, span, travel * RADIUS * highest, RADIUS, 1.0) for angle in theta])
         # R sin(theta) ahead it meets a face R (1 - travel) sin_m ahead, the edge being rounded
-        face = 1 - travel * 1.25 + 0.125
-        assert np.all(np.abs(np.sin(theta[np.abs(gate - 0.5) < 0.01]) / highest - face) < 0.01)
+        assert np.all(np.abs(np.sin(theta[np.abs(gate - 0.5) < 0.01]) / highest - (1 - travel)) < 0.01)
         assert gate.min() >= 0.0 and gate.max() <= 1.0 + 1e-12 and (gate.max() - gate.min()) > 0.5
 
 
@@ -52,8 +52,8 @@ def test_the_ramp_lasts_the_geometric_length_and_leaves_nothing_behind():
     length = RADIUS * math.sin(WINDOW)
     assert length / cut().feed_per_tooth == pytest.approx(80, abs=0.5)
     for phase in (0.0, 0.3, WINDOW):
-        assert GATE(phase, 0.0, WINDOW, 1.0001 * length, RADIUS, 1.0) == 1.0
-        assert GATE(phase, 0.0, WINDOW, 0.0, RADIUS, 1.0) == 0.0
+        assert GATE(phase, 0.0, WINDOW, (1.0001 + 0.5 * ROUNDED) * length, RADIUS, 1.0) == 1.0
+        assert GATE(phase, 0.0, WINDOW, 0.0, RADIUS, 1.0) == (0.5 if phase == WINDOW else 0.0)
         assert GATE(phase, 0.0, WINDOW, 0.0, RADIUS, 0.0) == 1.0
     assert GATE(WINDOW, 0.0, WINDOW, 0.3 * length, RADIUS, 1.0) == 1.0  # up-milling starts where it ends later
     assert GATE(0.2, 0.0, WINDOW, 0.3 * length, RADIUS, 1.0) == 0.0

@@ -1,0 +1,58 @@
+"""Wear that goes on from record to record, or begins anew in each: which of both, the records tell."""
+
+from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
+
+import pytest
+
+from analysis.begun_anew import from_believed
+from analysis.length_cut import asks_length, carried_on, length_note
+from analysis.observed import observe
+from testbed.catalogue import catalogue
+from testbed.engines import fast, predict
+from tests.campaign_files import BELIEVED, TRUE
+from tests.synthetic_campaign import synthetic_record
+
+KNOWN = catalogue()
+PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
+                        predict_driven=partial(predict.predict_driven, catalogue=KNOWN))
+RATE = 20.0  # 1/m
+CUTS = ((3500, 0.8), (2850, 2.9), (3900, 2.2))
+PASSES, FEED = 40, 0.1016e-3
+
+
+def campaign(one_tool):
+    """Cuts of PASSES each by one tool, or by a fresh edge each, of which the records say nothing."""
+    records = []
+    for number, (rpm, depth) in enumerate(CUTS):
+        before = number * PASSES * FEED if one_tool else 0.0
+
+        def simulate(model, cut, sampling, before=before):
+            return fast.simulate(model, replace(cut, length_cut_before=before), sampling, steps=37)
+
+        record = synthetic_record(simulate, TRUE.with_effect("tool_wear", rate=RATE), rpm, depth * 1e-3, 40 + number,
+                                  course=(8, PASSES, 12))
+        records.append(observe(record, BELIEVED))
+    return records
+
+
+@pytest.mark.parametrize("one_tool", [True, False])
+def test_the_rate_of_wear_is_found_whether_or_not_the_tool_was_changed(one_tool):
+    records = campaign(one_tool)
+    found = from_believed(PLANT, records, BELIEVED, ["tool_wear"], KNOWN)
+    assert found.parameters["tool_wear.rate"] == pytest.approx(RATE, rel=0.03)
+    assert bool(length_note(records, found.fitter.records)) is one_tool
+    lengths = [record.cut.length_cut_before for record in found.fitter.records]
+    assert lengths == pytest.approx([number * PASSES * FEED if one_tool else 0.0 for number in range(len(CUTS))], abs=1e-9)
+
+
+def test_what_a_record_states_is_believed():
+    records = campaign(False)
+    assert carried_on(records) is not None and carried_on(records[:1]) is None
+    stated = [replace(records[0], cut=replace(records[0].cut, length_cut_before=0.01)), *records[1:]]
+    assert carried_on(stated) is None
+
+
+def test_only_what_grows_with_the_length_cut_asks_for_it():
+    assert asks_length(["edge_force", "tool_wear"], KNOWN) and not asks_length(["edge_force", "helix"], KNOWN)

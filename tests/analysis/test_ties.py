@@ -1,0 +1,69 @@
+"""Two candidates that explain as much: told as tied where they explain it, and tried for each other where more was found."""
+
+from functools import partial
+from types import SimpleNamespace
+
+import pytest
+
+from analysis.begun_anew import from_believed
+from analysis.diagnosis import Candidate, verdict_of
+from analysis.held_out import pooled
+from analysis.observed import observe
+from analysis.ties import with_rivals
+from testbed.catalogue import catalogue
+from testbed.engines import fast, predict
+from tests.campaign_files import BELIEVED, TRUE
+from tests.synthetic_campaign import synthetic_campaign
+
+KNOWN = catalogue()
+PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
+                        predict_driven=partial(predict.predict_driven, catalogue=KNOWN))
+
+
+def candidate(effects, error):
+    return Candidate(effects, {}, error, error, 50.0, True)
+
+
+@pytest.mark.parametrize(("baseline", "left", "verdict"), [
+    (3.0, 1.03, "undecided"),
+    (3.0, 2.6, "unexplained"),  # neither explains much: that they are alike is no answer
+])
+def test_a_tie_is_an_answer_only_where_it_explains_the_records(baseline, left, verdict):
+    base, best = candidate((), baseline), candidate(("helix",), left)
+    found = verdict_of(base, best, [base, best], (), 1.0, ("helix", "sensor_lag"))
+    assert found.verdict == verdict
+    assert found.effects == (("helix", "sensor_lag") if verdict == "undecided" else ())
+
+
+def test_what_a_tie_stands_beside_is_told():
+    base, best = candidate((), 3.0), candidate(("helix", "runout"), 1.01)
+    found = verdict_of(base, best, [base, best], (), 1.0, ("helix", "sensor_lag"))
+    assert found.verdict == "undecided" and "each beside runout" in found.sentence
+
+
+def test_records_of_noise_alone_tell_nothing():
+    base = candidate((), 1.001)
+    assert verdict_of(base, base, [base], (), 0.99, ()).verdict == "undecided"
+    assert verdict_of(base, base, [base], (), 0.9, ()).verdict != "undecided"
+
+
+@pytest.fixture(scope="module")
+def observed():
+    true = TRUE.with_effect("process_damping", coefficient=2e5).with_effect("cubic_stiffness", coefficient=1e13)
+    records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=6, course=(10, 30, 15))
+    return [observe(record, BELIEVED) for record in records[:4]]
+
+
+def test_a_rival_that_does_better_with_what_was_found_since_takes_the_place_of_the_first(observed):
+    def fitted(*names):
+        return from_believed(PLANT, observed, BELIEVED, names, KNOWN)
+
+    base, wrong, rival = fitted(), fitted("quadratic_damping"), fitted("process_damping")
+    noise = pooled(base.errors)[1]
+    found = fitted("quadratic_damping", "cubic_stiffness")
+    assert found.error_held_out > 1.1 * noise
+    better, tied = with_rivals(found, [wrong, rival], base, noise, KNOWN, lambda text: None)
+    assert set(better.effects) == {"process_damping", "cubic_stiffness"} and tied == ()
+    assert better.error_held_out < 1.05 * noise
+    kept, tied = with_rivals(better, [rival, wrong], base, noise, KNOWN, lambda text: None)
+    assert kept is better and tied == ()
