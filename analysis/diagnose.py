@@ -31,6 +31,7 @@ from testbed.machine import Model
 
 LONG = 16384  # samples of an excited record that are searched
 MOST_EFFECTS = 3
+SUSPECTS = 2  # records, the worst fitted, without which the others are asked whether they agree
 MOST_LOOKED_AT = 5  # sets of effects that are fitted without the records that stand out
 CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
 
@@ -102,6 +103,9 @@ def _contradicted(base: Candidate, noise: float, say: Callable[[str], None]) -> 
     if base.error_where_known <= ADEQUATE * noise:
         return None
     fitter, fit = agreed(base.fitter, base.fit)
+    for suspect in base.fit.worst(SUSPECTS):  # the wrong one need not stand out: it has bent the fit to all others
+        if all(record.heard for record in fitter.records):
+            fitter, fit = agreed(base.fitter, base.fit, suspect)
     strange = [place for place, record in enumerate(fitter.records) if not record.heard]
     if len(strange) != 1:
         return None

@@ -16,6 +16,7 @@ from scipy.optimize import minimize_scalar
 from analysis.fit_state import State
 from analysis.held_out import own_refit
 from analysis.observed import Observed
+from analysis.pass_search import place_entries, place_exits
 from analysis.unheard import SOUND
 from analysis.waveform import Fitter
 
@@ -73,7 +74,8 @@ def _best_scale(fitter: Fitter, record: Observed, state: State, condition: str) 
         other = replace(cut, **{condition: getattr(cut, condition) * math.exp(log_scale)})
         single = Fitter(fitter.plant, [replace(record, cut=other)], fitter.unknowns)
         nearest = states[min(states, key=lambda one: abs(one - log_scale))]
-        states[log_scale] = own_refit(single, nearest, [0], rounds=4)
+        placed = place_exits(single, place_entries(single, nearest))  # with a wrong depth they may have been anywhere
+        states[log_scale] = own_refit(single, placed, [0], rounds=4)
         return _left(single, states[log_scale])
 
     widest = math.log(WIDEST)

@@ -26,10 +26,13 @@ FEWEST = 3  # records that must be left
 MUTE = 1e9  # times its own size that such a record's scale is
 
 
-def agreed(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
-    """The fit of those records that agree down to their noise, where a few that stand far out bend it; else the fit itself."""
+def agreed(fitter: Fitter, fit: WaveformFit, suspect: int | None = None) -> tuple[Fitter, WaveformFit]:
+    """The fit of those records that agree down to their noise, where a few that stand far out bend it; else the fit itself.
+
+    suspect: the place of the one record that is doubted instead of those that stand out.
+    """
     left = fit.mean_squares
-    loud = left > LOUD * max(float(np.median(left)), 1.0)
+    loud = left > LOUD * max(float(np.median(left)), 1.0) if suspect is None else np.arange(len(left)) == suspect
     kept = [int(place) for place in np.flatnonzero(~loud)]
     if not loud.any() or loud.sum() > MOST * len(left) or len(kept) < FEWEST:
         return fitter, fit

@@ -49,7 +49,7 @@ def test_records_of_noise_alone_tell_nothing():
 
 @pytest.fixture(scope="module")
 def observed():
-    true = TRUE.with_effect("process_damping", coefficient=2e5).with_effect("cubic_stiffness", coefficient=1e13)
+    true = TRUE.with_effect("process_damping", coefficient=2e5).with_effect("edge_force", tangential=9e3, normal=12e3)
     records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=6, course=(10, 30, 15))
     return [observe(record, BELIEVED) for record in records[:4]]
 
@@ -58,12 +58,12 @@ def test_a_rival_that_does_better_with_what_was_found_since_takes_the_place_of_t
     def fitted(*names):
         return from_believed(PLANT, observed, BELIEVED, names, KNOWN)
 
-    base, wrong, rival = fitted(), fitted("quadratic_damping"), fitted("process_damping")
+    base, wrong, rival = fitted(), fitted("chip_force_exponent"), fitted("process_damping")
     noise = pooled(base.errors)[1]
-    found = fitted("quadratic_damping", "cubic_stiffness")
+    found = fitted("chip_force_exponent", "edge_force")
     assert found.error_held_out > 1.1 * noise
     better, tied = with_rivals(found, [wrong, rival], base, noise, KNOWN, lambda text: None)
-    assert set(better.effects) == {"process_damping", "cubic_stiffness"} and tied == ()
+    assert set(better.effects) == {"process_damping", "edge_force"} and tied == ()
     assert better.error_held_out < 1.05 * noise
     kept, tied = with_rivals(better, [rival, wrong], base, noise, KNOWN, lambda text: None)
     assert kept is better and tied == ()
