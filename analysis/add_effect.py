@@ -11,7 +11,7 @@ from analysis.begun_anew import with_examples
 from analysis.candidate_round import candidate_of, with_effect
 from analysis.compare import estimates
 from analysis.diagnosis import ADEQUATE, Candidate, judged_on
-from analysis.effect_start import ANCHOR, applicable, effect_parameters, origins_of, state_without
+from analysis.effect_start import ANCHOR, applicable, extended, origins_of, state_without
 from analysis.fine_steps import finely, has_kinks
 from analysis.fit_state import State, WaveformFit
 from analysis.force_jumps import at_its_jumps
@@ -124,8 +124,7 @@ def _fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effec
     error, noise = pooled(bare.errors)
     origins = origins_of(plant, model, fitter, fit, anchored=error > ANCHOR * noise)
     tried = with_effect(bare, effect.name, catalogue, origins, say)
-    records = fitter.records if tried.fitter is None else tried.fitter.records
-    wider = Fitter(fitter.plant, records, [*fitter.unknowns, *effect_parameters(effect, records)])
+    wider = extended(fitter if tried.fitter is None else fitter.on(tried.fitter.records), effect)
     if tried.fit is None or effect.name not in tried.fit.state.model.effects:
         found = polish(wider, _with_neutral(fit.state, effect))
     else:

@@ -195,7 +195,7 @@ def _begun(current: Candidate, effect: Effect, origins: Sequence[Origin]) -> _En
     assert current.fit is not None and current.fitter is not None
     entry = _Entry(effect.name, *first_step(current.fitter, effect, current.fit, origins))
     if asks_length([effect.name], {effect.name: effect}) and (longer := carried_on(current.fitter.records)) is not None:
-        worn = Fitter(current.fitter.plant, longer, current.fitter.unknowns)
+        worn = current.fitter.on(longer)
         entry = min(entry, _Entry(effect.name, *first_step(worn, effect, current.fit, origins)), key=lambda one: one.cost)
     if _shifts_in_time(effect):
         _from_far(current, entry, effect)
@@ -210,7 +210,7 @@ def _from_far(
     scanned = origins[-1].scanned if origins and "engagement" in effect.hooks else None
     if any(one.each_record for one in effect.parameters):
         return
-    base = Fitter(current.fitter.plant, entry.fitter.records, current.fitter.unknowns)
+    base = current.fitter.on(entry.fitter.records)
     if not effect.parameters:
         cost, state, fitter = switched_on(base, effect, origins)
     elif scanned is not None:

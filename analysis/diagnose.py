@@ -25,7 +25,6 @@ from analysis.second_look import looked_again
 from analysis.spindle_speed import at_modelled_speed, rules_the_speed, speed_swing
 from analysis.swing_start import marks_show
 from analysis.unheard import agreed
-from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -152,7 +151,7 @@ def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:
     assert step.fitter is not None and step.fit is not None
     kept = [whole.samples == seen.samples for whole, seen in zip(records, step.fitter.records, strict=True)]
     wider = [seen if as_it_was else whole for whole, seen, as_it_was in zip(records, step.fitter.records, kept, strict=True)]
-    fitter = Fitter(step.fitter.plant, wider, step.fitter.unknowns)
+    fitter = step.fitter.on(wider)
     own = tuple(seen if as_it_was else Nuisances() for seen, as_it_was in zip(step.fit.state.nuisances, kept, strict=True))
     fit = fitter.fit(replace(step.fit.state, nuisances=own), iterations=10)
     return replace(candidate_of(fitter, fit, step.effects, None, 1.0), delta_bic=step.delta_bic)

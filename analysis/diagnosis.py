@@ -100,27 +100,9 @@ def verdict_of(
             verdict, effects, sentence, base.error_held_out, best.error_held_out, noise, tries, base, best, tuple(steps)
         )
 
+    if not best.effects and (told := _of_the_base(base, noise)) is not None:
+        return answer(told[0], (), told[1])
     ratio = base.error_where_known / noise
-    if noise > SILENT and not best.effects:
-        return answer(
-            "undecided",
-            (),
-            f"Hardly anything but noise was measured ({noise:.0%} of the signal): these records can tell nothing of the model.",
-        )
-    if ratio <= ADEQUATE and not best.effects:
-        return answer(
-            "adequate",
-            (),
-            f"The model explains the records down to their noise (error {ratio:.3f} of the "
-            "noise floor): nothing is missing that these records could show.",
-        )
-    if base.fit is not None and not base.fit.converged and not best.effects:
-        return answer(
-            "not_converged",
-            (),
-            "The fit of the believed model did not settle, so nothing can be said of what "
-            "it lacks: check the conditions and the starting values.",
-        )
     share = 1.0 - excess(best.error_where_known, noise) / max(excess(base.error_held_out, noise), 1e-300)
     left = best.error_where_known / noise
     if tied and tied[0] in best.effects and (left <= COMPLETE or share >= EXPLAINED):
@@ -159,6 +141,21 @@ def verdict_of(
         (),
         f"Something is missing (error {ratio:.3g} times the noise floor) that no effect of the catalogue explains.",
     )
+
+
+def _of_the_base(base: Candidate, noise: float) -> tuple[str, str] | None:
+    """(verdict, sentence) where nothing is named and the base model's fit alone decides; None where it does not."""
+    ratio = base.error_where_known / noise
+    if noise > SILENT:
+        return "undecided", (f"Hardly anything but noise was measured ({noise:.0%} of the signal): these records can tell "
+                             "nothing of the model.")
+    if ratio <= ADEQUATE:
+        return "adequate", (f"The model explains the records down to their noise (error {ratio:.3f} of the "
+                            "noise floor): nothing is missing that these records could show.")
+    if base.fit is not None and not base.fit.converged:
+        return "not_converged", ("The fit of the believed model did not settle, so nothing can be said of what "
+                                 "it lacks: check the conditions and the starting values.")
+    return None
 
 
 def _with(beside: Sequence[str]) -> str:

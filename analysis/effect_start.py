@@ -126,7 +126,8 @@ def applicable(effect: Effect, records: Sequence[Observed], present: Container[s
     return bool(places & {"structure_force", "measure", "sensed_displacement"})
 
 
-def _extended(fitter: Fitter, effect: Effect) -> Fitter:
+def extended(fitter: Fitter, effect: Effect) -> Fitter:
+    """The same fit with the effect's parameters unknown, too."""
     return Fitter(fitter.plant, fitter.records, [*fitter.unknowns, *effect_parameters(effect, fitter.records)])
 
 
@@ -171,7 +172,7 @@ def _opened(fitter: Fitter, share: float) -> Fitter:
     for record in fitter.records:
         count = min(record.samples, max(64, round(share * record.samples)))
         records.append(record.part(0, count, None if share > 0.5 else 1))
-    return Fitter(fitter.plant, records, fitter.unknowns)
+    return fitter.on(records)
 
 
 def _released(fitter: Fitter, state: State) -> State:
@@ -207,7 +208,7 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
     blind = any(record.cut is not None and record.first_mark is None and record.flutes > 1 for record in fitter.records)
     unequal = blind and "edge_position" in effect.hooks  # which of the teeth was the first is open without marks
     effect = effect if gradual else fitting_example(fitter, effect, fit)
-    wider = _extended(fitter, effect)
+    wider = extended(fitter, effect)
     best: tuple[float, State] = (math.inf, fit.state)
     places = [place for place, one in enumerate(wider.free) if one.path.startswith(f"{effect.name}.")]
     recurring = any(one.each_record for one in effect.parameters)
@@ -257,7 +258,7 @@ def gradual_entry(
     Which pass is the first is nearly made up for by how gradual it is, and in all records alike: so they are placed in turn
     with soft fits, then moved together, pass by pass, as long as that helps; where they are far above the cost `goal`, not.
     """
-    wider = _extended(fitter, effect)
+    wider = extended(fitter, effect)
     soft = Fitter(fitter.plant, [softened(record) for record in fitter.records], wider.unknowns)
     points = starting_points(effect, fitter.records, fit)
     points.append({one.name: one.example if one.start is None else one.start for one in effect.parameters})
@@ -301,7 +302,7 @@ def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit, goal: float = mat
     A law with a kink begins at whichever strength explains most: far too strong it holds everything stuck.
     """
     effect = fitting_example(fitter, effect, fit)
-    wider = _extended(fitter, effect)
+    wider = extended(fitter, effect)
     worst = fit.worst(SCREENED)
     points = starting_points(effect, fitter.records, fit, SHARES[-1:] if effect.smooth else SHARES)
     states = [replace(fit.state, model=fit.state.model.with_effect(effect.name, **values)) for values in points]

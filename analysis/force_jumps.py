@@ -28,7 +28,7 @@ def at_its_jumps(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]
                    for record, own in zip(fitter.records, fit.state.nuisances, strict=True)]
         if all(new is old for new, old in zip(records, fitter.records, strict=True)):
             break
-        fitter = Fitter(fitter.plant, records, fitter.unknowns)
+        fitter = fitter.on(records)
         fit = fitter.fit(fit.state)
     return fitter, fit
 

@@ -14,7 +14,7 @@ import numpy as np
 from analysis.begun_anew import begun_anew, switched_on_too
 from analysis.candidate_round import GAIN, candidate_of, certain_candidates, try_candidates
 from analysis.diagnosis import ADEQUATE, COMPLETE, Candidate, excess
-from analysis.effect_start import ANCHOR, origins_of, state_without
+from analysis.effect_start import ANCHOR, Origin, origins_of, state_without
 from analysis.fine_steps import has_kinks
 from analysis.force_jumps import at_its_jumps
 from analysis.held_out import pooled
@@ -23,7 +23,6 @@ from analysis.parts_of_passes import with_parts_of_passes
 from analysis.settled import settled
 from analysis.starts import polish
 from analysis.ties import tied_with, with_rivals
-from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -66,7 +65,7 @@ def _weighed(current: Candidate) -> Candidate:
     for record, rest in zip(records, current.fit.residuals, strict=True):
         left = np.sqrt(np.mean((rest.reshape(len(record.channels), -1) * record.scale[:, None]) ** 2, axis=1))
         weighed.append(replace(record, weight=np.hypot(record.noise, left) if rough else None))
-    fitter = Fitter(current.fitter.plant, weighed, current.fitter.unknowns)
+    fitter = current.fitter.on(weighed)
     fit = polish(fitter, current.fit.state, rounds=2, iterations=20)
     if not rough:
         fit = with_parts_of_passes(fitter, fit)  # such weights hid what a cut that begins within an arc leaves
@@ -79,7 +78,7 @@ def by_noise(one: Candidate) -> Candidate:
     if all(record.weight is None for record in one.fitter.records):
         return one
     records = [replace(record, weight=None) for record in one.fitter.records]
-    fitter = Fitter(one.fitter.plant, records, one.fitter.unknowns)
+    fitter = one.fitter.on(records)
     return replace(one, fitter=fitter, fit=replace(fitter.fit(one.fit.state, iterations=0), converged=one.fit.converged))
 
 
@@ -174,6 +173,22 @@ def _told(one: Candidate) -> Candidate:
     return one if one.fit is None else replace(one, fit=replace(one.fit, parts=()))
 
 
+def _origins(current: Candidate, model: Model, noise: float) -> list[Origin]:
+    """Where the candidates of a round start; from the small-amplitude structure, too, where the base model is bad."""
+    assert current.fit is not None and current.fitter is not None
+    anchored = not current.effects and current.error_held_out > ANCHOR * noise
+    return origins_of(current.fitter.plant, model, current.fitter, current.fit, anchored)
+
+
+def _switched(current: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, most: int,
+              say: Callable[[str], None]) -> Candidate | None:  # fmt: skip
+    """The set completed by an effect that is there or is not (loss of contact); None where nothing is left, or still is."""
+    if len(current.effects) >= most or current.error_where_known <= ADEQUATE * noise:
+        return None
+    more = switched_on_too(current, model, catalogue, noise, say)
+    return None if more is None else against(more, by_noise(current))
+
+
 def forward(
     begun: Sequence[Candidate],
     model: Model,
@@ -195,9 +210,7 @@ def forward(
         current = _weighed(current)
         steps[-1] = current
         base = current if not current.effects else base
-        assert current.fit is not None and current.fitter is not None
-        anchored = not current.effects and current.error_held_out > ANCHOR * noise
-        origins = origins_of(current.fitter.plant, model, current.fitter, current.fit, anchored)
+        origins = _origins(current, model, noise)
         final = most > 1 and len(current.effects) == most - 1
         last = try_candidates(current, catalogue, origins, say, final)
         refitted = _nesting_guard(current, last, catalogue)
@@ -232,19 +245,32 @@ def forward(
         complete = _complete_with_finer_steps(current, noise, catalogue, say)
         if complete is not None:
             break
-        if len(current.effects) < most and current.error_where_known > ADEQUATE * noise:
-            more = switched_on_too(current, model, catalogue, noise, say)
-            if more is not None:
-                current = against(more, by_noise(current))
-                steps.append(current)
-                seen.append(_told(current))
-    current = complete or settled(by_noise(_weighed(current)), catalogue)
-    steps = [*map(by_noise, [believed, *steps[1:]][:-1]), current] if current.effects else [by_noise(believed)]
-    if rivals and not tied:
-        current, tied = with_rivals(current, rivals, steps[0], noise, catalogue, say)
-        steps[-1] = current
-    seen = [_told(current) if one.effects == current.effects else one for one in seen]
-    if not tied and current.effects and len(current.effects) < most and current.error_where_known <= ADEQUATE * noise:
-        path = _faint(steps, model, catalogue, noise, say)
-        return replace(path, seen=(*seen, *path.seen))
-    return Path(tuple(steps), tuple(seen), tied)
+        completed = _switched(current, model, catalogue, noise, most, say)
+        if completed is not None:
+            current = completed
+            steps.append(current)
+            seen.append(_told(current))
+    if not current.effects:
+        return Path((by_noise(believed),), tuple(seen), ())
+    end = complete or settled(by_noise(_weighed(current)), catalogue)
+    path = _ended([believed, *steps[1:-1], end], seen, tied, rivals, noise, catalogue, say)
+    if path.tied or not path.end.effects or len(path.end.effects) >= most or path.end.error_where_known > ADEQUATE * noise:
+        return path
+    faint = _faint(path.steps, model, catalogue, noise, say)
+    return replace(faint, seen=(*path.seen, *faint.seen))
+
+
+def _ended(
+    steps: Sequence[Candidate], seen: Sequence[Candidate], tied: tuple[str, ...], rivals: Sequence[Candidate], noise: float,
+    catalogue: Mapping[str, Effect], say: Callable[[str], None],
+) -> Path:  # fmt: skip
+    """The path of these steps as it is told: fits in units of the noise, and rivals of the first effect tried in the last set.
+
+    A last set of which settling has left nothing is the base model.
+    """
+    end = steps[-1]
+    told = [*map(by_noise, steps[:-1]), end] if end.effects else [by_noise(steps[0])]
+    if end.effects and rivals and not tied:
+        end, tied = with_rivals(end, rivals, told[0], noise, catalogue, say)
+        told[-1] = end
+    return Path(tuple(told), tuple(_told(end) if one.effects == end.effects else one for one in seen), tied)

@@ -41,7 +41,7 @@ def carried_on(records: Sequence[Observed]) -> list[Observed] | None:
 def with_lengths_found(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
     """The fit to records that were `carried_on`, with the lengths from the entry to the exit that it found."""
     records = _summed(fitter.records, fit.state.nuisances, fit.state.angle)
-    found = Fitter(fitter.plant, records, fitter.unknowns)
+    found = fitter.on(records)
     return found, found.fit(fit.state, iterations=AGAIN)
 
 

@@ -53,7 +53,7 @@ def misstated(fitter: Fitter, state: State, place: int) -> Misstated | None:
     if record.cut is None:
         return None
     own, found = replace(state, nuisances=(state.nuisances[place],)), {}
-    before = _left(Fitter(fitter.plant, [record], fitter.unknowns), own)
+    before = _left(fitter.on([record]), own)
     for condition in CONDITIONS:
         left, scale = _best_scale(fitter, record, own, condition)
         if left <= min(SOUND, 1.0 + REST * (before - 1.0)) and abs(math.log(scale)) > PLAIN:
@@ -72,7 +72,7 @@ def _best_scale(fitter: Fitter, record: Observed, state: State, condition: str) 
 
     def left(log_scale: float) -> float:
         other = replace(cut, **{condition: getattr(cut, condition) * math.exp(log_scale)})
-        single = Fitter(fitter.plant, [replace(record, cut=other)], fitter.unknowns)
+        single = fitter.on([replace(record, cut=other)])
         nearest = states[min(states, key=lambda one: abs(one - log_scale))]
         placed = place_exits(single, place_entries(single, nearest))  # with a wrong depth they may have been anywhere
         states[log_scale] = own_refit(single, placed, [0], rounds=4)

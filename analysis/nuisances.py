@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 from testbed.machine import Model
 
+MISSING = {"entry": "late_entry", "exit": "early_exit"}  # what a cut may lack of its first and of its last pass
+
 
 @dataclass(frozen=True)
 class Nuisances:
@@ -43,6 +45,16 @@ def turned_by(nuisances: Nuisances, path: str, angle: float) -> Nuisances:
     shifts = dict(nuisances.shifts)
     shifts[path] = math.remainder(shifts.get(path, 0.0) + angle, 2 * math.pi)
     return replace(nuisances, shifts=tuple(sorted(shifts.items())))
+
+
+def end_moved(nuisances: Nuisances, end: str, by: float) -> Nuisances:
+    """The nuisances with more (or less, `by` < 0) of the first or the last pass missing; beyond its bounds, of the next one.
+
+    end: "entry" or "exit"; by: in passes.
+    """
+    missing, outwards = getattr(nuisances, MISSING[end]) + by, 1 if end == "entry" else -1
+    passes = math.floor(missing)
+    return nuisances.with_fields(**{end: getattr(nuisances, end) + outwards * passes, MISSING[end]: missing - passes})
 
 
 def other_teeth(nuisances: Nuisances, flutes: int, every: int = 1) -> list[Nuisances]:

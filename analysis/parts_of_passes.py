@@ -6,7 +6,6 @@ alone such a record has a first or a last kick of the wrong size, and no paramet
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -14,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.fit_state import State, WaveformFit
-from analysis.nuisances import Nuisances
+from analysis.nuisances import MISSING, Nuisances, end_moved
 from analysis.observed import Observed
 from analysis.pass_search import squares_of
 from analysis.waveform import WORKERS, Fitter
@@ -130,10 +129,10 @@ def _placed(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float
     tried = [one for one in _places(own, arc, end) if one.entry < one.exit]
     costs = 0.5 * squares_of(fitter, index, state, tried)
     cost, best = float(costs.min()), tried[int(np.argmin(costs))]
-    name = _NAMES[end]
+    name = MISSING[end]
     step = 0.5 * arc / PARTS
     for _ in range(HALVINGS if getattr(best, name) > 0.0 or arc == 1.0 else 0):
-        near = [one for by in (-step, step) if (one := _shifted(best, end, by)).entry < one.exit]
+        near = [one for by in (-step, step) if (one := end_moved(best, end, by)).entry < one.exit]
         costs = 0.5 * squares_of(fitter, index, state, near)
         if costs.min() < cost:
             cost, best = float(costs.min()), near[int(np.argmin(costs))]
@@ -141,19 +140,9 @@ def _placed(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float
     return cost, best
 
 
-_NAMES = {"entry": "late_entry", "exit": "early_exit"}
-
-
-def _shifted(own: Nuisances, end: str, by: float) -> Nuisances:
-    """The nuisances with more (or less, `by` < 0) of the first or the last pass missing; beyond its bounds, of the next one."""
-    missing, outwards = getattr(own, _NAMES[end]) + by, 1 if end == "entry" else -1
-    passes = math.floor(missing)
-    return own.with_fields(**{end: getattr(own, end) + outwards * passes, _NAMES[end]: missing - passes})
-
-
 def _places(own: Nuisances, arc: float, end: str) -> Iterator[Nuisances]:
     """Whole passes beside the one that begins or ends the cut, and each with a part of its arc."""
     for place in range(getattr(own, end) - REACH, getattr(own, end) + REACH + 1):
         for part in range(PARTS):
             missing = arc * part / PARTS if end == "entry" else 1.0 - arc * (PARTS - part) / PARTS
-            yield own.with_fields(**{end: place, _NAMES[end]: missing if part else 0.0})
+            yield own.with_fields(**{end: place, MISSING[end]: missing if part else 0.0})

@@ -59,7 +59,7 @@ def _neighbours(fitter: Fitter, state: State, index: int) -> list[Nuisances]:
         found += [replace(own, entry=own.entry + by) for by in (-1, 1)]
     if own.exit <= record.last_pass(state.angle, own):
         found += [replace(own, exit=own.exit + by) for by in (-1, 1)]
-    single = Fitter(fitter.plant, [record], fitter.unknowns)
+    single = fitter.on([record])
     alone = replace(state, nuisances=(own,))
     found += [one.nuisances[0] for one in (place_entries(single, alone), place_exits(single, alone))]
     return [one for one in found if one.entry < one.exit and one != own]

@@ -7,10 +7,9 @@ from dataclasses import replace
 
 from analysis.candidate_round import candidate_of
 from analysis.diagnosis import Candidate, excess
-from analysis.effect_start import effect_parameters, state_without
+from analysis.effect_start import extended, state_without
 from analysis.information import DELTA_BIC, bic, effective_size
 from analysis.starts import polish
-from analysis.waveform import Fitter
 from testbed.effect import Effect
 
 ALIKE = 0.02  # share of what the better one gains that the other may lack
@@ -63,8 +62,8 @@ def _better(other: Candidate, found: Candidate) -> bool:
 def _in_place(found: Candidate, first: str, rival: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
     """The set found with another effect in the place of its first one, fitted from where both were."""
     assert found.fit is not None and found.fitter is not None and rival.fit is not None
-    without, effect = found.fitter.without(first), catalogue[rival.effects[-1]]
-    fitter = Fitter(without.plant, without.records, [*without.unknowns, *effect_parameters(effect, without.records)])
+    effect = catalogue[rival.effects[-1]]
+    fitter = extended(found.fitter.without(first), effect)
     state = state_without(found.fit.state, first, catalogue)
     state = replace(state, model=state.model.with_effect(effect.name, **rival.fit.state.model.effects[effect.name]))
     fit = polish(fitter, state, rounds=2, iterations=20)

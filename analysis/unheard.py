@@ -53,7 +53,7 @@ def agreed(fitter: Fitter, fit: WaveformFit, suspect: int | None = None) -> tupl
     for place in strange:
         size = np.maximum(records[place].data.std(axis=1), records[place].noise)
         records[place] = replace(records[place], weight=MUTE * size, heard=False)
-    wider = Fitter(fitter.plant, records, fitter.unknowns)
+    wider = fitter.on(records)
     return wider, wider.fit(state, iterations=4)
 
 

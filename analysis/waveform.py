@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from analysis.fit_state import Descent, Free, Linearised, State, WaveformFit
-from analysis.nuisances import Nuisances, turned_by
+from analysis.nuisances import Nuisances, end_moved, turned_by
 from analysis.observed import Observed
 from analysis.prediction import Plant, predict
 from testbed.machine import Model
@@ -66,7 +66,11 @@ class Fitter:
 
     def of_records(self, places: Sequence[int]) -> Fitter:
         """The same fit to the records at these places alone."""
-        return Fitter(self.plant, [self.records[place] for place in places], self.unknowns)
+        return self.on([self.records[place] for place in places])
+
+    def on(self, records: Sequence[Observed]) -> Fitter:
+        """The same fit to other records."""
+        return Fitter(self.plant, records, self.unknowns)
 
     @property
     def steps(self) -> np.ndarray:
@@ -108,12 +112,11 @@ class Fitter:
         for key, size in change.items():
             if "." in key:
                 nuisances = turned_by(nuisances, key, amount * size)
+            elif key == "late_entry":
+                nuisances = end_moved(nuisances, "entry", amount * size)
+                nuisances = replace(nuisances, entry=min(nuisances.entry, nuisances.exit - 1))
             else:
                 values[key] = getattr(nuisances, key) + amount * size
-        if "late_entry" in values:  # of a gradual entry: beyond a pass, it is the next one's
-            passes = math.floor(values["late_entry"])
-            values["entry"] = min(nuisances.entry + passes, nuisances.exit - 1)
-            values["late_entry"] -= passes
         if "speed" in values:  # records that fit no cut at all must not turn the spindle back
             values["speed"] = min(max(values["speed"], SLOWEST), 1.0 / SLOWEST)
         return replace(nuisances, **values)
