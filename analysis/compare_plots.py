@@ -98,7 +98,7 @@ def worst_record(figure: Any, found: Comparison) -> None:
     how = "held out of" if found.records[index].held_out else "in"
     above.set_title(f"How far is {record.name} from its prediction? (the worst record, {how} the fit)")
     above.set_ylabel(f"{record.channels[0]} [SI]")
-    below.set_ylabel("measured - predicted; dashed: 2 x noise")
+    below.set_ylabel("measured - predicted\n(dashed: 2 x noise)")
     below.set_xlabel("time [s]")
     above.legend(loc="upper right", fontsize=8)
 
@@ -154,7 +154,7 @@ def by_test(figure: Any, tested: Constancy) -> None:
             place = np.array([test.conditions[best.covariate] for test in tests]) * factor
             axis.set_xlabel(f"{best.covariate} [{name}]")
         axis.errorbar(place, value, half, fmt="o", markersize=4, capsize=3, color="#1f77b4")
-        axis.set_title(parameter + (": drifts" if tested.drift(parameter) else ""), fontsize=10)
+        axis.set_title(parameter + ("\ndrifts" if tested.drift(parameter) else ""), fontsize=10)
         axis.set_ylabel(f"[{unit}]")
         axis.ticklabel_format(useOffset=False)
         axis.tick_params(axis="x", labelrotation=30)
