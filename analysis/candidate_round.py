@@ -85,11 +85,12 @@ def try_candidates(
     last: no further round follows, so that only one which leaves hardly more than noise is of interest.
     """
     assert current.fit is not None and current.fitter is not None
-    entries = _first_steps(current, catalogue, origins, say)
+    noise = pooled(current.errors)[1]
+    near = _nothing_hidden(current, noise)
+    entries = _first_steps(current, catalogue, origins, say, growing=not near)
     floor = 0.5 * sum(one.count * float(np.sum((one.noise / one.scale) ** 2)) for one in current.fitter.records)
     over = max(current.fit.cost - floor, 0.0)
     hopeful = current.fit.cost - HOPE * GAIN * over
-    noise = pooled(current.errors)[1]
     wanted = COMPLETE**2 * floor if last else math.inf
     if entries and entries[0].cost <= hopeful:
         leader = entries[0]
@@ -98,12 +99,12 @@ def try_candidates(
         assert leader.fitted.fit is not None
         if incomplete and leader.cost - floor > MUCH * over and leader.fitted.fit.cost - floor > LITTLE * over:
             _try_from_far(current, entries, catalogue, origins, say)
-        elif not incomplete and current.error_held_out < FAINT * noise:
+        elif not incomplete and current.error_held_out < FAINT * noise and not near:
             _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say)
             entries.sort(key=lambda entry: entry.reached)
         elif incomplete and "engagement" in catalogue[leader.name].hooks:  # its passes may be wrong in all records alike
             _from_far(current, leader, catalogue[leader.name], origins)
-    elif entries:
+    elif entries and not near:
         _try_from_far(current, entries, catalogue, origins, say)
     found = []
     complete = 0  # once a candidate explains everything, only a rival close to it can still matter
@@ -120,6 +121,12 @@ def try_candidates(
     return sorted(found, key=lambda candidate: candidate.error_beside(noise))
 
 
+def _nothing_hidden(current: Candidate, noise: float) -> bool:
+    """Whether little is left of records without a cut: nothing there makes up for an effect, so its first step tells all."""
+    assert current.fitter is not None
+    return current.error_held_out < FAINT * noise and all(record.cut is None for record in current.fitter.records)
+
+
 def _best(entries: Sequence[_Entry]) -> float:
     """The lowest cost that a candidate of the round was fitted to."""
     return min((one.fitted.fit.cost for one in entries if one.fitted and one.fitted.fit), default=math.inf)
@@ -132,10 +139,10 @@ def certain_candidates(
     say: Callable[[str], None],
 ) -> list[Candidate]:
     """Candidates for a model that leaves but noise: those that many samples make certain all the same, most gain first."""
-    assert current.fit is not None
+    assert current.fit is not None and current.fitter is not None
     hopeful = current.fit.cost * math.exp(-HOPE * CERTAIN / effective_size(current.fit))
-    entries = _first_steps(current, catalogue, origins, say)
-    if entries and entries[0].cost <= hopeful:
+    entries = _first_steps(current, catalogue, origins, say, growing=False)
+    if not _nothing_hidden(current, pooled(current.errors)[1]) and entries and entries[0].cost <= hopeful:
         _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say)
     leaders = sorted((one for one in entries if one.cost <= hopeful), key=lambda one: one.cost)[:LEADERS]
     found = [_refitted(current, one, catalogue, say) for one in leaders]
@@ -164,8 +171,9 @@ def with_effect(
 
 
 def _first_steps(
-    current: Candidate, catalogue: Mapping[str, Effect], origins: Sequence[Origin], say: Callable[[str], None]
-) -> list[_Entry]:
+    current: Candidate, catalogue: Mapping[str, Effect], origins: Sequence[Origin], say: Callable[[str], None],
+    growing: bool = True,
+) -> list[_Entry]:  # fmt: skip
     """Every effect the current set lacks after its first step, cheapest first."""
     assert current.fit is not None and current.fitter is not None
     entries = []
@@ -174,7 +182,7 @@ def _first_steps(
         if name in present or not applicable(effect, current.fitter.records, present):
             continue
         say(f"trying {name}")
-        entries.append(_begun(current, effect, origins))
+        entries.append(_begun(current, effect, origins, growing))
     entries.sort(key=lambda entry: entry.cost)
     return entries
 
@@ -190,10 +198,10 @@ def _shifts_in_time(effect: Effect) -> bool:
     return bool({"measure", "speed"} & set(effect.hooks))
 
 
-def _begun(current: Candidate, effect: Effect, origins: Sequence[Origin]) -> _Entry:
+def _begun(current: Candidate, effect: Effect, origins: Sequence[Origin], growing: bool = True) -> _Entry:
     """An effect after its first step."""
     assert current.fit is not None and current.fitter is not None
-    entry = _Entry(effect.name, *first_step(current.fitter, effect, current.fit, origins))
+    entry = _Entry(effect.name, *first_step(current.fitter, effect, current.fit, origins, growing))
     if asks_length([effect.name], {effect.name: effect}) and (longer := carried_on(current.fitter.records)) is not None:
         worn = current.fitter.on(longer)
         entry = min(entry, _Entry(effect.name, *first_step(worn, effect, current.fit, origins)), key=lambda one: one.cost)

@@ -20,6 +20,7 @@ from analysis.misstated import misstated
 from analysis.next_test import next_test
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed
+from analysis.other_way import other_way
 from analysis.prediction import Plant
 from analysis.second_look import looked_again
 from analysis.spindle_speed import at_modelled_speed, rules_the_speed, speed_swing
@@ -121,9 +122,8 @@ def _contradicted(base: Candidate, noise: float, say: Callable[[str], None]) -> 
 
 def _with_strange_records(result: Diagnosis, say: Callable[[str], None]) -> Diagnosis:
     """An unexplained campaign's diagnosis with what all records but a few agree on, if there is such a thing."""
-    assert result.base.fitter is not None
-    if result.verdict != "unexplained" or not all(record.heard for record in result.base.fitter.records):
-        return result  # the latter: the one that stands alone is told
+    if result.verdict != "unexplained" or not result.candidates:
+        return result  # the latter: nothing was searched, because what is wrong with the campaign is told
     say("looking for records that stand alone")
     fitted = [one for one in (result.base, *result.candidates) if one.fit is not None]
     best: dict[tuple[str, ...], Candidate] = {}
@@ -177,6 +177,8 @@ def _search(
     contradicted = _contradicted(base, noise, say)
     if contradicted is not None:
         return contradicted
+    if turned := other_way(base, model, catalogue):
+        return replace(verdict_of(base, base, [base], (), noise, ()), verdict="unexplained", sentence=turned)
     begun = [base, *_swung(base, plant, model, catalogue, say)]
     path = looked_again(forward(begun, model, catalogue, most, say), model, catalogue, noise, most, say)
     seen = sorted(path.seen, key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))

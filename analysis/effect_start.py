@@ -199,10 +199,13 @@ def _cost(pair: tuple[float, State]) -> float:
     return pair[0]
 
 
-def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequence[Origin]) -> tuple[float, State, Fitter]:
+def first_step(
+    fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequence[Origin], growing: bool = True
+) -> tuple[float, State, Fitter]:
     """(cost, state, fitter) after the best single Gauss-Newton step from any of the effect's starting points.
 
-    The slopes by the base's own unknowns are those of the origin; only the effect's are computed.
+    The slopes by the base's own unknowns are those of the origin; only the effect's are computed. growing: free decays alone
+    are fitted from their openings on, too; needless where the effect can but be faint, so that no phase has run away.
     """
     gradual = "engagement" in effect.hooks  # it changes which pass seems to be the first: the entry is looked for anew
     blind = any(record.cut is not None and record.first_mark is None and record.flutes > 1 for record in fitter.records)
@@ -239,7 +242,7 @@ def first_step(fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequen
                     break
             if cost < best[0]:
                 best = (cost, state)
-    if all(record.kind == "ring-down" for record in fitter.records):
+    if growing and all(record.kind == "ring-down" for record in fitter.records):
         base = origins[-1].state
         starts = [replace(base, model=base.model.with_effect(effect.name, **values)) for values in points]
         found = grown(wider, starts)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.begun_anew import begun_anew, switched_on_too
-from analysis.candidate_round import GAIN, candidate_of, certain_candidates, try_candidates
+from analysis.candidate_round import CERTAIN, GAIN, candidate_of, certain_candidates, try_candidates
 from analysis.diagnosis import ADEQUATE, COMPLETE, Candidate, excess
 from analysis.effect_start import ANCHOR, Origin, origins_of, state_without
 from analysis.fine_steps import has_kinks
@@ -23,6 +23,7 @@ from analysis.parts_of_passes import with_parts_of_passes
 from analysis.settled import settled
 from analysis.starts import polish
 from analysis.ties import tied_with, with_rivals
+from analysis.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -32,6 +33,7 @@ TAKEN = 0.6  # unless that takes away this share of what is left
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
 HOPEFUL = 2.0  # error over noise floor above which the last effect that may be added is not: too much would still be missing
 COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
+SEARCHED = 10  # iterations from a set settled with finer steps to the same with those of the search
 ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
 STILL_ROUGH = 3.0  # and, once they were, from which they still are: else the quiet records take over half way
 
@@ -89,15 +91,14 @@ def _at_its_jumps(one: Candidate) -> Candidate:
     return one if fitter is one.fitter else replace(candidate_of(fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
 
 
-def _complete_with_finer_steps(
+def _with_finer_steps(
     one: Candidate, noise: float, catalogue: Mapping[str, Effect], say: Callable[[str], None]
 ) -> Candidate | None:
-    """The set with finer steps, if what it leaves is but the error of the search's own; else None."""
+    """The set settled with finer steps, if what it leaves may be but the error of the search's own; else None."""
     if not ADEQUATE * noise < one.error_held_out < COARSE * noise or not has_kinks(one.effects, catalogue):
         return None
     say("taking finer steps")
-    finer = settled(by_noise(one), catalogue)
-    return finer if finer.error_held_out <= ADEQUATE * noise else None
+    return settled(by_noise(one), catalogue)
 
 
 def _nesting_guard(current: Candidate, tried: Sequence[Candidate], catalogue: Mapping[str, Effect]) -> Candidate:
@@ -154,7 +155,8 @@ def worth_naming(candidate: Candidate, current: Candidate, base: Candidate, nois
 def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Effect], noise: float,
            say: Callable[[str], None]) -> Path:  # fmt: skip
     """The search from a set that leaves but noise: an effect more that is certain and takes most of the rest, or none."""
-    current = steps[-1]
+    end = steps[-1]
+    current = _with_search_steps(end, steps[0], noise)
     assert current.fit is not None and current.fitter is not None
     origins = origins_of(current.fitter.plant, model, current.fitter, current.fit, anchored=False)
     found = certain_candidates(current, catalogue, origins, say)
@@ -165,7 +167,22 @@ def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Eff
     seen = tuple(map(_told, found))
     if not passing or (len(tied) > 1 and current.effects):  # which of them it is, so faint, is not asked beside what is known
         return Path(tuple(steps), seen, ())
-    return Path((*steps, settled(passing[0], catalogue)), seen, tied if len(tied) > 1 else ())
+    best = settled(passing[0], catalogue)
+    if current is not end:  # it may have made up for the error of the steps
+        best = against(best, end)
+        if best.delta_bic <= CERTAIN or best.error_held_out >= end.error_held_out:
+            return Path(tuple(steps), seen, ())
+    return Path((*steps, best), seen, tied if len(tied) > 1 else ())
+
+
+def _with_search_steps(one: Candidate, base: Candidate, noise: float) -> Candidate:
+    """A set that was settled with finer steps, fitted with those of the search again, where they too leave but noise."""
+    assert one.fit is not None and one.fitter is not None and base.fitter is not None
+    if one.fitter.plant is base.fitter.plant:
+        return one
+    fitter = Fitter(base.fitter.plant, one.fitter.records, one.fitter.unknowns)
+    found = candidate_of(fitter, fitter.fit(one.fit.state, iterations=SEARCHED), one.effects, None, 1.0)
+    return replace(found, delta_bic=one.delta_bic) if found.error_held_out <= ADEQUATE * noise else one
 
 
 def _told(one: Candidate) -> Candidate:
@@ -204,12 +221,11 @@ def forward(
     seen: list[Candidate] = []
     tied: tuple[str, ...] = ()
     rivals: list[Candidate] = []
-    complete: Candidate | None = None
+    fine: tuple[Candidate, Candidate] | None = None  # a set, and the same with finer steps
     believed = base  # as it was fitted to the noise, or by the nesting guard: with this the fall of the error is told
+    current = steps[-1] = _weighed(current)
+    base = base if current.effects else current
     while len(current.effects) < most and current.error_where_known > ADEQUATE * noise:
-        current = _weighed(current)
-        steps[-1] = current
-        base = current if not current.effects else base
         origins = _origins(current, model, noise)
         final = most > 1 and len(current.effects) == most - 1
         last = try_candidates(current, catalogue, origins, say, final)
@@ -238,12 +254,13 @@ def forward(
             break
         if equal and not rivals:  # what else is missing may tell them apart
             rivals = [first, *equal]
-        current = _at_its_jumps(_backward(begun_anew(first, model, catalogue, noise, say), catalogue, say))
+        current = _weighed(_at_its_jumps(_backward(begun_anew(first, model, catalogue, noise, say), catalogue, say)))
         steps.append(current)
         if current is not first:
             seen = [*(one for one in seen if one.effects != current.effects), _told(current)]
-        complete = _complete_with_finer_steps(current, noise, catalogue, say)
-        if complete is not None:
+        finer = _with_finer_steps(current, noise, catalogue, say)
+        fine = None if finer is None else (current, finer)
+        if finer is not None and finer.error_held_out <= ADEQUATE * noise:
             break
         completed = _switched(current, model, catalogue, noise, most, say)
         if completed is not None:
@@ -252,7 +269,8 @@ def forward(
             seen.append(_told(current))
     if not current.effects:
         return Path((by_noise(believed),), tuple(seen), ())
-    end = complete or settled(by_noise(_weighed(current)), catalogue)
+    current = _weighed(current)
+    end = fine[1] if fine is not None and fine[0] is current else settled(by_noise(current), catalogue)
     path = _ended([believed, *steps[1:-1], end], seen, tied, rivals, noise, catalogue, say)
     if path.tied or not path.end.effects or len(path.end.effects) >= most or path.end.error_where_known > ADEQUATE * noise:
         return path

@@ -92,6 +92,17 @@ def doubts(records: Sequence[Any], model: Any) -> list[str]:
     return found if more <= 0 else [*found[:MOST_NOTES], f"{more} notes more: testbed inspect shows them"]
 
 
+def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
+    """A line where cuts were measured by their motion alone, which tells forces only relative to the mass."""
+    from analysis.observed import DERIVATIVES
+
+    moving = any(record.kind == "cut" and any(name in DERIVATIVES for name in record.recording.channels) for record in records)
+    if not moving or any(record.kind == "excited" for record in records):
+        return []
+    return [f"no force was measured: coefficients and forces are those of a modal mass of {model.structure.mass:.4g} kg, as "
+            "the model has it, and were it 1 % more, so would they be"]
+
+
 def channel_units(records: Sequence[Any]) -> dict[str, str]:
     """The unit of every channel of the records, SI or its own."""
     return {name: unit for record in records for name, unit in record.recording.units.items()}

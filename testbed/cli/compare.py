@@ -31,9 +31,9 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     """
     from analysis.compare import as_json, compare
     from analysis.length_cut import length_note
-    from analysis.sensor_sign import sign_note
+    from analysis.other_way import other_way_note
     from analysis.switched import switch_note
-    from testbed.cli._fitting import channel_units, doubts, plant_of, read_both, sign_of_life, uncalibrated
+    from testbed.cli._fitting import channel_units, doubts, of_the_mass, plant_of, read_both, sign_of_life, uncalibrated
 
     answer = Answer(json_file, quiet)
     pictures = output_folder(output) if output else None
@@ -41,9 +41,10 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     model, records, read = read_both(campaign, model_file, catalogue)
     with sign_of_life("fitting the believed model to all records", quiet):
         found = compare(plant_of(catalogue), records, model, catalogue)
-        sign = sign_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
+        turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
     unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
-    notes = [*uncalibrated(read), *doubts(read, model), *sign, *unlike, *length_note(records, found.fitter.records)]
+    notes = [*uncalibrated(read), *doubts(read, model), *of_the_mass(read, model), *turned, *unlike,
+             *length_note(records, found.fitter.records)]
     _say(answer, found, notes, model)
     if pictures is not None:
         from analysis.compare_plots import save

@@ -35,7 +35,7 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
     the model with its effects, and fits their parameters too. Intervals are 95 %.
     """
     from analysis.diagnosis import SILENT
-    from testbed.cli._fitting import doubts, uncalibrated
+    from testbed.cli._fitting import doubts, of_the_mass, uncalibrated
     from testbed.cli._measured import identify_by_multipliers, identify_by_waveform, load_records
     from testbed.model_file import read_model, write_model
 
@@ -54,7 +54,8 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
     except (ValueError, ArithmeticError) as problem:
         raise InputProblem(data, str(problem), "add tests with a clear entry transient, or try --method waveform"
                            if multipliers else "check the records with testbed inspect") from None
-    notes = [*([] if multipliers else uncalibrated(records)), *doubts(records, model)]  # multipliers have no unit
+    notes = [*([] if multipliers else uncalibrated(records)), *doubts(records, model),  # multipliers have no unit
+             *of_the_mass(records, model)]
     if multipliers and found.quality["chi_square"] > MISSED:
         worst = max((test for test in found.tests if test["used"]), key=_missed_by)
         notes.append(f"the linear machine does not explain these multipliers, {worst['name']} least: its parameters may be far "

@@ -225,7 +225,7 @@ def enter_cut(A, P, G, I, Y, W, S):
 def cross_pitch(A, P, G, I, O, T, S, pass_number, mean_torque, maps, work, left, tooth, clock, wanted, limit, out,
                 position):  # fmt: skip
     """One tooth pass, segment by segment. Returns (next sample, torque's time integral, still bounded)."""
-    impulse, row0, angle = 0.0, 0, pass_number * G[PITCH]
+    impulse, row0, angle = 0.0, np.int64(0), pass_number * G[PITCH]  # a literal 0 would be compiled for as a type of its own
     cutting = 0 <= pass_number < I[CUT]
     for segment in range(I[SEGMENTS]):
         base, last = G[CORNERS + segment], row0 + 2 * I[STEPS + segment]
@@ -246,7 +246,7 @@ def cross_pitch(A, P, G, I, O, T, S, pass_number, mean_torque, maps, work, left,
     return position, impulse, True
 
 
-@njit(error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, pass_states):
     """Integrate one test. Y is the state at time 0.
 
@@ -265,7 +265,7 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
     copy(Y, work[0])
     Y = work[0]
     fill_table(G, I, T)
-    position, mean_torque, start = 0, 0.0, Y[2]
+    position, mean_torque, start = np.int64(0), 0.0, Y[2]
     pass_times[0], pass_states[0, 0], pass_states[0, 1] = Y[2], Y[0], Y[1]
     for number in range(I[IDLE] + I[CUT] + I[RING_DOWN]):
         pass_number = number - I[IDLE]

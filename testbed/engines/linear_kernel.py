@@ -90,7 +90,7 @@ def cross_pitch_linear(G, I, x, v, t0, angle, kappa, memory, flights, clock, lim
 
     Returns (x, v, next sample, still bounded).
     """
-    row0, last = 0, x
+    row0, last = np.int64(0), x  # a literal 0 would be compiled for as a type of its own
     for segment in range(I[SEGMENTS]):
         steps, teeth = I[STEPS + segment], I[TEETH + segment]
         base, span = G[CORNERS + segment], G[CORNERS + segment + 1] - G[CORNERS + segment]
@@ -131,7 +131,7 @@ def run_linear(G, I, Y, clock, limit, out, pass_times, pass_states):  # noqa: E7
         for row in range(2 * steps + 1 if I[TEETH + segment] > 0 else 0):
             kappa[row0 + row] = chip_stiffness(G, low + (high - low) * row / (2.0 * steps), I[TEETH + segment])
         row0 += 2 * steps + 1
-    x, v, position = Y[0], Y[1], 0
+    x, v, position = Y[0], Y[1], np.int64(0)
     a, b, c, d = oscillator_map(pull, drag, tau)
     pass_times[0], pass_states[0, 0], pass_states[0, 1] = Y[2], x, v
     for number in range(I[IDLE] + I[CUT] + I[RING_DOWN]):

@@ -19,7 +19,8 @@ from tests.synthetic_campaign import synthetic_campaign
 
 def test_compare_maps_a_hidden_spring_over_displacement(tmp_path):
     true = TRUE.with_effect("cubic_stiffness", coefficient=4e13)
-    made = synthetic_campaign(partial(fast.simulate, steps=37), true, tests=((3810, 2.9), (4300, 2.5)))
+    made = synthetic_campaign(partial(fast.simulate, steps=37), true, tests=((3810, 2.9), (4300, 2.5)),
+                              rate=6400.0)
     campaign, model = write_campaign(tmp_path, made, BELIEVED)
     with pytest.raises(SystemExit) as stop:
         main(["compare", str(campaign), "-m", str(model), "-o", str(tmp_path / "out"), "--quiet"])

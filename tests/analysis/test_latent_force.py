@@ -1,7 +1,6 @@
 """Is the force that a model lacks found in time, with an honest deviation? The truth comes from another integrator."""
 
 from dataclasses import replace
-from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -39,7 +38,7 @@ def predict_driven(models, states, force, rate, channels):
     return np.stack(rows)
 
 
-PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue={}), predict_driven=predict_driven)
+PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict_driven)
 
 
 def excited(data, force, name="one"):
@@ -164,7 +163,7 @@ def test_the_model_s_force_along_a_motion_is_the_engine_s(model):
     state = State(model, MARK, (Nuisances(entry=4 * COURSE[0], exit=4 * sum(COURSE[:2])),))
     cut, sampling = one.timeline(state.angle, state.nuisances[0])
     names = ("displacement", "velocity", "force_x")
-    engine = fast.simulate(model, cut, sampling, channels=names, catalogue={}).channels
+    engine = fast.simulate(model, cut, sampling, channels=names).channels
     course = course_of(one, state, 0, {})
     motion = Trajectory(one.start, one.rate, engine["displacement"], engine["velocity"])
     found = course.sampled(model_force(model, {}, course, motion).along)
