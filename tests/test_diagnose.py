@@ -29,7 +29,7 @@ PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=cat
 
 
 def verdict(true):
-    records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=4)
+    records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=4, rate=6400.0)
     return diagnose(PLANT, [observe(record, BELIEVED) for record in records[:5]], BELIEVED, CANDIDATES)
 
 
@@ -62,7 +62,7 @@ def test_an_effect_led_astray_by_what_the_base_model_made_up_for_is_fitted_anew(
     """An immersion 45 % off: the base fit shifts angle and coefficients so far that no descent from there finds it."""
     name, known = "immersion_error", catalogue()
     records = synthetic_campaign(partial(fast.simulate, steps=37), TRUE.with_effect(name, error=0.45), seed=6,
-                                 tests=((3500, 0.8), (2850, 2.9), (3900, 2.2)), course=(10, 30, 10))
+                                 tests=((3500, 0.8), (2850, 2.9), (3900, 2.2)), course=(10, 30, 10), rate=6400.0)
     observed = [observe(record, BELIEVED) for record in records]
     _, base = base_fit(PLANT, observed, BELIEVED)
     fitter = Fitter(PLANT, observed, all_free(observed, BELIEVED.with_effect(name, error=0.1), known))

@@ -28,7 +28,7 @@ def records():
     for number, ((rpm, depth), phase) in enumerate(zip(TESTS, PHASES, strict=False)):
         true = TRUE.with_effect("speed_variation", amplitude=AMPLITUDE, frequency=FREQUENCY, phase=phase)
         made.append(synthetic_record(partial(fast.simulate, steps=97), true, rpm, depth * 1e-3, 70 + number,
-                                     course=(12, 45, 20)))
+                                     course=(12, 45, 20), rate=6400.0))
     return [observe(record, BELIEVED) for record in made]
 
 

@@ -69,7 +69,7 @@ def test_no_angle_that_is_tried_leaves_two_teeth_equal():
 def test_a_rough_model_is_fitted_to_all_records_alike():
     true = TRUE.with_effect("cubic_stiffness", coefficient=2e14)
     records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=6, noise=3e-7,
-                                 tests=((3500, 0.4), (2600, 1.5), (3900, 2.5)))  # the loud ones outvote the quiet
+                                 tests=((3500, 0.4), (2600, 1.5), (3900, 2.5)), rate=6400.0)  # the loud ones outvote the quiet
     fitter, fit = base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
     by_noise = candidate_of(fitter, fit, (), None, 1.0)
     error, noise = pooled(by_noise.errors)

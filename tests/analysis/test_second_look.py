@@ -23,7 +23,7 @@ PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=cat
 @pytest.fixture(scope="module")
 def observed():
     records = synthetic_campaign(partial(fast.simulate, steps=37), TRUE.with_effect("immersion_error", error=0.45), seed=6,
-                                 tests=((3500, 0.8), (2850, 2.9), (3900, 2.2)), course=(10, 30, 10))
+                                 tests=((3500, 0.8), (2850, 2.9), (3900, 2.2)), course=(10, 30, 10), rate=6400.0)
     return [observe(record, BELIEVED) for record in records]
 
 

@@ -26,7 +26,7 @@ AMPLITUDE, FREQUENCY = 0.004, 2.95
 @pytest.fixture(scope="module")
 def observed():
     true = TRUE.with_effect("speed_variation", amplitude=AMPLITUDE, frequency=FREQUENCY, phase=0.4)
-    records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=4, tests=TESTS, course=(10, 40, 10))
+    records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=4, tests=TESTS, course=(10, 40, 10), rate=6400.0)
     return [observe(record, BELIEVED) for record in records]
 
 

@@ -50,7 +50,7 @@ def test_records_of_noise_alone_tell_nothing():
 @pytest.fixture(scope="module")
 def observed():
     true = TRUE.with_effect("process_damping", coefficient=2e5).with_effect("edge_force", tangential=9e3, normal=12e3)
-    records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=6, course=(10, 30, 15))
+    records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=6, course=(10, 30, 15), rate=6400.0)
     return [observe(record, BELIEVED) for record in records[:4]]
 
 
