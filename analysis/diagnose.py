@@ -182,7 +182,8 @@ def _search(
     begun = [base, *_swung(base, plant, model, catalogue, say)]
     path = looked_again(forward(begun, model, catalogue, most, say), model, catalogue, noise, most, say)
     seen = sorted(path.seen, key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))
-    return verdict_of(path.steps[0], path.end, path.steps, tuple(seen), noise, path.tied)
+    found = verdict_of(path.steps[0], path.end, path.steps, tuple(seen), noise, path.tied)
+    return replace(found, sentence=f"{found.sentence} {path.hum}") if path.hum else found
 
 
 def _swung(base: Candidate, plant: Plant, model: Model, catalogue: Mapping[str, Effect],

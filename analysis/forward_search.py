@@ -13,12 +13,13 @@ import numpy as np
 
 from analysis.begun_anew import begun_anew, switched_on_too
 from analysis.candidate_round import CERTAIN, GAIN, candidate_of, certain_candidates, try_candidates
-from analysis.diagnosis import ADEQUATE, COMPLETE, Candidate, excess
+from analysis.diagnosis import ADEQUATE, COMPLETE, MANY, PARTIAL, Candidate, excess
 from analysis.effect_start import ANCHOR, Origin, origins_of, state_without
 from analysis.fine_steps import has_kinks
 from analysis.force_jumps import at_its_jumps
 from analysis.held_out import pooled
 from analysis.information import DELTA_BIC, bic, effective_size
+from analysis.mains import hum_of
 from analysis.parts_of_passes import with_parts_of_passes
 from analysis.settled import settled
 from analysis.starts import polish
@@ -40,11 +41,15 @@ STILL_ROUGH = 3.0  # and, once they were, from which they still are: else the qu
 
 @dataclass(frozen=True)
 class Path:
-    """A search from its first step to its last. tied: effects that the data cannot tell apart, where that ended it."""
+    """A search from its first step to its last. tied: effects that the data cannot tell apart, where that ended it.
+
+    hum: in words, the line of the mains that is all it found last.
+    """
 
     steps: tuple[Candidate, ...]
     seen: tuple[Candidate, ...]
     tied: tuple[str, ...]
+    hum: str = ""
 
     @property
     def end(self) -> Candidate:
@@ -142,13 +147,18 @@ def worth_naming(candidate: Candidate, current: Candidate, base: Candidate, nois
     """Whether an effect is worth naming: by BIC, by what it takes of the present excess, and by its share of the whole one.
 
     The last, so that where something unknown remains, no effect is named for nibbling at it; what completes the model passes.
-    Of the faint rest of a strong effect it must take away most: no law is the machine's own to the last per cent.
+    Of the faint rest of a strong effect it must take away most: no law is the machine's own to the last per cent. Of the little
+    that two effects leave, a third must take half, or it would make a good answer doubtful.
     """
     before, after = excess(current.error_held_out, noise), excess(candidate.error_beside(noise), noise)
     gained = before - after
     whole = excess(min(base.error_held_out, base.error_fit), noise)  # extrapolated, a wrong law may look worse than it is
     material = gained > MATERIAL * whole or candidate.error_beside(noise) <= FINAL * noise
-    share = TAKEN if current.effects and before < FAINT * whole else GAIN
+    share = GAIN
+    if current.effects and before < FAINT * whole:
+        share = TAKEN
+    elif len(current.effects) >= MANY - 1 and before <= excess(FINAL * noise, noise):
+        share = PARTIAL
     return candidate.delta_bic > DELTA_BIC and gained > max(share * before, 1e-3 * noise**2) and material
 
 
@@ -160,19 +170,32 @@ def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Eff
     assert current.fit is not None and current.fitter is not None
     origins = origins_of(current.fitter.plant, model, current.fitter, current.fit, anchored=False)
     found = certain_candidates(current, catalogue, origins, say)
-    left = (1.0 - TAKEN) * excess(current.error_held_out, noise)
-    passing = [one for one in found
-               if excess(one.error_held_out, noise) <= left and one.error_held_out < current.error_held_out]
-    tied = tuple(one.effects[-1] for one in passing if tied_with(passing[0], one, current, noise))  # the first with itself
     seen = tuple(map(_told, found))
+    hum = next(filter(None, (hum_of(one, current, catalogue) for one in _certain(found, current, noise))), "")
+    found = [one for one in found if not hum_of(one, current, catalogue)] if hum else found
+    refitted = _nesting_guard(current, _certain(found, current, noise), catalogue)
+    if refitted is not current:  # the set itself, begun where an effect more ended, explains as much without it
+        refitted = replace(refitted, delta_bic=current.delta_bic)
+        found = sorted((against(one, refitted) for one in found), key=lambda one: -one.delta_bic)
+        end = refitted if current is end else settled(refitted, catalogue)
+        current, steps = refitted, [*steps[:-1], end]
+    passing = _certain(found, current, noise)
+    tied = tuple(one.effects[-1] for one in passing if tied_with(passing[0], one, current, noise))  # the first with itself
     if not passing or (len(tied) > 1 and current.effects):  # which of them it is, so faint, is not asked beside what is known
-        return Path(tuple(steps), seen, ())
+        return Path(tuple(steps), seen, (), hum)
     best = settled(passing[0], catalogue)
     if current is not end:  # it may have made up for the error of the steps
         best = against(best, end)
         if best.delta_bic <= CERTAIN or best.error_held_out >= end.error_held_out:
-            return Path(tuple(steps), seen, ())
-    return Path((*steps, best), seen, tied if len(tied) > 1 else ())
+            return Path(tuple(steps), seen, (), hum)
+    return Path((*steps, best), seen, tied if len(tied) > 1 else (), hum)
+
+
+def _certain(found: Sequence[Candidate], current: Candidate, noise: float) -> list[Candidate]:
+    """Those that many samples make certain and that take away most of what the current set leaves."""
+    left = (1.0 - TAKEN) * excess(current.error_held_out, noise)
+    return [one for one in found if one.delta_bic > CERTAIN and excess(one.error_held_out, noise) <= left
+            and one.error_held_out < current.error_held_out]
 
 
 def _with_search_steps(one: Candidate, base: Candidate, noise: float) -> Candidate:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from analysis.begun_anew import from_believed, with_examples
-from analysis.diagnosis import COMPLETE, excess
+from analysis.diagnosis import COMPLETE, Candidate, excess
 from analysis.effect_start import all_free, applicable
 from analysis.fit_state import Free
 from analysis.forward_search import Path, against, forward, worth_naming
@@ -21,6 +21,7 @@ from testbed.machine import Model
 
 LIKELY = 4  # effects whose openings are fitted from several starts
 CLEARLY = 0.5  # share of the excess of the first search that the second may leave, to be believed instead
+TWO = 3.0  # error over noise floor from which two effects are tried at once
 
 
 def looked_again(
@@ -28,39 +29,70 @@ def looked_again(
 ) -> Path:
     """The path, or, where that leaves much, the one that begins with the effect that alone explains most, if it leaves less.
 
-    Which that is, the openings of the records tell. noise: the noise floor, as the errors.
+    Which that is, the openings of the records tell. Where that, too, leaves much, it is tried with every other effect at once:
+    of two strong ones neither need explain anything alone. noise: the noise floor, as the errors.
     """
     cut = path.end.fitter is not None and any(record.cut is not None for record in path.end.fitter.records)
     if most < 2 or not cut or path.end.error_where_known <= COMPLETE * noise:
         return path
-    base, first = path.steps[0], path.steps[1] if len(path.steps) > 1 else None
-    assert base.fitter is not None and base.fit is not None
-    plant, records = base.fitter.plant, base.fitter.records
-
-    started = structure_start(records, model)
-
-    def free(name: str) -> list[Free]:
-        return all_free(records, with_examples(model, [name], catalogue), catalogue)
-
-    def glanced(name: str) -> float:
-        say(f"{name} from the believed machine")
-        return glance(plant, records, with_examples(started, [name], catalogue), free(name))
-
-    def opened(name: str) -> float:
-        say(f"{name} from the believed machine, its opening")
-        return opening_fit(plant, records, with_examples(started, [name], catalogue), free(name)).cost
-
+    look = _Look(path.steps[0], model, catalogue, say)
     say("much is left: looking at every effect again, from the believed machine")
-    likely = sorted(_could_be_first(records, model, catalogue), key=glanced)[:LIKELY]
-    best = min(likely, key=opened, default=None)
-    if best is None or first is not None and (best,) == first.effects:
+    likely = sorted(_could_be_first(look.records, model, catalogue), key=look.glanced)[:LIKELY]
+    if not likely:
         return path
-    alone = against(from_believed(plant, records, model, [best], catalogue), base)
-    if alone.error_held_out >= (first or base).error_held_out or first is None and not worth_naming(alone, base, base, noise):
+    costs = {name: look.opened(name) for name in likely}
+    best = min(costs, key=lambda name: costs[name])
+    found = _begun_with(path, [best], look, noise, most)
+    if found.end.error_where_known <= TWO * noise:
+        return found
+    say(f"much is left: looking at every effect together with {best}")
+    others = [name for name in _could_be_first(look.records, model, catalogue) if name != best and _acts(catalogue[name])]
+    pairs = {name: look.opened(best, name) for name in others}
+    other = min(pairs, key=lambda name: pairs[name], default=best)
+    return _begun_with(found, [best, other], look, noise, most) if pairs and pairs[other] <= CLEARLY * costs[best] else found
+
+
+class _Look:
+    """The believed machine with effects at their examples, fitted to the openings of the records of the base fit."""
+
+    def __init__(self, base: Candidate, model: Model, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> None:
+        assert base.fitter is not None
+        self.base, self.model, self.catalogue, self.say = base, model, catalogue, say
+        self.plant, self.records = base.fitter.plant, base.fitter.records
+        self.started = structure_start(self.records, model)
+
+    def _free(self, names: Sequence[str]) -> list[Free]:
+        return all_free(self.records, with_examples(self.model, names, self.catalogue), self.catalogue)
+
+    def glanced(self, name: str) -> float:
+        """The cost of a short fit."""
+        self.say(f"{name} from the believed machine")
+        return glance(self.plant, self.records, with_examples(self.started, [name], self.catalogue), self._free([name]))
+
+    def opened(self, *names: str) -> float:
+        """The cost of a fit from several starts."""
+        self.say(f"{' and '.join(names)} from the believed machine, the openings")
+        model = with_examples(self.started, names, self.catalogue)
+        return opening_fit(self.plant, self.records, model, self._free(names)).cost
+
+
+def _begun_with(path: Path, names: Sequence[str], look: _Look, noise: float, most: int) -> Path:
+    """The path, or the one that begins with these effects fitted from the believed machine, if it leaves clearly less."""
+    base, first = look.base, path.steps[1] if len(path.steps) > 1 else None
+    if first is not None and tuple(names) == first.effects:
         return path
-    again = forward([base, alone], model, catalogue, most, say)
+    begun = against(from_believed(look.plant, look.records, look.model, names, look.catalogue), base)
+    reference = first if first is not None and len(first.effects) == len(names) else base
+    if begun.error_held_out >= reference.error_held_out or first is None and not worth_naming(begun, base, base, noise):
+        return path
+    again = forward([base, begun], look.model, look.catalogue, most, look.say)
     now, before = excess(again.end.error_held_out, noise), excess(path.end.error_held_out, noise)
-    return replace(again, seen=(*path.seen, alone, *again.seen)) if now <= CLEARLY * before else path
+    return replace(again, seen=(*path.seen, begun, *again.seen)) if now <= CLEARLY * before else path
+
+
+def _acts(effect: Effect) -> bool:
+    """Whether an effect acts on the motion, rather than on what a sensor or a clock says of it."""
+    return not {"measure", "speed"} & set(effect.hooks)
 
 
 def _could_be_first(records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> list[str]:

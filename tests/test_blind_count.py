@@ -10,7 +10,7 @@ from tests.validation.blind import count
 def campaign(kind, verdict, hidden=(), effects=(), baseline=0.5):
     return {"seed": 1, "kind": kind, "made": True, "hidden": {name: {} for name in hidden}, "effects": list(effects),
             "verdict": verdict, "baseline": baseline, "with_effects": 0.01, "noise_floor": 0.01, "noise": 1e-6,
-            "tachometer": True, "seconds": 1.0}
+            "tachometer": True, "processor": 1.0}
 
 
 def claims(campaigns, tmp_path, monkeypatch):

@@ -97,3 +97,11 @@ def test_of_the_faint_rest_of_a_strong_effect_another_must_take_most(before, fir
     base, current, other = (Candidate(effects, {}, error, error, 75.0, True)
                             for effects, error in (((), before), (("edge_force",), first), (("edge_force", "helix"), second)))
     assert worth_naming(other, current, base, 1.0) is worth
+
+
+@pytest.mark.parametrize(("left", "worth"), [(1.031, False), (1.005, True)])
+def test_of_the_little_that_two_effects_leave_a_third_must_take_half(left, worth):
+    two = ("contact_loss", "runout")
+    base, current, other = (Candidate(effects, {}, error, error, 75.0, True)
+                            for effects, error in (((), 2.2), (two, 1.036), ((*two, "entry_ramp"), left)))
+    assert worth_naming(other, current, base, 1.0) is worth

@@ -9,7 +9,7 @@ from analysis.begun_anew import from_believed
 from analysis.forward_search import Path
 from analysis.held_out import pooled
 from analysis.observed import observe
-from analysis.second_look import looked_again
+from analysis.second_look import CLEARLY, _acts, _begun_with, _Look, looked_again
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE
@@ -46,3 +46,27 @@ def test_a_search_that_left_only_noise_is_not_begun_again(observed):
     right = fitted(observed, "immersion_error")
     path = Path((fitted(observed), right), (), ())
     assert looked_again(path, BELIEVED, KNOWN, pooled(right.errors)[1], 3, pytest.fail) is path
+
+
+def test_two_effects_neither_of_which_explains_anything_alone_are_found_together():
+    known = {name: catalogue()[name] for name in ("cubic_stiffness", "edge_force", "process_damping")}
+    hidden = {"cubic_stiffness": {"coefficient": 8e13}, "edge_force": {"tangential": 1e4, "normal": 1.4e4}}
+    true = TRUE
+    for name, values in hidden.items():
+        true = true.with_effect(name, **values)
+    records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=8, course=(8, 25, 12), rate=6400.0,
+                                 tests=((3500, 0.8), (2850, 1.5), (3900, 1.8)))
+    base = from_believed(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED, (), known)
+    noise = pooled(base.errors)[1]
+    assert base.error_held_out > 10.0 * noise
+    look = _Look(base, BELIEVED, known, lambda line: None)
+    pairs = {other: look.opened("cubic_stiffness", other) for other in ("edge_force", "process_damping")}
+    assert pairs["edge_force"] < CLEARLY * min(pairs["process_damping"], look.opened("cubic_stiffness"))
+    found = _begun_with(Path((base,), (), ()), ["cubic_stiffness", "edge_force"], look, noise, 2)
+    assert set(found.end.effects) == set(hidden) and found.end.error_where_known < 1.05 * noise
+    assert found.end.parameters["cubic_stiffness.coefficient"] == pytest.approx(8e13, rel=0.02)
+
+
+def test_what_a_sensor_says_of_the_motion_moves_nothing():
+    assert [name for name in ("cubic_stiffness", "edge_force", "sensor_lag", "speed_droop") if _acts(catalogue()[name])] == \
+        ["cubic_stiffness", "edge_force"]

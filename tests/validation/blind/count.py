@@ -106,9 +106,9 @@ def _by_effect(worth: Sequence[dict[str, Any]]) -> tuple[str, tuple[str, ...], t
         mine = [one for one in worth if name in one["hidden"]]
         right = [one for one in mine if one["effects"] == [name]]
         others = sorted({f"{one['verdict']}: {' + '.join(one['effects']) or 'none'}" for one in mine if one not in right})
-        seconds = sorted(one["seconds"] for one in mine)
-        rows.append((name, share(right, mine), f"{seconds[len(seconds) // 2]:.0f}", "; ".join(others)))
-    return "By effect (worth more than 3 %)", ("effect", "named right", "seconds, median", "otherwise"), tuple(rows)
+        times = sorted(one["processor"] for one in mine if "processor" in one)
+        rows.append((name, share(right, mine), f"{times[len(times) // 2]:.0f}" if times else "-", "; ".join(others)))
+    return "By effect (worth more than 3 %)", ("effect", "named right", "processor s, median", "otherwise"), tuple(rows)
 
 
 def _missed(of_note: Sequence[dict[str, Any]], named: Sequence[dict[str, Any]]) -> tuple[str, tuple[str, ...], tuple]:

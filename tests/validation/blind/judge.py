@@ -1,6 +1,5 @@
 """Diagnose blind campaigns and count:  python -m tests.validation.blind.judge [--count N] [--first SEED] [--workers N]
 
-
 Every campaign's answer is one line of results.jsonl, written when it is known, so that a stopped run goes on where it was.
 """
 
