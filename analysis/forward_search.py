@@ -147,8 +147,9 @@ def worth_naming(candidate: Candidate, current: Candidate, base: Candidate, nois
     """Whether an effect is worth naming: by BIC, by what it takes of the present excess, and by its share of the whole one.
 
     The last, so that where something unknown remains, no effect is named for nibbling at it; what completes the model passes.
-    Of the faint rest of a strong effect it must take away most: no law is the machine's own to the last per cent. Of the little
-    that two effects leave, a third must take half, or it would make a good answer doubtful.
+    Of the faint rest of a strong effect it must take away most, and where that is little above the noise all: no law is the
+    machine's own to the last per cent. Of the little that two effects leave, a third must take half, or it would make a good
+    answer doubtful.
     """
     before, after = excess(current.error_held_out, noise), excess(candidate.error_beside(noise), noise)
     gained = before - after
@@ -157,6 +158,8 @@ def worth_naming(candidate: Candidate, current: Candidate, base: Candidate, nois
     share = GAIN
     if current.effects and before < FAINT * whole:
         share = TAKEN
+        if before <= excess(COMPLETE * noise, noise) and candidate.error_beside(noise) > ADEQUATE * noise:
+            return False
     elif len(current.effects) >= MANY - 1 and before <= excess(FINAL * noise, noise):
         share = PARTIAL
     return candidate.delta_bic > DELTA_BIC and gained > max(share * before, 1e-3 * noise**2) and material

@@ -91,6 +91,7 @@ def test_three_effects_are_missing_only_where_they_leave_nothing(names, left, ve
 @pytest.mark.parametrize(("before", "first", "second", "worth"), [
     (9.0, 1.04, 1.025, False),  # the form of a strong law is not the same everywhere: another one may make up for a part,
     (9.0, 1.04, 1.005, True),  # but takes away what is left where it is the one that is missing
+    (78.0, 1.113, 1.036, False),  # though not all of it where it makes up for the law's last per cent
     (1.5, 1.04, 1.025, True),  # of a weak first effect, the rest is no matter of its form
 ])
 def test_of_the_faint_rest_of_a_strong_effect_another_must_take_most(before, first, second, worth):

@@ -24,7 +24,8 @@ PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=cat
 
 
 def test_a_gradual_entry_is_found_from_bent_coefficients():
-    records = synthetic_campaign(partial(fast.simulate, steps=37), TRUE, seed=6, tests=((3500, 1.2), (2600, 1.5), (3900, 2.2)))
+    records = synthetic_campaign(partial(fast.simulate, steps=37), TRUE, seed=6, rate=6400.0,
+                                 tests=((3500, 1.2), (2600, 1.5), (3900, 2.2)))
     fitter, fit = base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
     count = sum(rest.size for rest in fit.residuals)
     assert fit.squares > 4 * count
@@ -43,7 +44,7 @@ def test_the_first_touch_within_a_pass_is_found_record_by_record():
         touched = min(late.items(), key=lambda pair: abs(pair[0] * RPM - cut.spindle_speed))[1]
         return fast.simulate(model, replace(cut, late_entry=touched), sampling, steps=61)
 
-    records = synthetic_campaign(simulate, TRUE, seed=6, tests=((3500, 1.2), (2600, 1.5), (3900, 2.2)), noise=3e-7)
+    records = synthetic_campaign(simulate, TRUE, seed=6, tests=((3500, 1.2), (2600, 1.5), (3900, 2.2)), noise=3e-7, rate=6400.0)
     found = from_believed(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED, ["entry_ramp"], catalogue())
     state = found.fit.state
     assert found.error_where_known < 1.03 * pooled(found.errors)[1]
