@@ -163,7 +163,7 @@ def with_effect(
     if name not in entry.state.model.effects:
         return current
     found = entry.fitted = _refitted(current, entry, catalogue, say)
-    if not _shifts_in_time(effect) and found.error_held_out > ADEQUATE * pooled(current.errors)[1]:
+    if not shifts_in_time(effect) and found.error_held_out > ADEQUATE * pooled(current.errors)[1]:
         say(f"trying {name} from far")
         _from_far(current, entry, effect, origins)
         found = entry.fitted or _refitted(current, entry, catalogue, say)
@@ -193,7 +193,7 @@ def _stuck(entries: Sequence[_Entry], hopeful: float, catalogue: Mapping[str, Ef
             if one.fitted is None and one.cost > hopeful and "engagement" not in catalogue[one.name].hooks]
 
 
-def _shifts_in_time(effect: Effect) -> bool:
+def shifts_in_time(effect: Effect) -> bool:
     """Whether an effect shifts the record in time, so that it is tried from far outside at once."""
     return bool({"measure", "speed"} & set(effect.hooks))
 
@@ -205,7 +205,7 @@ def _begun(current: Candidate, effect: Effect, origins: Sequence[Origin], growin
     if asks_length([effect.name], {effect.name: effect}) and (longer := carried_on(current.fitter.records)) is not None:
         worn = current.fitter.on(longer)
         entry = min(entry, _Entry(effect.name, *first_step(worn, effect, current.fit, origins)), key=lambda one: one.cost)
-    if _shifts_in_time(effect):
+    if shifts_in_time(effect):
         _from_far(current, entry, effect)
     return entry
 
@@ -239,7 +239,7 @@ def _try_from_far(
     """Every entry once more from far outside, where no first step led to much."""
     for entry in entries:
         effect = catalogue[entry.name]
-        if (entry.fitted is None or "engagement" in effect.hooks) and not _shifts_in_time(effect):
+        if (entry.fitted is None or "engagement" in effect.hooks) and not shifts_in_time(effect):
             say(f"trying {entry.name} from far")
             _from_far(current, entry, effect, origins, BEHIND * _best(entries))
     entries.sort(key=lambda entry: entry.reached)

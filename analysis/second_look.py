@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from analysis.begun_anew import from_believed, with_examples
+from analysis.candidate_round import shifts_in_time
 from analysis.diagnosis import COMPLETE, Candidate, excess
 from analysis.effect_start import all_free, applicable
 from analysis.fit_state import Free
@@ -37,7 +38,8 @@ def looked_again(
         return path
     look = _Look(path.steps[0], model, catalogue, say)
     say("much is left: looking at every effect again, from the believed machine")
-    likely = sorted(_could_be_first(look.records, model, catalogue), key=look.glanced)[:LIKELY]
+    every = _could_be_first(look.records, model, catalogue)
+    likely = sorted(every, key=look.glanced)[:LIKELY]
     if not likely:
         return path
     costs = {name: look.opened(name) for name in likely}
@@ -46,7 +48,7 @@ def looked_again(
     if found.end.error_where_known <= TWO * noise:
         return found
     say(f"much is left: looking at every effect together with {best}")
-    others = [name for name in _could_be_first(look.records, model, catalogue) if name != best and _acts(catalogue[name])]
+    others = [name for name in every if name != best and not shifts_in_time(catalogue[name])]
     pairs = {name: look.opened(best, name) for name in others}
     other = min(pairs, key=lambda name: pairs[name], default=best)
     return _begun_with(found, [best, other], look, noise, most) if pairs and pairs[other] <= CLEARLY * costs[best] else found
@@ -88,11 +90,6 @@ def _begun_with(path: Path, names: Sequence[str], look: _Look, noise: float, mos
     again = forward([base, begun], look.model, look.catalogue, most, look.say)
     now, before = excess(again.end.error_held_out, noise), excess(path.end.error_held_out, noise)
     return replace(again, seen=(*path.seen, begun, *again.seen)) if now <= CLEARLY * before else path
-
-
-def _acts(effect: Effect) -> bool:
-    """Whether an effect acts on the motion, rather than on what a sensor or a clock says of it."""
-    return not {"measure", "speed"} & set(effect.hooks)
 
 
 def _could_be_first(records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> list[str]:

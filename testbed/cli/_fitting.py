@@ -103,6 +103,11 @@ def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
             "the model has it, and were it 1 % more, so would they be"]
 
 
+def notes_on(records: Sequence[Any], model: Any) -> list[str]:
+    """All that is to be said of records as read before a fit of the model is believed."""
+    return [*uncalibrated(records), *doubts(records, model), *of_the_mass(records, model)]
+
+
 def channel_units(records: Sequence[Any]) -> dict[str, str]:
     """The unit of every channel of the records, SI or its own."""
     return {name: unit for record in records for name, unit in record.recording.units.items()}

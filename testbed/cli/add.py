@@ -29,7 +29,7 @@ def command(name: str, model_file: str, campaign: str, output: str, report: str 
     Nothing here is random: --seed changes nothing.
     """
     from analysis.add_effect import add_effect, as_json
-    from testbed.cli._fitting import channel_units, doubts, of_the_mass, plant_of, read_both, sign_of_life, uncalibrated
+    from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
     from testbed.model_file import write_model
 
     answer = Answer(json_file, quiet)
@@ -48,7 +48,7 @@ def command(name: str, model_file: str, campaign: str, output: str, report: str 
     except ValueError as problem:
         raise InputProblem(campaign, str(problem), "add a record that shows it") from None
     write_model(found.model, output, catalogue)
-    notes = [*uncalibrated(read), *doubts(read, model), *of_the_mass(read, model)]
+    notes = notes_on(read, model)
     _say(answer, found, notes)
     answer.say(f"written: {output}")
     if folder is not None:

@@ -33,7 +33,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     from analysis.length_cut import length_note
     from analysis.other_way import other_way_note
     from analysis.switched import switch_note
-    from testbed.cli._fitting import channel_units, doubts, of_the_mass, plant_of, read_both, sign_of_life, uncalibrated
+    from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
 
     answer = Answer(json_file, quiet)
     pictures = output_folder(output) if output else None
@@ -43,8 +43,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
         found = compare(plant_of(catalogue), records, model, catalogue)
         turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
     unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
-    notes = [*uncalibrated(read), *doubts(read, model), *of_the_mass(read, model), *turned, *unlike,
-             *length_note(records, found.fitter.records)]
+    notes = [*notes_on(read, model), *turned, *unlike, *length_note(records, found.fitter.records)]
     _say(answer, found, notes, model)
     if pictures is not None:
         from analysis.compare_plots import save

@@ -42,7 +42,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     from analysis.length_cut import length_note
     from analysis.other_way import other_way_note
     from testbed.catalogue import DECOYS
-    from testbed.cli._fitting import channel_units, doubts, of_the_mass, plant_of, read_both, sign_of_life, uncalibrated
+    from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
 
     answer = Answer(json_file, quiet)
     folder = output_folder(output) if output else None
@@ -57,7 +57,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         if found.candidates:  # else no search was made, for what was found before it
             turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
     worn = [] if found.best.fitter is None else length_note(records, found.best.fitter.records)
-    notes = [*uncalibrated(read), *doubts(read, model), *of_the_mass(read, model), *turned, *worn]
+    notes = [*notes_on(read, model), *turned, *worn]
     for note in notes:
         answer.say(note)
     said = as_json(found, model) | {"notes": notes}
