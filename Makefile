@@ -18,7 +18,7 @@ demo: $(VENV)/ready
 	$(BIN)/testbed demo -o $(DEMO)
 
 test: $(VENV)/ready
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 lint: $(VENV)/ready
 	$(BIN)/ruff check .

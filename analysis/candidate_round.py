@@ -23,6 +23,7 @@ from analysis.parts_of_passes import with_parts_of_passes
 from analysis.pass_count import recounted
 from analysis.scale_hops import hopped
 from analysis.starts import polish, rested
+from analysis.steady_speed import no_swing
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 
@@ -92,9 +93,15 @@ def try_candidates(
     over = max(current.fit.cost - floor, 0.0)
     hopeful = current.fit.cost - HOPE * GAIN * over
     wanted = COMPLETE**2 * floor if last else math.inf
+    ruled_out: list[Candidate] = []
+    while entries and entries[0].cost <= hopeful:
+        entries[0].fitted = _refitted(current, entries[0], catalogue, say, goal=wanted)
+        if not no_swing(entries[0].fitted, catalogue):
+            break
+        ruled_out.append(_not_fitted(current, entries.pop(0).name))
     if entries and entries[0].cost <= hopeful:
         leader = entries[0]
-        leader.fitted = _refitted(current, leader, catalogue, say, goal=wanted)
+        assert leader.fitted is not None
         incomplete = leader.fitted.error_where_known > ADEQUATE * noise
         assert leader.fitted.fit is not None
         if incomplete and leader.cost - floor > MUCH * over and leader.fitted.fit.cost - floor > LITTLE * over:
@@ -106,19 +113,26 @@ def try_candidates(
             _from_far(current, leader, catalogue[leader.name], origins)
     elif entries and not near:
         _try_from_far(current, entries, catalogue, origins, say)
-    found = []
+    found = ruled_out
     complete = 0  # once a candidate explains everything, only a rival close to it can still matter
     for place, entry in enumerate(entries):
         if entry.fitted is None and (place >= LEADERS or complete > 1 or entry.cost > hopeful):
-            effects = (*current.effects, entry.name)
-            found.append(Candidate(effects, {}, current.error_fit, current.error_held_out, 0.0, False))
+            found.append(_not_fitted(current, entry.name))
             continue
         iterations, behind = (10, RIVAL) if complete else (40, BEHIND)
         goal = min(wanted, behind * _best(entries))
         fitted = entry.fitted = entry.fitted or _refitted(current, entry, catalogue, say, iterations, goal)
+        if no_swing(fitted, catalogue):
+            found.append(_not_fitted(current, entry.name))
+            continue
         found.append(fitted)
         complete += int(complete > 0 or fitted.error_where_known <= ADEQUATE * noise)
     return sorted(found, key=lambda candidate: candidate.error_beside(noise))
+
+
+def _not_fitted(current: Candidate, name: str) -> Candidate:
+    """A candidate that is ruled out."""
+    return Candidate((*current.effects, name), {}, current.error_fit, current.error_held_out, 0.0, False)
 
 
 def _nothing_hidden(current: Candidate, noise: float) -> bool:
@@ -146,7 +160,8 @@ def certain_candidates(
         _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say)
     leaders = sorted((one for one in entries if one.cost <= hopeful), key=lambda one: one.cost)[:LEADERS]
     found = [_refitted(current, one, catalogue, say) for one in leaders]
-    return sorted((one for one in found if one.delta_bic > CERTAIN), key=lambda one: -one.delta_bic)
+    believable = (one for one in found if one.delta_bic > CERTAIN and not no_swing(one, catalogue))
+    return sorted(believable, key=lambda one: -one.delta_bic)
 
 
 def with_effect(

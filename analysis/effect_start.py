@@ -292,7 +292,7 @@ def switched_on(fitter: Fitter, effect: Effect, origins: Sequence[Origin]) -> tu
     What the model lacked it had made up for by all it has: no single step leads back.
     """
     states = [replace(one.state, model=one.state.model.with_effect(effect.name)) for one in origins]
-    found = [fitter.descend(state, iterations=CORNER) for state in states]
+    found = [fitter.descend(state, iterations=2 * CORNER) for state in states]
     best = min(found, key=lambda one: one.cost)
     return best.cost, best.state, fitter
 

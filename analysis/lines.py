@@ -10,6 +10,9 @@ import numpy as np
 
 LineKind = Literal["hum", "spindle", "tooth-passing", "half tooth-passing", "natural", "other"]
 _HARMONICS_OF_HUM = 40
+FARTHEST = 0.6, 1.7  # of the nominal speed: between one half and twice it, which explain the lines of it as well
+CLEARLY = 1.25  # times the score, by which a spacing far from the nominal one must explain more
+FAR_LINES, FAR_SHARE = 6, 0.6  # lines, and share of their amplitude, that such a one explains where it is told
 FINE = 0.1  # of the spindle frequency: width of a line up to which half orders are told from what lies between them
 
 
@@ -146,7 +149,8 @@ def comb_speed(
     """Spindle speed (rad/s) within `span` of the nominal one, from multiples of the tooth-passing frequency or, in
     chatter, from the spacing of the side bands of the strongest other line; None where nothing stands out.
 
-    Lines that the idling has as well are hum and do not count.
+    Lines that the idling has as well are hum and do not count. Where a spacing far from the nominal one explains clearly
+    more, as where the speed of another test was written down, the nominal one is wrong: that spacing, or None, is told.
     """
     quiet = find_peaks(idle, rate, 80) if idle is not None and len(idle) > 256 else []
     width = 1.5 * rate / len(values) + (1.5 * rate / len(idle) if idle is not None and len(idle) else 0.0)
@@ -157,12 +161,17 @@ def comb_speed(
     ]
     if len(lines) < 2:
         return None
-    passing = nominal * flutes / (2 * np.pi)
+    passing, resolution = nominal * flutes / (2 * np.pi), rate / len(values)
     candidates: list[tuple[float, CombSpeed]] = []
     for centre in (0.0, lines[0][0]):
         if centre and abs(centre / passing - round(centre / passing)) < 0.02:
             continue  # the strongest line is one of tooth passing itself
-        found = _spacing(lines, centre, passing, span, rate / len(values), rate / 2)
+        found = _spacing(lines, centre, passing, (1 - span, 1 + span), resolution, rate / 2)
+        far = None if centre else _far_spacing(lines, passing, span, resolution, rate / 2)
+        if far is not None and (found is None or far.score > CLEARLY * found.score):
+            if far.lines >= FAR_LINES and far.share > FAR_SHARE:
+                candidates.append((far.even_share, CombSpeed(2 * np.pi * far.spacing / flutes, "tooth-passing lines")))
+            continue
         if found is None:
             continue
         order = centre / found.spacing
@@ -177,23 +186,36 @@ def comb_speed(
 
 
 class _Spacing(NamedTuple):
-    """A spacing (Hz), its lead in strength over the second best, how many lines it explains, and what share of them, by
-    amplitude and by the root of amplitude (which lets no single line decide)."""
+    """A spacing (Hz), its score and the lead of that over the second best, how many lines it explains, and what share of
+    them, by amplitude and by the root of amplitude (which lets no single line decide)."""
 
     spacing: float
+    score: float
     lead: float
     lines: int
     share: float
     even_share: float
 
 
-def _spacing(
-    lines: Sequence[tuple[float, float]], centre: float, passing: float, span: float, resolution: float, top: float
+def _far_spacing(
+    lines: Sequence[tuple[float, float]], passing: float, span: float, resolution: float, top: float
 ) -> _Spacing | None:
-    """The spacing (Hz) about `centre` that carries most of the lines' strength."""
+    """The spacing of a comb from 0 that explains most beyond `span`; the wider of two that explain as much."""
+    low, high = FARTHEST
+    sides = ((low, 1 - span), (1 + span, high))
+    found = [one for side in sides if (one := _spacing(lines, 0.0, passing, side, resolution, top)) is not None]
+    best = max((one.score for one in found), default=0.0)
+    return max((one for one in found if one.score > 0.9 * best), default=None, key=lambda one: one.spacing)
+
+
+def _spacing(
+    lines: Sequence[tuple[float, float]], centre: float, passing: float, reach: tuple[float, float], resolution: float,
+    top: float
+) -> _Spacing | None:
+    """The spacing (Hz) about `centre`, of this range in units of `passing`, that carries most of the lines' strength."""
     frequency = np.array([line[0] for line in lines])
     weight = np.sqrt(np.array([line[1] for line in lines]))
-    grid = np.arange((1 - span) * passing, (1 + span) * passing, 0.05 * resolution)
+    grid = np.arange(reach[0] * passing, reach[1] * passing, 0.05 * resolution)
     away = frequency[None, :] - centre
     order = np.round(away / grid[:, None])
     off = away - order * grid[:, None]
@@ -206,7 +228,8 @@ def _spacing(
     second = float(score[apart].max(initial=1e-30))
     hit, others = near[best] > 0.3, np.abs(frequency - centre) > 2 * resolution
     shares = [float((weight**power)[hit].sum() / (weight**power)[others].sum()) for power in (2, 1)]
-    return _Spacing(float(grid[best]), float(score[best]) / second, int(hit.sum()), shares[0], shares[1])
+    peak = float(score[best])
+    return _Spacing(float(grid[best]), peak, peak / second, int(hit.sum()), shares[0], shares[1])
 
 
 def follow_line(

@@ -42,6 +42,7 @@ class Observed:
     heard: whether it has a say in the fit. noise_doubt: standard error of the first channel's noise over itself. believed
     (samples,): those that count; all, where None. measured: the record at the speed that its marks show, where those are
     left out here. slots: of how many slots of the spindle the marks may be any; they do not tell its teeth apart.
+    steady_marks: times (s) of all marks, where they show a constant speed.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Observed:
     believed: np.ndarray | None = None
     measured: Observed | None = None
     slots: int = 1
+    steady_marks: np.ndarray | None = None
 
     @property
     def forces_only(self) -> bool:
@@ -311,12 +313,13 @@ def _used(kind: str, segments: Sequence[Segment], recording: Any, name: str) -> 
 def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
     cut = record.cut(flutes)
     marks = np.asarray(record.recording.marks)
-    period, anchor, kept, error, slots = 2 * math.pi / cut.spindle_speed, None, None, None, 1
+    period, anchor, kept, error, slots, calm = 2 * math.pi / cut.spindle_speed, None, None, None, 1, None
     if len(marks) >= 3:
         halfway = digital(marks, base.rate, record.recording.start)
         sample = 1.0 / base.rate if halfway else 0.0
         period, anchor, steady = clock_of(marks, sample)
         slots = record.recording.pulses_per_revolution
+        calm = marks if steady else None
         if flutes % slots:  # which pulse came first is open: the marks tell the speed alone
             anchor = None
         elif steady:
@@ -334,5 +337,6 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
         marks=kept,
         clock_error=error,
         slots=slots if anchor is not None else 1,
+        steady_marks=calm,
         starts_in_cut="idle" not in kinds and "entry" not in kinds,
     )

@@ -32,7 +32,7 @@ def test_the_effect_is_found_behind_a_fit_that_has_made_up_for_it():
     assert fit.mean_squares.max() > 20.0
     origins = [Origin(fit.state, fit.parts)]
     cost, state, _ = switched_on(fitter, known["contact_loss"], origins)
-    assert cost < 0.1 * fit.cost and "contact_loss" in state.model.effects
+    assert cost < 0.5 * fit.cost and "contact_loss" in state.model.effects
     found = with_effect(candidate_of(fitter, fit, (), None, 1.0), "contact_loss", known, origins, print)
     assert found.fit.mean_squares.max() < 1.1
     cutting = found.fit.state.model.cutting

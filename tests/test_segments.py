@@ -158,6 +158,16 @@ def test_the_speed_is_found_from_the_spectrum_alone() -> None:
     assert [comb_speed(noise, 12800.0, 400.0) for noise in noises] == [None] * 12
 
 
+@pytest.mark.parametrize("off", [0.7, 0.8, 1.25, 1.5])
+def test_the_speed_of_another_test_written_down_is_not_advised(off) -> None:
+    recording, truth = milling_record(noise=1e-6)
+    part = next(part for part in find_segments(recording) if part.kind == "steady")
+    values = recording.channels["displacement"][samples_of(recording, part)]
+    found = comb_speed(values, 12800.0, off * 2 * np.pi / truth.period)  # a comb at 4/5 of the true one has some of its lines
+    assert found is not None and found.basis == "tooth-passing lines"
+    assert found.spindle_speed == pytest.approx(2 * np.pi / truth.period, rel=2e-3)
+
+
 def test_side_bands_give_the_speed_and_a_drifting_line_is_followed() -> None:
     time = np.arange(10000) / 5000
     phase = 2 * np.pi * (720 * time - 10 * time**2)

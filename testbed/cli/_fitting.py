@@ -103,9 +103,19 @@ def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
             "the model has it, and were it 1 % more, so would they be"]
 
 
+def of_the_range(records: Sequence[Any]) -> list[str]:
+    """A line where the motion left the sensor's range: of what was cut off nobody can tell which physics made it."""
+    cut_off = [record.name for record in records if any("are clipped" in note for note in record.notes)]
+    if not cut_off:
+        return []
+    many = ", ..." if len(cut_off) > 3 else ""
+    return [f"the signal left its range in {', '.join(cut_off[:3])}{many}: no model follows what was cut off there, so what "
+            "such records leave unexplained may be nothing else; measure them again with a wider range, or take them out"]
+
+
 def notes_on(records: Sequence[Any], model: Any) -> list[str]:
     """All that is to be said of records as read before a fit of the model is believed."""
-    return [*uncalibrated(records), *doubts(records, model), *of_the_mass(records, model)]
+    return [*uncalibrated(records), *doubts(records, model), *of_the_mass(records, model), *of_the_range(records)]
 
 
 def channel_units(records: Sequence[Any]) -> dict[str, str]:
