@@ -23,7 +23,7 @@ from testbed.effect import Effect
 from testbed.machine import Model
 
 CLEAN = 1.01  # error over noise floor up to which nothing is left that another valley could explain
-FAR_OFF = 2.0  # times the cost of the fit at hand, above which the new one is given up
+FAR_OFF = 2.0  # times the cost of the fit at hand, or of the noise if that alone will do, above which a new one is given up
 MUCH_CHEAPER = 0.7  # times the cost that the new fit must have where it, too, leaves more than noise
 
 
@@ -83,10 +83,14 @@ def switched_on_too(
     assert current.fit is not None and current.fitter is not None
     fit, fitter = current.fit, current.fitter
     records = [replace(record, weight=None) for record in fitter.records]
+    goal = FAR_OFF * 0.5 * sum(record.size for record in records)
     for name, _ in switchable(fitter, fit.state, catalogue):
         say(f"fitting {current.effects[-1]} with {name} from the believed machine")
         believed = _believed_but_last(current, model, catalogue).with_effect(name)
-        found = candidate_of(*model_fit(fitter.plant, records, believed, catalogue), (*current.effects, name), None, 1.0)
+        wider, complete = model_fit(fitter.plant, records, believed, catalogue, goal=goal)
+        if complete.cost > goal:
+            continue
+        found = candidate_of(wider, complete, (*current.effects, name), None, 1.0)
         if found.error_where_known <= ADEQUATE * noise:
             return found
     return None

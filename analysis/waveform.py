@@ -26,6 +26,7 @@ SLOWEST = 0.8  # of the nominal speed, that a record without marks may turn out 
 FAINTEST = 1e-3  # slope by an unknown, in units of the noise over a natural step, below which it is as good as none
 ROUNDED = 1e-12  # share of an unknown's squared slopes below which what the records' own unknowns leave is rounding
 COLLINEAR = 1e-10  # eigenvalue of the unknowns' correlations below which a combination of them is as good as unknown
+SLOPE_STEP = 1e-4  # of a natural step, by which slopes are taken
 ANGLE_STEP = 0.1  # rad: a natural step of the mark angle
 LATE_STEP = 0.1  # of a pass: a natural step of the first touch
 BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
@@ -150,11 +151,15 @@ class Fitter:
         unit[place] = sign * step
         return self.moved(state, unit), sign
 
-    def linearise(self, index: int, state: State, step: float = 1e-4) -> Linearised:
-        """Residual and slopes of one record by forward differences."""
+    def _shared_nudges(self, state: State, step: float) -> list[tuple[State, float]]:
+        return [self._shared_nudge(state, place, step) for place in range(len(self.names))]
+
+    def linearise(self, index: int, state: State, step: float = SLOPE_STEP,
+                  nudges: Sequence[tuple[State, float]] | None = None) -> Linearised:  # fmt: skip
+        """Residual and slopes of one record by forward differences. nudges: of the shared unknowns, where they are at hand."""
         record, own = self.records[index], self._own_steps(self.records[index])
         nuisances = state.nuisances[index]
-        nudges = [self._shared_nudge(state, place, step) for place in range(len(self.names))]
+        nudges = self._shared_nudges(state, step) if nudges is None else nudges
         signs = [sign for _, sign in nudges]
         variants = [(one.model, one.angle, nuisances) for one in (state, *(other for other, _ in nudges))]
         variants += [(state.model, state.angle, self._nudged(nuisances, change, step)) for change in own]
@@ -166,9 +171,13 @@ class Fitter:
         return Linearised(np.append(rest[0], held), _padded(slopes[: len(self.names)].T, len(held)), by_own)
 
     def linearise_all(self, state: State) -> tuple[Linearised, ...]:
-        """Every record about a state, on threads (the engine lets go of the interpreter)."""
+        """Every record about a state, on threads (the engine lets go of the interpreter).
+
+        The nudged models are the same objects for all records, so that the engine need not unpack each anew.
+        """
+        nudges = self._shared_nudges(state, SLOPE_STEP)
         with ThreadPoolExecutor(WORKERS) as pool:
-            return tuple(pool.map(lambda index: self.linearise(index, state), range(len(self.records))))
+            return tuple(pool.map(lambda index: self.linearise(index, state, SLOPE_STEP, nudges), range(len(self.records))))
 
     def residual_of(self, index: int, state: State) -> np.ndarray:
         """One record's residual, in units of its scale."""

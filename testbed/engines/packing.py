@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections import OrderedDict
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from threading import Lock
 
 import numpy as np
 
@@ -173,14 +175,16 @@ class _OfModel:
     motion: Motion
     steady: bool
     base: bool
+    lags: dict[float, _OfLag] = field(default_factory=dict)  # without a helix all depths share one
 
 
-_last: _OfModel | None = None  # the runs of a sweep mostly share one model
+KEPT = 32  # models, and depths of each under a helix, of which what they are packed from is kept
+_of_models: OrderedDict[int, _OfModel] = OrderedDict()  # the runs of a sweep, and the records of a fit, share a few
+_turn = Lock()
 
 
 def _of_model(model: Model, catalogue: Mapping[str, Effect]) -> _OfModel:
-    global _last
-    known = _last
+    known = _of_models.get(id(model))
     if known is not None and known.model is model and known.layout is _layout(catalogue) \
             and all(catalogue.get(name) is effect for name, effect in known.effects.items()):
         return known
@@ -193,19 +197,21 @@ def _of_model(model: Model, catalogue: Mapping[str, Effect]) -> _OfModel:
         for parameter in catalogue[name].parameters:
             P[layout.parameter[name, parameter.name]] = values[parameter.name]
     A.flags.writeable = P.flags.writeable = False
-    _last = _OfModel(model, {name: catalogue[name] for name in model.effects}, layout, active, cutter, cutting, A, P,
+    found = _OfModel(model, {name: catalogue[name] for name in model.effects}, layout, active, cutter, cutting, A, P,
                      motion_of(model.structure, active, catalogue, layout),
                      not any("speed" in catalogue[name].hooks for name in active),
                      not any(_touches_loop(catalogue[name]) for name in active))
-    return _last
+    with _turn:
+        _of_models[id(model)] = found
+        while len(_of_models) > KEPT:
+            _of_models.popitem(last=False)
+    return found
 
 
 @dataclass(frozen=True)
 class _OfLag:
     """What `pack` makes of a model and the lag of its helix (rad) at one depth, whatever else the cut may be."""
 
-    of: _OfModel
-    lag: float
     slices: int
     corners: np.ndarray
     teeth: list[int]
@@ -214,13 +220,9 @@ class _OfLag:
     I: np.ndarray  # noqa: E741
 
 
-_last_lag: _OfLag | None = None  # without a helix all runs of a sweep share it
-
-
 def _of_lag(of: _OfModel, lag: float) -> _OfLag:
-    global _last_lag
-    known = _last_lag
-    if known is not None and known.of is of and known.lag == lag:
+    known = of.lags.get(lag)
+    if known is not None:
         return known
     cutter, cutting = of.cutter, of.cutting
     slices = axial_points(min(lag, cutting.engagement_angle), any("chip" in of.effects[name].hooks for name in of.active))
@@ -229,9 +231,12 @@ def _of_lag(of: _OfModel, lag: float) -> _OfLag:
     crossing = window - cutter.pitch * math.floor(window / cutter.pitch + 1e-9)
     if crossing < 1e-9 * cutter.pitch:
         crossing = cutter.pitch
-    _last_lag = found = _OfLag(of, lag, slices, corners, teeth, crossing,
-                               _geometry(cutter, cutting, of.model.structure, slices, lag, corners),
-                               _settings(teeth, of.motion, of.steady, len(of.layout.state)))
+    found = _OfLag(slices, corners, teeth, crossing,
+                   _geometry(cutter, cutting, of.model.structure, slices, lag, corners),
+                   _settings(teeth, of.motion, of.steady, len(of.layout.state)))
+    if len(of.lags) >= KEPT:  # a helix under depths drawn at random
+        of.lags.clear()
+    of.lags[lag] = found
     return found
 
 
