@@ -48,8 +48,8 @@ def _creeps(effect: Effect, state: State, cuts: list[tuple[Observed, Nuisances]]
 def _refuted(effect: Effect, state: State, cuts: list[tuple[Observed, Nuisances]]) -> bool:
     """Whether the marks of a steady speed follow a constant one far better than that which the fit says."""
     law = _law(effect)
-    told = [_rise(law, effect.name, state, record, own) for record, own in cuts
-            if law is not None and record.steady_marks is not None]
+    told = [_rise(law, effect.complete(own.shifted(state.model).effects[effect.name]), state.angle, record, own)
+            for record, own in cuts if law is not None and record.steady_marks is not None]
     return bool(told) and float(np.mean(told)) > REFUTED
 
 
@@ -60,19 +60,18 @@ def _law(effect: Effect) -> Callable[..., float] | None:
     return law if set(inspect.signature(law).parameters) <= known else None
 
 
-def _rise(law: Callable[..., float], name: str, state: State, record: Observed, own: Nuisances) -> float:
+def _rise(law: Callable[..., float], values: Mapping[str, float], angle: float, record: Observed, own: Nuisances) -> float:
     """Chi-square of the marks at the speed that the fit says, less that at a constant one."""
     assert record.steady_marks is not None
-    values = own.shifted(state.model).effects[name]
     asked = inspect.signature(law).parameters
-    cut, sampling = record.timeline(state.angle, own)
+    cut, sampling = record.timeline(angle, own)
     begin = record.start - sampling.start  # of the simulation, from which its time counts
     marks, turns = record.steady_marks, turns_of(record.steady_marks)
     period, anchor, _ = clock_of(marks)
     constant = marks - anchor - period * turns
     good = np.abs(constant - np.median(constant)) <= FALSE_MARK * _robust(constant)
-    angle = cut.spindle_speed * (marks - begin + _integral(law, asked, values, marks - begin))
-    late = (2 * math.pi * turns - angle) / cut.spindle_speed  # s; which tooth the marks belong to is another unknown
+    turned = marks - begin + _integral(law, asked, values, marks - begin)  # by the spindle, in s at its nominal speed
+    late = 2 * math.pi * turns / cut.spindle_speed - turned  # s; which tooth the marks belong to is another unknown
     spread = max(_robust(constant), MARK_SHARE / record.rate)
     squares = [float(np.sum((rest[good] - np.mean(rest[good])) ** 2)) for rest in (late, constant)]
     return (squares[0] - squares[1]) / spread**2
