@@ -119,7 +119,7 @@ def _parameters(name: str, values: dict[str, float]) -> np.ndarray:
 def _pass_states(packed) -> np.ndarray:
     kernel = compose(EFFECTS, FAST)
     times, positions = np.empty((1, CUT.total_passes + 1)), np.empty((1, CUT.total_passes + 1, 2))
-    kernel.run_batch(*(np.ascontiguousarray(getattr(packed, key)[None]) for key in "APGIOY"), np.zeros((1, 0)),
+    kernel.run_batch(*(np.array(getattr(packed, key)[None]) for key in "APGIOY"), np.zeros((1, 0)),
                      np.array([[0.0, 1000.0]]), False, 1.0,
                      np.empty((1, sk.N_CHANNELS, 10)), times, positions, np.empty(1, dtype=np.int64), np.empty(1))
     assert np.ptp(positions[0, :, 0]) > 1e-5

@@ -87,7 +87,7 @@ def predict_driven(
         integers,
         O,
         Y,
-        np.broadcast_to(force, (len(models), len(force))),
+        np.tile(force, (len(models), 1)),  # a view would be of another type, and the kernel compiled once more
         rate,
         substeps,
         limit,
