@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+MAINS = (50.0, 60.0)  # Hz
+
 
 def without_hum(values: np.ndarray, lag: int) -> np.ndarray:
     """x(t) - x(t - lag): with a lag of one mains period, what is left without a hum and all its harmonics.
@@ -22,7 +24,7 @@ def hum_lag(values: np.ndarray, rate: float, turn: float) -> int:
     Not where the spindle itself turns at the mains frequency, which could not be told apart.
     """
     front = values[: max(len(values) // 12, 8 * round(turn))]
-    for mains in (50.0, 60.0):
+    for mains in MAINS:
         lag = round(rate / mains)
         if len(front) < 4 * lag or lag < 4 or abs(rate / mains - lag) > 0.02 or _whole(mains * turn / rate):
             continue

@@ -8,6 +8,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from analysis.hum import MAINS
+
 LineKind = Literal["hum", "spindle", "tooth-passing", "half tooth-passing", "natural", "other"]
 _HARMONICS_OF_HUM = 40
 FARTHEST = 0.6, 1.7  # of the nominal speed: between one half and twice it, which explain the lines of it as well
@@ -137,7 +139,7 @@ def _on_comb(frequency: float, base: float, width: float) -> bool:
 def _mains(frequencies: Sequence[float], width: float) -> float | None:
     """50 or 60 Hz, where several lines are its multiples; None where neither explains any."""
     hits = {
-        mains: sum(_on_comb(frequency, mains, max(width, 0.1)) for frequency in frequencies) for mains in (50.0, 60.0)
+        mains: sum(_on_comb(frequency, mains, max(width, 0.1)) for frequency in frequencies) for mains in MAINS
     }
     best = max(hits, key=lambda mains: hits[mains])
     return best if hits[best] >= 1 and hits[best] != hits[110.0 - best] else None

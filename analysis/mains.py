@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from analysis.diagnosis import Candidate
+from analysis.hum import MAINS
 from testbed.effect import Effect
 
-MAINS = (50.0, 60.0)  # Hz
 NEAR = 2e-3  # relative distance from a multiple of it within which a line is the mains': that wanders as far
 HARMONICS = 5
 FAINT = 0.2  # share of the mean square of what is left, from which a line is named all the same

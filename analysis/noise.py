@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from analysis.free_decay import fit_free_decay, spectral_peak
+from analysis.hum import MAINS
 from analysis.periods import period_changes
 from analysis.segments import Segment, main_channel, revolution_period, white_noise
 from testbed.recording import Recording
@@ -90,7 +91,7 @@ def _beside_ringing(values: np.ndarray, rate: float, rms: float) -> float:
     if fit is None or fit.rest > 0.98 * rms or fit.rest > 1.3 * max(white_noise(values), rounding(values)):
         return rms
     frequency = fit.frequency * rate
-    mains = any(abs(frequency - base * round(frequency / base)) < 1.5 * rate / len(values) for base in (50.0, 60.0))
+    mains = any(abs(frequency - base * round(frequency / base)) < 1.5 * rate / len(values) for base in MAINS)
     return rms if mains and abs(fit.decay) * len(values) < 0.1 else fit.rest
 
 

@@ -151,20 +151,19 @@ class Fitter:
         unit[place] = sign * step
         return self.moved(state, unit), sign
 
-    def _shared_nudges(self, state: State, step: float) -> list[tuple[State, float]]:
-        return [self._shared_nudge(state, place, step) for place in range(len(self.names))]
+    def _shared_nudges(self, state: State) -> list[tuple[State, float]]:
+        return [self._shared_nudge(state, place, SLOPE_STEP) for place in range(len(self.names))]
 
-    def linearise(self, index: int, state: State, step: float = SLOPE_STEP,
-                  nudges: Sequence[tuple[State, float]] | None = None) -> Linearised:  # fmt: skip
+    def linearise(self, index: int, state: State, nudges: Sequence[tuple[State, float]] | None = None) -> Linearised:
         """Residual and slopes of one record by forward differences. nudges: of the shared unknowns, where they are at hand."""
         record, own = self.records[index], self._own_steps(self.records[index])
         nuisances = state.nuisances[index]
-        nudges = self._shared_nudges(state, step) if nudges is None else nudges
+        nudges = self._shared_nudges(state) if nudges is None else nudges
         signs = [sign for _, sign in nudges]
         variants = [(one.model, one.angle, nuisances) for one in (state, *(other for other, _ in nudges))]
-        variants += [(state.model, state.angle, self._nudged(nuisances, change, step)) for change in own]
+        variants += [(state.model, state.angle, self._nudged(nuisances, change, SLOPE_STEP)) for change in own]
         rest = self._residuals(record, variants)
-        slopes = (rest[1:] - rest[0]) / step
+        slopes = (rest[1:] - rest[0]) / SLOPE_STEP
         slopes[: len(signs)] *= np.array(signs)[:, None]
         held = self._held(record, nuisances)
         by_own = np.vstack([slopes[len(self.names) :].T, np.eye(len(own))[len(own) - len(held) :]])
@@ -175,9 +174,9 @@ class Fitter:
 
         The nudged models are the same objects for all records, so that the engine need not unpack each anew.
         """
-        nudges = self._shared_nudges(state, SLOPE_STEP)
+        nudges = self._shared_nudges(state)
         with ThreadPoolExecutor(WORKERS) as pool:
-            return tuple(pool.map(lambda index: self.linearise(index, state, SLOPE_STEP, nudges), range(len(self.records))))
+            return tuple(pool.map(lambda index: self.linearise(index, state, nudges), range(len(self.records))))
 
     def residual_of(self, index: int, state: State) -> np.ndarray:
         """One record's residual, in units of its scale."""
