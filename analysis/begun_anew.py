@@ -6,10 +6,11 @@ start from it into a valley from which no descent returns.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from analysis.candidate_round import candidate_of
+from analysis.candidate_round import CREEP, candidate_of
 from analysis.diagnosis import ADEQUATE, Candidate
 from analysis.effect_start import ANCHOR
 from analysis.fine_steps import has_kinks
@@ -18,6 +19,7 @@ from analysis.information import DELTA_BIC
 from analysis.model_fit import model_fit
 from analysis.observed import Observed
 from analysis.prediction import Plant
+from analysis.starts import GLANCE, polish, scan_starts, softened, with_exits
 from analysis.switched import switchable
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -28,11 +30,20 @@ MUCH_CHEAPER = 0.7  # times the cost that the new fit must have where it, too, l
 
 
 def from_believed(
-    plant: Plant, records: Sequence[Observed], model: Model, names: Sequence[str], catalogue: Mapping[str, Effect]
-) -> Candidate:
-    """The effects of these names, each from its example, fitted from the believed `model`; its gain in BIC counts as none."""
+    plant: Plant, records: Sequence[Observed], model: Model, names: Sequence[str], catalogue: Mapping[str, Effect],
+    goal: float = math.inf,
+) -> Candidate:  # fmt: skip
+    """The effects of these names, each from its example, fitted from the believed `model`; its gain in BIC counts as none.
+
+    goal: the cost above which the fit is of no use, and is given up.
+    """
     believed = with_examples(model, names, catalogue)
-    return candidate_of(*model_fit(plant, records, believed, catalogue), tuple(names), None, 1.0)
+    return candidate_of(*model_fit(plant, records, believed, catalogue, goal=goal), tuple(names), None, 1.0)
+
+
+def explaining(records: Sequence[Observed]) -> float:
+    """The cost from which a fit is given up that is of use only if it leaves but noise."""
+    return FAR_OFF * 0.5 * sum(record.size for record in records)
 
 
 def with_examples(model: Model, names: Sequence[str], catalogue: Mapping[str, Effect]) -> Model:
@@ -48,11 +59,13 @@ def begun_anew(
     """The set of effects, or, where it leaves more than noise, its fit from the believed `model`, if that explains more.
 
     noise: the noise floor, as the errors. The effect that was found last starts at its example, the others as found. With
-    laws that have kinks, what is left may be the error of the engine's steps; then only much calls for another fit.
+    laws that have kinks, what is left may be the error of the engine's steps; then only much calls for another fit of all.
     """
     assert first.fit is not None and first.fitter is not None
-    if first.error_held_out <= (ANCHOR if has_kinks(first.effects, catalogue) else CLEAN) * noise:
+    if first.error_held_out <= CLEAN * noise:
         return first
+    if has_kinks(first.effects, catalogue) and first.error_held_out <= ANCHOR * noise:
+        return _cut_anew(first, model, say)
     say(f"fitting {first.effects[-1]} anew from the believed machine")
     believed = _believed_but_last(first, model, catalogue)
     goal = FAR_OFF * first.fit.cost
@@ -61,6 +74,27 @@ def begun_anew(
         return first
     found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
     return found if _better(found, first.fit, fit, noise) and found.error_held_out < first.error_held_out else first
+
+
+def _cut_anew(first: Candidate, model: Model, say: Callable[[str], None]) -> Candidate:
+    """The set with cutting coefficients and mark angle looked for again from what is believed of them, if that is better.
+
+    Structure and effects begin as found: with a law that has kinks they know their valley by now, and all else is dear.
+    """
+    assert first.fit is not None and first.fitter is not None
+    fitter, cutting = first.fitter, model.cutting
+    if cutting is None or all(record.cut is None for record in fitter.records):
+        return first
+    say(f"fitting {first.effects[-1]} anew with the cutting coefficients as believed")
+    believed = first.fit.state.model.with_values(
+        {path: getattr(cutting, path) for path in ("tangential_coefficient", "normal_coefficient")})  # fmt: skip
+    opening = fitter.on([softened(record.opening()) for record in fitter.records])
+    begun = polish(opening, scan_starts(fitter.plant, opening.records, believed, 1)[0], rounds=2, iterations=GLANCE)
+    fit = polish(fitter, with_exits(fitter, begun.state), rounds=3, iterations=CREEP, goal=first.fit.cost)
+    if not fit.cost < first.fit.cost - 0.5 * DELTA_BIC * fit.variance:
+        return first
+    found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
+    return found if found.error_held_out < first.error_held_out else first
 
 
 def _believed_but_last(one: Candidate, model: Model, catalogue: Mapping[str, Effect]) -> Model:
@@ -83,7 +117,7 @@ def switched_on_too(
     assert current.fit is not None and current.fitter is not None
     fit, fitter = current.fit, current.fitter
     records = [replace(record, weight=None) for record in fitter.records]
-    goal = FAR_OFF * 0.5 * sum(record.size for record in records)
+    goal = explaining(records)
     for name, _ in switchable(fitter, fit.state, catalogue):
         say(f"fitting {current.effects[-1]} with {name} from the believed machine")
         believed = _believed_but_last(current, model, catalogue).with_effect(name)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from analysis.pass_count import recounted
 from analysis.scale_hops import hopped
 from analysis.starts import polish, rested
 from analysis.steady_speed import no_swing
+from analysis.threads import threaded
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 
@@ -80,10 +81,12 @@ def try_candidates(
     origins: Sequence[Origin],
     say: Callable[[str], None],
     last: bool = False,
+    alone: Callable[[], Sequence[Candidate]] = tuple,
 ) -> list[Candidate]:
     """Candidates that extend the current set by one effect, the one that foretells best first.
 
     last: no further round follows, so that only one which leaves hardly more than noise is of interest.
+    alone: gives effects that leave but noise from the believed machine, if one does; asked where no first step led to much.
     """
     assert current.fit is not None and current.fitter is not None
     noise = pooled(current.errors)[1]
@@ -105,13 +108,14 @@ def try_candidates(
         incomplete = leader.fitted.error_where_known > ADEQUATE * noise
         assert leader.fitted.fit is not None
         if incomplete and leader.cost - floor > MUCH * over and leader.fitted.fit.cost - floor > LITTLE * over:
-            _try_from_far(current, entries, catalogue, origins, say)
+            if not _put(current, entries, alone()):
+                _try_from_far(current, entries, catalogue, origins, say)
         elif not incomplete and current.error_held_out < FAINT * noise and not near:
             _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say)
             entries.sort(key=lambda entry: entry.reached)
         elif incomplete and "engagement" in catalogue[leader.name].hooks:  # its passes may be wrong in all records alike
             _from_far(current, leader, catalogue[leader.name], origins)
-    elif entries and not near:
+    elif entries and not near and not _put(current, entries, alone()):
         _try_from_far(current, entries, catalogue, origins, say)
     found = ruled_out
     complete = 0  # once a candidate explains everything, only a rival close to it can still matter
@@ -128,6 +132,23 @@ def try_candidates(
         found.append(fitted)
         complete += int(complete > 0 or fitted.error_where_known <= ADEQUATE * noise)
     return sorted(found, key=lambda candidate: candidate.error_beside(noise))
+
+
+def _put(current: Candidate, entries: list[_Entry], found: Sequence[Candidate]) -> bool:
+    """Put effects where they were found, in the round's own units; whether there was one to put."""
+    known = {entry.name: entry for entry in entries}
+    found = [one for one in found if one.effects[-1] in known]
+    for one in found:
+        assert current.fitter is not None and one.fitter is not None and one.fit is not None
+        entry = known[one.effects[-1]]
+        weights = [record.weight for record in current.fitter.records]
+        records = [replace(record, weight=weight) for record, weight in zip(one.fitter.records, weights, strict=True)]
+        entry.state, entry.fitter, entry.fitted = one.fit.state, one.fitter.on(records), None
+        entry.cost = entry.fitter.cost(entry.state)
+        if all(weight is None for weight in weights):
+            entry.fitted = _candidate(current, one.fitter, one.fit, one.effects)
+    entries.sort(key=lambda entry: entry.reached)
+    return bool(found)
 
 
 def _not_fitted(current: Candidate, name: str) -> Candidate:
@@ -191,15 +212,15 @@ def _first_steps(
 ) -> list[_Entry]:  # fmt: skip
     """Every effect the current set lacks after its first step, cheapest first."""
     assert current.fit is not None and current.fitter is not None
-    entries = []
-    for name, effect in catalogue.items():
-        present = {*current.effects, *current.fit.state.model.effects}
-        if name in present or not applicable(effect, current.fitter.records, present):
-            continue
-        say(f"trying {name}")
-        entries.append(_begun(current, effect, origins, growing))
-    entries.sort(key=lambda entry: entry.cost)
-    return entries
+    present = {*current.effects, *current.fit.state.model.effects}
+    records = current.fitter.records
+    asked = [one for name, one in catalogue.items() if name not in present and applicable(one, records, present)]
+
+    def begun(effect: Effect) -> _Entry:
+        say(f"trying {effect.name}")
+        return _begun(current, effect, origins, growing)
+
+    return sorted(threaded(begun, asked), key=lambda entry: entry.cost)
 
 
 def _stuck(entries: Sequence[_Entry], hopeful: float, catalogue: Mapping[str, Effect]) -> list[_Entry]:
@@ -252,11 +273,15 @@ def _try_from_far(
     say: Callable[[str], None],
 ) -> None:
     """Every entry once more from far outside, where no first step led to much."""
-    for entry in entries:
+    goal = BEHIND * _best(entries)
+
+    def tried(entry: _Entry) -> None:
         effect = catalogue[entry.name]
         if (entry.fitted is None or "engagement" in effect.hooks) and not shifts_in_time(effect):
             say(f"trying {entry.name} from far")
-            _from_far(current, entry, effect, origins, BEHIND * _best(entries))
+            _from_far(current, entry, effect, origins, goal)
+
+    threaded(tried, entries)
     entries.sort(key=lambda entry: entry.reached)
 
 

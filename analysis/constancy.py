@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +23,8 @@ from analysis.identify import Estimate
 from analysis.information import Z_95
 from analysis.observed import Observed
 from analysis.starts import free_parameters
-from analysis.waveform import WORKERS, Fitter
+from analysis.threads import threaded
+from analysis.waveform import Fitter
 from testbed.effect import Effect
 
 PARAMETERS = ("natural_frequency", "damping_ratio", "tangential_coefficient", "normal_coefficient")
@@ -150,9 +150,7 @@ def constancy(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect])
         for place, record in enumerate(fitter.records)
         if any(one.path in PARAMETERS for one in free_parameters([record], fit.state.model))
     ]
-    with ThreadPoolExecutor(WORKERS) as pool:
-        tests = tuple(pool.map(lambda place: fit_alone(fitter, fit, place, catalogue), chosen))
-    return judged(tests)
+    return judged(threaded(lambda place: fit_alone(fitter, fit, place, catalogue), chosen))
 
 
 def judged(tests: Sequence[TestFit]) -> Constancy:

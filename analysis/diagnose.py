@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from analysis.begun_anew import from_believed
+from analysis.believed_look import BelievedLook
 from analysis.candidate_round import candidate_of
 from analysis.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, excess, verdict_of
 from analysis.forward_search import against, by_noise, forward
@@ -180,7 +181,8 @@ def _search(
     if turned := other_way(base, model, catalogue):
         return replace(verdict_of(base, base, [base], (), noise, ()), verdict="unexplained", sentence=turned)
     begun = [base, *_swung(base, plant, model, catalogue, say)]
-    path = looked_again(forward(begun, model, catalogue, most, say), model, catalogue, noise, most, say)
+    look = BelievedLook(base, model, catalogue, say)
+    path = looked_again(forward(begun, model, catalogue, most, say, look), look, noise, most)
     seen = sorted(path.seen, key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))
     found = verdict_of(path.steps[0], path.end, path.steps, tuple(seen), noise, path.tied)
     return replace(found, sentence=f"{found.sentence} {path.hum}") if path.hum else found

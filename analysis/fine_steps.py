@@ -63,7 +63,8 @@ def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) ->
     for _ in range(ROUNDS):
         around = (finer.descend(state, iterations=BEGUN, near=fit) for state in _around(finer, fit))
         begun = sorted(around, key=lambda one: one.cost)
-        tried = [finer.fit(one.state, iterations=SETTLE, near=one) for one in begun[:KEPT]]
+        goal = fit.cost + margin(fit)
+        tried = [finer.fit(one.state, iterations=SETTLE, near=one, goal=goal) for one in begun[:KEPT]]
         best = min(tried, key=lambda one: one.cost, default=fit)
         before, fit = fit, min(fit, best, key=lambda one: one.cost)
         if not fit.cost < before.cost - margin(before):

@@ -11,28 +11,39 @@ from analysis.nuisances import Nuisances
 from analysis.observed import WARM_UP, Observed
 
 
+class FirstPasses:
+    """Where the cut of a record begins and ends as its segments show it, for any tooth angle."""
+
+    def __init__(self, observed: Observed) -> None:
+        self.observed = observed
+        if observed.cut is None:
+            return
+        cutting = [s for s in observed.segments if s.kind in ("entry", "steady")]
+        downs = [s.start for s in observed.segments if s.kind == "ring-down"]
+        self.end = self.leaves = observed.start + observed.samples / observed.rate
+        self.enters = min((s.start for s in cutting), default=observed.start)
+        if downs:
+            self.leaves = last_tooth(observed, downs[0])
+        elif any(s.kind == "exit" for s in observed.segments):
+            self.leaves = max((s.stop for s in cutting), default=self.end)
+
+    def at(self, angle: float) -> Nuisances:
+        """Entry and exit passes at a given tooth angle (rad); the rest at its neutral value."""
+        observed = self.observed
+        if observed.cut is None:
+            return Nuisances()
+        pitch, zero = observed.period / observed.flutes, observed.pass_start(0, angle, Nuisances())
+        entry = round((self.enters - zero) / pitch)
+        if observed.starts_in_cut:
+            entry = observed.first_pass - WARM_UP * observed.flutes
+        if self.leaves >= self.end - pitch:
+            return Nuisances(entry=entry, exit=math.ceil((self.end - zero) / pitch) + observed.flutes + 1)
+        return Nuisances(entry=entry, exit=math.ceil((self.leaves - zero) / pitch - 0.1))
+
+
 def first_nuisances(observed: Observed, angle: float) -> Nuisances:
     """Entry and exit passes as the segments show them, at a given tooth angle; the rest at its neutral value."""
-    if observed.cut is None:
-        return Nuisances()
-    pitch = observed.period / observed.flutes
-    zero = observed.pass_start(0, angle, Nuisances())
-    starts = [s.start for s in observed.segments if s.kind in ("entry", "steady")]
-    stops = [s.stop for s in observed.segments if s.kind in ("steady", "entry")]
-    downs = [s.start for s in observed.segments if s.kind == "ring-down"]
-    entry = round((min(starts, default=observed.start) - zero) / pitch)
-    end = observed.start + observed.samples / observed.rate
-    leave = (
-        last_tooth(observed, downs[0])
-        if downs
-        else (end if not any(s.kind == "exit" for s in observed.segments) else max(stops, default=end))
-    )
-    exit_pass = (
-        math.ceil((end - zero) / pitch) + observed.flutes + 1
-        if leave >= end - pitch
-        else math.ceil((leave - zero) / pitch - 0.1)
-    )
-    return Nuisances(entry=observed.first_pass - WARM_UP * observed.flutes if observed.starts_in_cut else entry, exit=exit_pass)
+    return FirstPasses(observed).at(angle)
 
 
 def last_tooth(observed: Observed, ring_down: float) -> float:

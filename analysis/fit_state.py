@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -64,6 +65,16 @@ class State:
         return replace(self, model=self.model.without_effect(name))
 
 
+class Products(NamedTuple):
+    """Normal equations of one record: own unknowns, those with the shared ones, their gradient; the shared ones, theirs."""
+
+    own: np.ndarray
+    cross: np.ndarray
+    pulled: np.ndarray
+    shared: np.ndarray
+    gradient: np.ndarray
+
+
 @dataclass(frozen=True)
 class Linearised:
     """One record about a state: residual (values,), slopes by the shared (values, shared) and own (values, own) unknowns."""
@@ -76,6 +87,12 @@ class Linearised:
         """Residuals (..., values) less what the record's own unknowns can take of them."""
         basis = self._own_basis
         return residuals - (residuals @ basis) @ basis.T
+
+    @cached_property
+    def products(self) -> Products:
+        """The products of slopes and residual, summed over the values: all that a step needs."""
+        own, shared, rest = self.own.T, self.shared.T, self.residual
+        return Products(own @ own.T, own @ shared.T, own @ rest, shared @ shared.T, shared @ rest)
 
     @cached_property
     def _own_basis(self) -> np.ndarray:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +22,7 @@ from analysis.force_terms import cell_force, structure_terms, tooth_terms
 from analysis.held_out import conditions_of
 from analysis.latent_force import MissingForce, motion_channels
 from analysis.observed import Observed
-from analysis.waveform import WORKERS
+from analysis.threads import threaded
 from testbed.machine import Model
 from testbed.proposal import ForceTerm
 
@@ -225,8 +224,7 @@ def products(missing: MissingForce, terms: Sequence[ForceTerm] | None = None, an
     left_out = _leaves_its_law(missing)
     used = [index for index in range(len(missing.observed)) if index not in left_out]
     say("forces along the measured motion")
-    with ThreadPoolExecutor(WORKERS) as pool:
-        blocks = list(pool.map(lambda index: _record_blocks(missing, index, names, terms, angles), used))
+    blocks = threaded(lambda index: _record_blocks(missing, index, names, terms, angles), used)
     return [_summed(missing, used, [block[place] for block in blocks], names, terms, angle)
             for place, angle in enumerate(angles)]  # fmt: skip
 

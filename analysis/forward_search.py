@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.begun_anew import begun_anew, switched_on_too
+from analysis.believed_look import BelievedLook
 from analysis.candidate_round import CERTAIN, GAIN, candidate_of, certain_candidates, try_candidates
 from analysis.diagnosis import ADEQUATE, COMPLETE, MANY, PARTIAL, Candidate, excess
 from analysis.effect_start import ANCHOR, Origin, origins_of, state_without
@@ -238,8 +239,12 @@ def forward(
     catalogue: Mapping[str, Effect],
     most: int,
     say: Callable[[str], None],
+    look: BelievedLook | None = None,
 ) -> Path:
-    """Rounds of candidates from the last of the steps `begun` (the first: the base model), until there are `most` effects."""
+    """Rounds of candidates from the last of the steps `begun` (the first: the base model), until there are `most` effects.
+
+    look: at the believed machine, for the first round.
+    """
     base, current, steps = begun[0], begun[-1], list(begun)
     noise = pooled(base.errors)[1]
     if not current.effects and current.error_where_known <= ADEQUATE * noise:
@@ -254,7 +259,8 @@ def forward(
     while len(current.effects) < most and current.error_where_known > ADEQUATE * noise:
         origins = _origins(current, model, noise)
         final = most > 1 and len(current.effects) == most - 1
-        last = try_candidates(current, catalogue, origins, say, final)
+        alone = look.alone if look is not None and most > 1 and not current.effects else tuple
+        last = try_candidates(current, catalogue, origins, say, final, alone)
         refitted = _nesting_guard(current, last, catalogue)
         if refitted is not current:
             current = refitted
@@ -280,7 +286,9 @@ def forward(
             break
         if equal and not rivals:  # what else is missing may tell them apart
             rivals = [first, *equal]
-        current = _weighed(_at_its_jumps(_backward(begun_anew(first, model, catalogue, noise, say), catalogue, say)))
+        if look is None or not look.has_fitted(first.effects):
+            first = begun_anew(first, model, catalogue, noise, say)
+        current = _weighed(_at_its_jumps(_backward(first, catalogue, say)))
         steps.append(current)
         if current is not first:
             seen = [*(one for one in seen if one.effects != current.effects), _told(current)]

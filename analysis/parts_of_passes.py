@@ -7,7 +7,6 @@ alone such a record has a first or a last kick of the wrong size, and no paramet
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +15,8 @@ from analysis.fit_state import State, WaveformFit
 from analysis.nuisances import MISSING, Nuisances, end_moved
 from analysis.observed import Observed
 from analysis.pass_search import squares_of
-from analysis.waveform import WORKERS, Fitter
+from analysis.threads import threaded
+from analysis.waveform import Fitter
 
 MISFIT = 1.05  # mean squared residual, in noise, above which a record may have begun or ended within an arc,
 KICK = 3.0  # or slow residual about its entry or exit over that of its other passes, as mean squares,
@@ -59,8 +59,7 @@ def _in_part(fitter: Fitter, fit: WaveformFit) -> tuple[Nuisances, ...]:
             return own
         return _best_part(fitter, index, fit.state)
 
-    with ThreadPoolExecutor(WORKERS) as pool:
-        found = tuple(pool.map(one, range(len(fitter.records))))
+    found = threaded(one, range(len(fitter.records)))
     if fitter.gradual:
         return found
     late = [_missing(fitter.records[place], own, fit.state) for place, own in enumerate(found) if fitter.records[place].cut]

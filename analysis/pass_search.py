@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 
 from analysis.fit_state import State
 from analysis.nuisances import Nuisances, other_teeth, turned_by
-from analysis.waveform import WORKERS, Fitter
+from analysis.threads import threaded
+from analysis.waveform import Fitter
 
 COARSE = 24  # places over a record at which an exit is looked for first
 EARLIER = 5  # passes by which a gentle entry may precede what is seen of it
@@ -44,8 +44,7 @@ def settle_passes(fitter: Fitter, state: State, reach: int = 1) -> tuple[State, 
         nuisances = _best_place(fitter, index, state, nuisances, "entry", entries)
         return _best_place(fitter, index, state, nuisances, "exit", exits)
 
-    with ThreadPoolExecutor(WORKERS) as pool:
-        best = tuple(pool.map(one, range(len(fitter.records))))
+    best = threaded(one, range(len(fitter.records)))
     return replace(state, nuisances=best), best != state.nuisances
 
 
@@ -62,16 +61,13 @@ def at_rest(fitter: Fitter, state: State) -> tuple[State, bool]:
         movable = fitter.records[index].cut is not None and not fitter.records[index].starts_in_cut
         return _best(fitter, index, state, [nuisances, still]) if movable else nuisances
 
-    with ThreadPoolExecutor(WORKERS) as pool:
-        best = tuple(pool.map(one, range(len(fitter.records))))
+    best = threaded(one, range(len(fitter.records)))
     return replace(state, nuisances=best), best != state.nuisances
 
 
 def turn_phases(fitter: Fitter, state: State) -> State:
     """The state with the phases that every record has for itself at the best of places all round."""
-    with ThreadPoolExecutor(WORKERS) as pool:
-        found = pool.map(lambda index: _turned(fitter, index, state), range(len(fitter.records)))
-        return replace(state, nuisances=tuple(found))
+    return replace(state, nuisances=threaded(lambda index: _turned(fitter, index, state), range(len(fitter.records))))
 
 
 def _turned(fitter: Fitter, index: int, state: State) -> Nuisances:
@@ -117,8 +113,7 @@ def _placed(fitter: Fitter, state: State, field: str) -> State:
         near = range(max(first, now - reach), min(last, now + reach) + 1)
         return _best_place(fitter, index, state, nuisances, field, sorted({*near, now}))
 
-    with ThreadPoolExecutor(WORKERS) as pool:
-        return replace(state, nuisances=tuple(pool.map(one, range(len(fitter.records)))))
+    return replace(state, nuisances=threaded(one, range(len(fitter.records))))
 
 
 def _best_place(fitter: Fitter, index: int, state: State, nuisances: Nuisances, field: str, places: Sequence[int]) -> Nuisances:

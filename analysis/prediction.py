@@ -55,6 +55,8 @@ def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, fl
     kept = None if any(d is None for d in durations) else durations
     lead = math.ceil(AWAKE * observed.rate) if observed.starts_in_cut else 0
     lead = max(0, min(lead, *(math.floor(sampling.start * observed.rate) for _, sampling in lines)))  # an angle far off
-    samplings = [replace(one, count=one.count + lead, start=one.start - lead / one.rate) for _, one in lines]
+    samplings = [one for _, one in lines]
+    if lead:
+        samplings = [replace(one, count=one.count + lead, start=one.start - lead / one.rate) for one in samplings]
     models, cuts = [model for model, _, _ in variants], [cut for cut, _ in lines]
     return plant.predict_cuts(models, cuts, samplings, observed.channels, durations=kept)[..., lead:]

@@ -49,7 +49,8 @@ def _is_scale(parameter: Parameter) -> bool:
 def _along(fitter: Fitter, path: str, factor: float, bounds: tuple[float, float], fit: WaveformFit) -> WaveformFit:
     """The fit with one scale multiplied by a factor again and again, and all else fitted, while that costs less."""
     while bounds[0] <= factor * fit.state.model.value(path) <= bounds[1]:
-        trial = fitter.fit(fit.state.with_value(path, factor * fit.state.model.value(path)), iterations=CORNER)
+        moved = fit.state.with_value(path, factor * fit.state.model.value(path))
+        trial = fitter.fit(moved, iterations=CORNER, goal=fit.cost)
         if not deeper(trial, fit):
             return fit
         before, fit = fit.cost, trial if trial.converged else fitter.fit(trial.state, iterations=4 * CORNER, near=trial)

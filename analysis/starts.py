@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 from scipy.signal import csd
 
 from analysis.entry_passes import entries_together
-from analysis.first_passes import first_nuisances
+from analysis.first_passes import FirstPasses, first_nuisances
 from analysis.fit_state import Free, State, WaveformFit
 from analysis.free_decay import fit_free_decay, spectral_peak
 from analysis.held_out import own_refit
@@ -21,7 +20,8 @@ from analysis.parts_of_passes import with_parts_of_passes
 from analysis.pass_count import recounted
 from analysis.pass_search import at_rest, place_entries, place_exits, settle_passes
 from analysis.prediction import Plant, predict
-from analysis.waveform import WORKERS, Fitter
+from analysis.threads import threaded
+from analysis.waveform import Fitter
 from testbed.machine import Model
 
 ANGLES = 24
@@ -141,36 +141,37 @@ def softened(record: Observed) -> Observed:
     return replace(record, noise=np.hypot(record.noise, SOFT * size), weight=None)
 
 
-def _scan(plant: Plant, records: Sequence[Observed], model: Model) -> tuple[float, float, tuple[Nuisances, ...]]:
+def _scan(plant: Plant, passes: Sequence[FirstPasses], model: Model) -> tuple[float, float, tuple[Nuisances, ...]]:
     """(cost, mark angle, nuisances) of the best tooth angle, with entry and exit as the segments show them."""
+    records = [first.observed for first in passes]
     pitch = 2 * math.pi / max([record.flutes for record in records if record.cut is not None], default=1)
     angles = np.arange(ANGLES) * pitch / ANGLES
 
-    def one(record: Observed) -> np.ndarray:
+    def one(first: FirstPasses) -> np.ndarray:
+        record = first.observed
         variants = [
-            (model, angle, first_nuisances(record, angle))
+            (model, angle, first.at(angle))
             if record.first_mark is not None
-            else (model, 0.0, replace(first_nuisances(record, angle), angle=angle))
+            else (model, 0.0, replace(first.at(angle), angle=angle))
             for angle in angles
         ]
         rest = record.project(record.data - np.nan_to_num(predict(plant, record, variants), nan=1.0))
         rest = np.clip(rest, -1e6, 1e6)
         return np.log(np.mean(rest**2, axis=(1, 2))) * record.count
 
-    cuts = [record for record in records if record.cut is not None]
-    with ThreadPoolExecutor(WORKERS) as pool:
-        costs = dict(zip([id(record) for record in cuts], pool.map(one, cuts), strict=True))
-    shared = [costs[id(record)] for record in cuts if record.first_mark is not None]
+    cuts = [first for first in passes if first.observed.cut is not None]
+    costs = dict(zip([id(first.observed) for first in cuts], threaded(one, cuts), strict=True))
+    shared = [costs[id(first.observed)] for first in cuts if first.observed.first_mark is not None]
     best = int(np.argmin(sum(shared))) if shared else 0
     total, nuisances = 0.0, []
-    for record in records:
+    for first, record in zip(passes, records, strict=True):
         if record.cut is None:
             nuisances.append(Nuisances())
             continue
         place = best if record.first_mark is not None else int(np.argmin(costs[id(record)]))
         total += float(costs[id(record)][place])
         own = 0.0 if record.first_mark is not None else float(angles[place])
-        nuisances.append(replace(first_nuisances(record, float(angles[place])), angle=own))
+        nuisances.append(replace(first.at(float(angles[place])), angle=own))
     return total, float(angles[best]) if shared else 0.0, tuple(nuisances)
 
 
@@ -179,7 +180,7 @@ def scan_starts(plant: Plant, records: Sequence[Observed], model: Model, count: 
     """The best few starts over tooth angle and cutting coefficients, which are multiplied by the factors."""
     if model.cutting is None or all(record.cut is None for record in records):
         return [State(model, 0.0, tuple(Nuisances() for _ in records))]
-    found = []
+    found, passes = [], [FirstPasses(record) for record in records]
     for factor in factors:
         trial = model.with_values(
             {
@@ -187,7 +188,7 @@ def scan_starts(plant: Plant, records: Sequence[Observed], model: Model, count: 
                 "normal_coefficient": factor * model.cutting.normal_coefficient,
             }
         )
-        cost, angle, nuisances = _scan(plant, records, trial)
+        cost, angle, nuisances = _scan(plant, passes, trial)
         found.append((cost, State(trial, angle, nuisances)))
     return [state for _, state in sorted(found, key=lambda pair: pair[0])[:count]]
 
@@ -235,11 +236,18 @@ def _opening(plant: Plant, records: Sequence[Observed], free: Sequence[Free]) ->
     return Fitter(plant, [softened(record.opening().loudest(OPENING)) for record in records], free)
 
 
-def opening_fit(plant: Plant, records: Sequence[Observed], model: Model, free: Sequence[Free]) -> WaveformFit:
-    """The model fitted softly to the openings of all records, from several starts: a fifth of the work of `base_fit`."""
+def opening_fit(plant: Plant, records: Sequence[Observed], model: Model, free: Sequence[Free], *,
+                goal: float = math.inf) -> WaveformFit:  # fmt: skip
+    """The model fitted softly to the openings of all records, from several starts: a fifth of the work of `base_fit`.
+
+    goal: the cost above which the fit is of no use, and is given up.
+    """
     opening = _opening(plant, records, free)
-    tries = [polish(opening, state, rounds=3, iterations=12) for state in scan_starts(plant, opening.records, model)]
+    starts = scan_starts(plant, opening.records, model)
+    tries = [polish(opening, state, rounds=3, iterations=12, goal=goal) for state in starts]
     best = min(tries, key=lambda fit: fit.cost)
+    if best.cost > goal:
+        return best
     return polish(opening, place_entries(opening, best.state), rounds=2, iterations=12)
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -19,9 +18,9 @@ from analysis.fit_state import Descent, Free, Linearised, State, WaveformFit
 from analysis.nuisances import Nuisances, end_moved, turned_by
 from analysis.observed import Observed
 from analysis.prediction import Plant, predict
+from analysis.threads import threaded
 from testbed.machine import Model
 
-WORKERS = 2  # threads over a campaign's records; each record is computed alone, so that their number changes no digit
 SLOWEST = 0.8  # of the nominal speed, that a record without marks may turn out to have had
 FAINTEST = 1e-3  # slope by an unknown, in units of the noise over a natural step, below which it is as good as none
 ROUNDED = 1e-12  # share of an unknown's squared slopes below which what the records' own unknowns leave is rounding
@@ -35,8 +34,8 @@ SPARE = 3.0  # and times that pace: what even so would not reach its goal in the
 
 
 def _padded(rows: np.ndarray, count: int) -> np.ndarray:
-    """The rows with `count` rows of zeros after them."""
-    return np.vstack([rows, np.zeros((count, rows.shape[1]))])
+    """The rows with `count` rows of zeros after them; themselves with none."""
+    return np.vstack([rows, np.zeros((count, rows.shape[1]))]) if count else rows
 
 
 def too_slow(costs: Sequence[float], iterations: int, goal: float) -> bool:
@@ -166,8 +165,12 @@ class Fitter:
         slopes = (rest[1:] - rest[0]) / SLOPE_STEP
         slopes[: len(signs)] *= np.array(signs)[:, None]
         held = self._held(record, nuisances)
-        by_own = np.vstack([slopes[len(self.names) :].T, np.eye(len(own))[len(own) - len(held) :]])
-        return Linearised(np.append(rest[0], held), _padded(slopes[: len(self.names)].T, len(held)), by_own)
+        by_shared, by_own = slopes[: len(self.names)].T, slopes[len(self.names) :].T
+        if len(held):
+            by_own = np.vstack([by_own, np.eye(len(own))[len(own) - len(held) :]])
+        found = Linearised(np.append(rest[0], held), _padded(by_shared, len(held)), by_own)
+        _ = found.products  # here, on the record's thread
+        return found
 
     def linearise_all(self, state: State) -> tuple[Linearised, ...]:
         """Every record about a state, on threads (the engine lets go of the interpreter).
@@ -175,8 +178,7 @@ class Fitter:
         The nudged models are the same objects for all records, so that the engine need not unpack each anew.
         """
         nudges = self._shared_nudges(state)
-        with ThreadPoolExecutor(WORKERS) as pool:
-            return tuple(pool.map(lambda index: self.linearise(index, state, nudges), range(len(self.records))))
+        return threaded(lambda index: self.linearise(index, state, nudges), range(len(self.records)))
 
     def residual_of(self, index: int, state: State) -> np.ndarray:
         """One record's residual, in units of its scale."""
@@ -191,8 +193,7 @@ class Fitter:
     def residuals(self, state: State, indices: Sequence[int] | None = None) -> tuple[np.ndarray, ...]:
         """Every record's residual, or some records', in units of their scale."""
         places = range(len(self.records)) if indices is None else indices
-        with ThreadPoolExecutor(WORKERS) as pool:
-            return tuple(pool.map(lambda index: self.residual_of(index, state), places))
+        return threaded(lambda index: self.residual_of(index, state), places)
 
     def cost(self, state: State, indices: Sequence[int] | None = None) -> float:
         """Half the sum of squared residuals of all records, or of some, in units of their scale."""
@@ -228,10 +229,11 @@ class Fitter:
             shared[:, list(places)] = (slopes[: len(signs)] * np.array(signs)[:, None]).T
             held = self._held(self.records[index], nuisances)
             by_own = np.hstack([_padded(slopes[len(signs) :].T, len(held)), parts[index].own])
-            return Linearised(np.append(rest[0], held), _padded(shared, len(held)), by_own)
+            found = Linearised(np.append(rest[0], held), _padded(shared, len(held)), by_own)
+            _ = found.products  # here, on the record's thread
+            return found
 
-        with ThreadPoolExecutor(WORKERS) as pool:
-            return tuple(pool.map(one, range(len(self.records))))
+        return threaded(one, range(len(self.records)))
 
     # -- steps ---------------------------------------------------------------------------------------------------------
 
@@ -246,15 +248,13 @@ class Fitter:
         normal, gradient = np.zeros((shared, shared)), np.zeros(shared)
         solved = []
         for index, part in enumerate(parts):
-            own = part.own.T @ part.own
-            own += np.diag(damping * np.diag(own) + 1e-12 * max(1.0, float(np.trace(own))))
-            cross = part.own.T @ part.shared
-            pulled = part.own.T @ part.residual
+            own, cross, pulled, by_shared, steepest = part.products
+            own = own + np.diag(damping * np.diag(own) + 1e-12 * max(1.0, float(np.trace(own))))
             inverse = np.linalg.pinv(own) if len(own) else own
             solved.append((inverse, cross, pulled))
             if used is None or index in used:
-                normal += part.shared.T @ part.shared - cross.T @ inverse @ cross
-                gradient += part.shared.T @ part.residual - cross.T @ inverse @ pulled
+                normal += by_shared - cross.T @ inverse @ cross
+                gradient += steepest - cross.T @ inverse @ pulled
         full = normal + np.diag(damping * np.diag(normal) + 1e-14 * max(1e-300, float(np.trace(normal))))
         move = -np.linalg.lstsq(full, gradient, rcond=1e-14)[0]
         return move, [-inverse @ (pulled + cross @ move) for inverse, cross, pulled in solved]
@@ -266,9 +266,9 @@ class Fitter:
         """
         normal, whole = np.zeros((len(self.names), len(self.names))), np.zeros(len(self.names))
         for part in parts:
-            own, cross = part.own.T @ part.own, part.own.T @ part.shared
-            whole += np.einsum("ij,ij->j", part.shared, part.shared)
-            normal += part.shared.T @ part.shared - (cross.T @ np.linalg.pinv(own) @ cross if len(own) else 0.0)
+            own, cross, _, by_shared, _ = part.products
+            whole += np.diag(by_shared)
+            normal += by_shared - (cross.T @ np.linalg.pinv(own) @ cross if len(own) else 0.0)
         size = np.sqrt(np.maximum(np.diag(normal), np.maximum(FAINTEST**2, ROUNDED * whole)))
         values, vectors = np.linalg.eigh(normal / np.outer(size, size))
         inverse = (vectors / np.maximum(values, COLLINEAR)) @ vectors.T

@@ -218,6 +218,7 @@ class _OfLag:
     crossing: float
     G: np.ndarray
     I: np.ndarray  # noqa: E741
+    steps: dict[tuple[float, int | None, float, int], list[int]] = field(default_factory=dict)  # of segments, see _steps
 
 
 def _of_lag(of: _OfModel, lag: float) -> _OfLag:
@@ -240,6 +241,26 @@ def _of_lag(of: _OfModel, lag: float) -> _OfLag:
     return found
 
 
+def _steps(of: _OfModel, tooth: _OfLag, speed: float, steps: int | None, stiffening: float, refinement: int) -> list[int]:
+    """How many steps each segment has; the arguments are those of `pack`."""
+    key = (speed, steps, stiffening, refinement)
+    known = tooth.steps.get(key)
+    if known is not None:
+        return known
+    motion, own = of.motion, of.model.structure.natural_frequency_rad
+    if stiffening > 1.0:
+        carried, integrated = motion.rates
+        # squared: the frequency grows, and so does the share of the force that is integrated and not carried exactly
+        motion = replace(motion, rates=(carried, max(integrated, stiffening**2 * own)))
+    chosen = steps_of_segments(steps, tooth.corners, tooth.teeth, tooth.crossing, speed, own, motion, of.steady)
+    gated = not steps and any("engagement" in of.effects[name].hooks for name in of.active)
+    found = [refinement * (GATED if gated and teeth else 1) * count for count, teeth in zip(chosen, tooth.teeth, strict=True)]
+    if len(tooth.steps) >= KEPT:  # a speed that is searched
+        tooth.steps.clear()
+    tooth.steps[key] = found
+    return found
+
+
 def pack(
     model: Model,
     cut: Cut,
@@ -257,14 +278,7 @@ def pack(
     of = _of_model(model, catalogue)
     depth, speed, feed = cut.axial_depth_of_cut, cut.spindle_speed, cut.feed_per_tooth
     tooth = _of_lag(of, 2.0 * depth * abs(math.tan(of.cutter.helix_angle)) / of.cutter.diameter)
-    motion, own = of.motion, model.structure.natural_frequency_rad
-    if stiffening > 1.0:
-        carried, integrated = motion.rates
-        # squared: the frequency grows, and so does the share of the force that is integrated and not carried exactly
-        motion = replace(motion, rates=(carried, max(integrated, stiffening**2 * own)))
-    chosen = steps_of_segments(steps, tooth.corners, tooth.teeth, tooth.crossing, speed, own, motion, of.steady)
-    gated = not steps and any("engagement" in of.effects[name].hooks for name in of.active)
-    counts = [refinement * (GATED if gated and teeth else 1) * count for count, teeth in zip(chosen, tooth.teeth, strict=True)]
+    counts = _steps(of, tooth, speed, steps, stiffening, refinement)
     G, I = tooth.G.copy(), tooth.I.copy()  # noqa: E741
     G[lk.SLICE_DEPTH] = depth / tooth.slices
     G[lk.FEED], G[lk.FEED_SPEED] = feed, feed / cut.tooth_passing_period(of.cutter.flutes)
@@ -277,5 +291,5 @@ def pack(
     Y = np.zeros(3 + len(of.layout.state))
     Y[0], Y[1] = cut.initial_displacement, cut.initial_velocity
     O = np.zeros((of.layout.oscillators, 3))  # noqa: E741
-    O[: len(motion.oscillators)] = motion.oscillators
+    O[: len(of.motion.oscillators)] = of.motion.oscillators
     return Packed(of.A, of.P, G, I, O, Y, of.base and not measured_clock, tooth.crossing)

@@ -6,11 +6,12 @@ from types import SimpleNamespace
 import pytest
 
 from analysis.begun_anew import from_believed
+from analysis.believed_look import BelievedLook
 from analysis.candidate_round import shifts_in_time
 from analysis.forward_search import Path
 from analysis.held_out import pooled
 from analysis.observed import observe
-from analysis.second_look import CLEARLY, _begun_with, _Look, looked_again
+from analysis.second_look import CLEARLY, begun_with, looked_again
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE
@@ -36,7 +37,7 @@ def test_a_search_that_began_with_the_wrong_effect_is_begun_again(observed):
     base, wrong = fitted(observed), fitted(observed, "edge_force")
     noise = pooled(base.errors)[1]
     assert wrong.error_held_out > 1.5 * noise
-    found = looked_again(Path((base, wrong), (wrong,), ()), BELIEVED, KNOWN, noise, 3, lambda line: None)
+    found = looked_again(Path((base, wrong), (wrong,), ()), BelievedLook(base, BELIEVED, KNOWN, lambda line: None), noise, 3)
     assert found.end.effects == ("immersion_error",) and found.steps[0] is base
     assert found.end.error_held_out < 1.05 * noise
     assert found.end.parameters["immersion_error.error"] == pytest.approx(0.45, abs=0.005)
@@ -45,8 +46,9 @@ def test_a_search_that_began_with_the_wrong_effect_is_begun_again(observed):
 
 def test_a_search_that_left_only_noise_is_not_begun_again(observed):
     right = fitted(observed, "immersion_error")
-    path = Path((fitted(observed), right), (), ())
-    assert looked_again(path, BELIEVED, KNOWN, pooled(right.errors)[1], 3, pytest.fail) is path
+    base = fitted(observed)
+    path = Path((base, right), (), ())
+    assert looked_again(path, BelievedLook(base, BELIEVED, KNOWN, pytest.fail), pooled(right.errors)[1], 3) is path
 
 
 def test_two_effects_neither_of_which_explains_anything_alone_are_found_together():
@@ -60,10 +62,10 @@ def test_two_effects_neither_of_which_explains_anything_alone_are_found_together
     base = from_believed(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED, (), known)
     noise = pooled(base.errors)[1]
     assert base.error_held_out > 10.0 * noise
-    look = _Look(base, BELIEVED, known, lambda line: None)
+    look = BelievedLook(base, BELIEVED, known, lambda line: None)
     pairs = {other: look.opened("cubic_stiffness", other) for other in ("edge_force", "process_damping")}
     assert pairs["edge_force"] < CLEARLY * min(pairs["process_damping"], look.opened("cubic_stiffness"))
-    found = _begun_with(Path((base,), (), ()), ["cubic_stiffness", "edge_force"], look, noise, 2)
+    found = begun_with(Path((base,), (), ()), ["cubic_stiffness", "edge_force"], look, noise, 2)
     assert set(found.end.effects) == set(hidden) and found.end.error_where_known < 1.05 * noise
     assert found.end.parameters["cubic_stiffness.coefficient"] == pytest.approx(8e13, rel=0.02)
 
