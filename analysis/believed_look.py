@@ -12,7 +12,7 @@ from functools import cached_property
 
 from analysis.begun_anew import explaining, from_believed, with_examples
 from analysis.candidate_round import shifts_in_time
-from analysis.diagnosis import ADEQUATE, Candidate
+from analysis.diagnosis import COMPLETE, Candidate
 from analysis.effect_start import all_free, applicable
 from analysis.fit_state import Free
 from analysis.held_out import pooled
@@ -34,7 +34,7 @@ class BelievedLook:
         self.plant, self.records = base.fitter.plant, base.fitter.records
         self._costs: dict[tuple[str, ...], float] = {}
         self._fits: dict[tuple[str, ...], Candidate] = {}
-        self._in_vain = False
+        self._alone: tuple[Candidate, ...] | None = None
 
     @cached_property
     def every(self) -> tuple[str, ...]:
@@ -110,20 +110,23 @@ class BelievedLook:
             self._fits[names] = found
         return self._fits[names]
 
-    def has_fitted(self, names: tuple[str, ...]) -> bool:
-        """Whether these effects were fitted from the believed machine to the end."""
-        return names in self._fits
-
     def alone(self) -> tuple[Candidate, ...]:
-        """The effect that leaves but noise, if the leader does, and those whose openings were explained nearly as well."""
-        if self.leader is None:
+        """The leader, if it leaves hardly more than noise, and what explains the openings nearly as well."""
+        if self._alone is None:
+            self._alone = self._complete() if self.leader is not None else ()
+        return self._alone
+
+    def gave(self, names: tuple[str, ...]) -> bool:
+        """Whether `alone` was asked, and these are the effects of one of those it gave."""
+        return any(one.effects == names for one in self._alone or ())
+
+    def _complete(self) -> tuple[Candidate, ...]:
+        first, *others = self._likely
+        goal, close = explaining(self.records), RIVAL * self.opened(first)
+        found = self._fitted((first,), goal)
+        if found is None or found.error_where_known > COMPLETE * pooled(self.base.errors)[1]:
             return ()
-        goal, close = explaining(self.records), RIVAL * self.opened(self.leader)
-        found = None if self._in_vain else self._fitted((self.leader,), goal)
-        if found is None or found.error_where_known > ADEQUATE * pooled(self.base.errors)[1]:
-            self._in_vain = True
-            return ()
-        rivals = [self._fitted((name,), goal) for name in self._likely[1:] if self.opened(name) <= close]
+        rivals = [self._fitted((name,), goal) for name in others if self.opened(name) <= close]
         return (found, *(one for one in rivals if one is not None))
 
     def beside_leader(self, share: float) -> dict[str, float]:

@@ -86,7 +86,7 @@ def try_candidates(
     """Candidates that extend the current set by one effect, the one that foretells best first.
 
     last: no further round follows, so that only one which leaves hardly more than noise is of interest.
-    alone: gives effects that leave but noise from the believed machine, if one does; asked where no first step led to much.
+    alone: gives effects that leave hardly more than noise from the believed machine; asked where no first step led to much.
     """
     assert current.fit is not None and current.fitter is not None
     noise = pooled(current.errors)[1]
@@ -135,11 +135,13 @@ def try_candidates(
 
 
 def _put(current: Candidate, entries: list[_Entry], found: Sequence[Candidate]) -> bool:
-    """Put effects where they were found, in the round's own units; whether there was one to put."""
+    """Put effects where they were found, in the round's own units; whether one of them leaves nothing to be looked for."""
+    assert current.fitter is not None
+    noise = pooled(current.errors)[1]
     known = {entry.name: entry for entry in entries}
     found = [one for one in found if one.effects[-1] in known]
     for one in found:
-        assert current.fitter is not None and one.fitter is not None and one.fit is not None
+        assert one.fitter is not None and one.fit is not None
         entry = known[one.effects[-1]]
         weights = [record.weight for record in current.fitter.records]
         records = [replace(record, weight=weight) for record, weight in zip(one.fitter.records, weights, strict=True)]
@@ -148,7 +150,7 @@ def _put(current: Candidate, entries: list[_Entry], found: Sequence[Candidate]) 
         if all(weight is None for weight in weights):
             entry.fitted = _candidate(current, one.fitter, one.fit, one.effects)
     entries.sort(key=lambda entry: entry.reached)
-    return bool(found)
+    return any(one.error_where_known <= ADEQUATE * noise for one in found)
 
 
 def _not_fitted(current: Candidate, name: str) -> Candidate:

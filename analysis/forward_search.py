@@ -286,7 +286,7 @@ def forward(
             break
         if equal and not rivals:  # what else is missing may tell them apart
             rivals = [first, *equal]
-        if look is None or not look.has_fitted(first.effects):
+        if look is None or not look.gave(first.effects):
             first = begun_anew(first, model, catalogue, noise, say)
         current = _weighed(_at_its_jumps(_backward(first, catalogue, say)))
         steps.append(current)

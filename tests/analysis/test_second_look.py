@@ -8,7 +8,8 @@ import pytest
 from analysis.begun_anew import from_believed
 from analysis.believed_look import BelievedLook
 from analysis.candidate_round import shifts_in_time
-from analysis.forward_search import Path
+from analysis.diagnosis import ADEQUATE
+from analysis.forward_search import Path, forward
 from analysis.held_out import pooled
 from analysis.observed import observe
 from analysis.second_look import CLEARLY, begun_with, looked_again
@@ -42,6 +43,26 @@ def test_a_search_that_began_with_the_wrong_effect_is_begun_again(observed):
     assert found.end.error_held_out < 1.05 * noise
     assert found.end.parameters["immersion_error.error"] == pytest.approx(0.45, abs=0.005)
     assert {one.effects for one in found.seen} >= {("edge_force",), ("immersion_error",)}  # what was tried first is told, too
+
+
+def test_where_no_first_step_leads_to_much_the_believed_machine_is_asked(observed):
+    base, said = fitted(observed), []
+    noise = pooled(base.errors)[1]
+    look = BelievedLook(base, BELIEVED, KNOWN, said.append)
+    found = forward([base], BELIEVED, KNOWN, 3, said.append, look)
+    assert found.end.effects == ("immersion_error",) and found.end.error_held_out < 1.05 * noise
+    assert look.gave(("immersion_error",)) and said.count("fitting immersion_error from the believed machine") == 1
+    assert not any("anew" in line for line in said)  # it is from there already
+    complete = look.alone()[0].error_where_known <= ADEQUATE * noise
+    assert complete != any(line.endswith("from far") for line in said)  # only what leaves nothing spares the others' trials
+
+
+def test_what_the_believed_machine_cannot_explain_is_asked_once(observed):
+    base, said = fitted(observed), []
+    look = BelievedLook(base, BELIEVED, {name: KNOWN[name] for name in ("edge_force", "tool_wear")}, said.append)
+    assert look.leader in ("edge_force", "tool_wear")
+    assert look.alone() == () and look.alone() == ()
+    assert sum(line.startswith("fitting") for line in said) == 1 and not look.gave((look.leader,))
 
 
 def test_a_search_that_left_only_noise_is_not_begun_again(observed):
