@@ -54,11 +54,12 @@ class BelievedLook:
     @cached_property
     def _likely(self) -> list[str]:
         """Effects that explain most of the openings, the best first."""
+        if not self.every:
+            return []
         self.say("much is left: looking at every effect from the believed machine")
         costs = dict(zip(self.every, threaded(self._glanced, self.every), strict=True))
         likely = sorted(self.every, key=lambda name: costs[name])[:LIKELY]
-        if likely:
-            self._open([(name,) for name in likely[1:]], RIVAL * self.opened(likely[0]))
+        self._open([(name,) for name in likely[1:]], RIVAL * self.opened(likely[0]))
         return sorted(likely, key=lambda name: self.opened(name))
 
     @property

@@ -1,7 +1,8 @@
 """One round of a diagnosis: every effect that could be missing tried, the leaders fitted in full.
 
 A first Gauss-Newton step ranks them (a score test with a look at the true cost). The leader is refitted; where it does not
-explain everything and no first step led to much, all are tried once more from far outside; then the other leaders follow.
+explain everything and no first step led to much, the believed machine is asked, and all are tried once more from far outside
+where that does not tell; then the other leaders follow.
 """
 
 from __future__ import annotations

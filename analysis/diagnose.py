@@ -3,7 +3,8 @@
 The base model is refitted to everything with every nuisance. If that leaves more than noise, every candidate is tried: a
 first Gauss-Newton step ranks them (a score test with a look at the true cost), the leaders are refitted in full, scored on
 held-out conditions and by BIC on the effective sample size, and the strongest that passes both gates is added; then again.
-Where much is left in the end, the search is repeated from the effect that alone explains most from the believed machine.
+Where no first step leads to much, the believed machine is asked, which no base fit has bent. Where much is left in the end,
+the search is repeated from the effect that alone explains most from there.
 """
 
 from __future__ import annotations

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from analysis import scale_profile
+from analysis.begun_anew import begun_anew
+from analysis.candidate_round import candidate_of
 from analysis.compare import estimates
 from analysis.diagnosis import Candidate, verdict_of
 from analysis.effect_start import effect_parameters
@@ -58,6 +60,22 @@ def test_the_last_fit_is_no_worse_with_finer_steps(rubbing):
     place = settled.names.index("natural_frequency")
     error = settled.covariance[place, place] ** 0.5
     assert abs(settled.state.model.structure.natural_frequency - TRUE.structure.natural_frequency) < 4 * error
+
+
+def test_a_cut_bent_by_what_the_base_model_lacked_is_looked_for_anew_from_what_is_believed_of_it(rubbing):
+    fitter, right = rubbing
+    model, cutting = right.state.model, right.state.model.cutting
+    wrong = model.with_values({"tangential_coefficient": 2.5 * cutting.tangential_coefficient,
+                               "normal_coefficient": -4.0 * cutting.normal_coefficient})
+    bent = fitter.fit(replace(right.state, model=wrong, angle=right.state.angle + 0.15), iterations=15)
+    assert bent.cost > 1.2 * right.cost and bent.state.model.cutting.normal_coefficient < 0.0  # a valley of its own
+    named = candidate_of(fitter, bent, ("dry_friction",), None, 1.0)
+    said = []
+    found = begun_anew(named, BELIEVED, catalogue(), named.error_held_out / 1.2, said.append)
+    assert found.fit.cost < 1.02 * right.cost and found.fit.state.angle == pytest.approx(right.state.angle, abs=2e-3)
+    assert said == ["fitting dry_friction anew with the cutting coefficients as believed"]
+    clean = candidate_of(fitter, right, ("dry_friction",), None, 1.0)
+    assert begun_anew(clean, BELIEVED, catalogue(), clean.error_held_out, pytest.fail) is clean
 
 
 def test_a_scale_that_other_values_explain_as_well_has_an_interval_that_holds_them(rubbing, monkeypatch):
