@@ -12,14 +12,14 @@ from dataclasses import replace
 
 from analysis.candidate_round import CREEP, candidate_of
 from analysis.diagnosis import ADEQUATE, Candidate
-from analysis.effect_start import ANCHOR
+from analysis.effect_start import ANCHOR, CORNER
 from analysis.fine_steps import has_kinks
 from analysis.fit_state import WaveformFit
 from analysis.information import DELTA_BIC
 from analysis.model_fit import model_fit
 from analysis.observed import Observed
 from analysis.prediction import Plant
-from analysis.starts import GLANCE, polish, scan_starts, softened, with_exits
+from analysis.starts import fitter_of_openings, polish, scan_starts, with_exits
 from analysis.switched import switchable
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -88,8 +88,8 @@ def _cut_anew(first: Candidate, model: Model, say: Callable[[str], None]) -> Can
     say(f"fitting {first.effects[-1]} anew with the cutting coefficients as believed")
     believed = first.fit.state.model.with_values(
         {path: getattr(cutting, path) for path in ("tangential_coefficient", "normal_coefficient")})  # fmt: skip
-    opening = fitter.on([softened(record.opening()) for record in fitter.records])
-    begun = polish(opening, scan_starts(fitter.plant, opening.records, believed, 1)[0], rounds=2, iterations=GLANCE)
+    opening = fitter_of_openings(fitter.plant, fitter.records, fitter.unknowns)
+    begun = polish(opening, scan_starts(fitter.plant, opening.records, believed, 1)[0], rounds=2, iterations=CORNER)
     fit = polish(fitter, with_exits(fitter, begun.state), rounds=3, iterations=CREEP, goal=first.fit.cost)
     if not fit.cost < first.fit.cost - 0.5 * DELTA_BIC * fit.variance:
         return first

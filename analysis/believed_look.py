@@ -60,7 +60,7 @@ class BelievedLook:
         costs = dict(zip(self.every, threaded(self._glanced, self.every), strict=True))
         likely = sorted(self.every, key=lambda name: costs[name])[:LIKELY]
         self._open([(name,) for name in likely[1:]], RIVAL * self.opened(likely[0]))
-        return sorted(likely, key=lambda name: self.opened(name))
+        return sorted(likely, key=self.opened)
 
     @property
     def leader(self) -> str | None:

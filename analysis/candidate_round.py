@@ -138,20 +138,19 @@ def try_candidates(
 def _put(current: Candidate, entries: list[_Entry], found: Sequence[Candidate]) -> bool:
     """Put effects where they were found, in the round's own units; whether one of them leaves nothing to be looked for."""
     assert current.fitter is not None
-    noise = pooled(current.errors)[1]
+    weights = [record.weight for record in current.fitter.records]
     known = {entry.name: entry for entry in entries}
     found = [one for one in found if one.effects[-1] in known]
     for one in found:
         assert one.fitter is not None and one.fit is not None
         entry = known[one.effects[-1]]
-        weights = [record.weight for record in current.fitter.records]
         records = [replace(record, weight=weight) for record, weight in zip(one.fitter.records, weights, strict=True)]
         entry.state, entry.fitter, entry.fitted = one.fit.state, one.fitter.on(records), None
         entry.cost = entry.fitter.cost(entry.state)
         if all(weight is None for weight in weights):
             entry.fitted = _candidate(current, one.fitter, one.fit, one.effects)
     entries.sort(key=lambda entry: entry.reached)
-    return any(one.error_where_known <= ADEQUATE * noise for one in found)
+    return any(one.error_where_known <= ADEQUATE * pooled(current.errors)[1] for one in found)
 
 
 def _not_fitted(current: Candidate, name: str) -> Candidate:

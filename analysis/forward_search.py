@@ -233,6 +233,23 @@ def _switched(current: Candidate, model: Model, catalogue: Mapping[str, Effect],
     return None if more is None else against(more, by_noise(current))
 
 
+def _round(current: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None],
+           final: bool, look: BelievedLook | None) -> tuple[Candidate, list[Candidate]]:  # fmt: skip
+    """The current set, refitted where a larger one shows a deeper valley of it, and the candidates that extend it by one."""
+    alone = look.alone if look is not None and not current.effects else tuple
+    last = try_candidates(current, catalogue, _origins(current, model, noise), say, final, alone)
+    refitted = _nesting_guard(current, last, catalogue)
+    return refitted, last if refitted is current else [against(one, refitted) for one in last]
+
+
+def _named(first: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None],
+           look: BelievedLook | None) -> Candidate:  # fmt: skip
+    """The candidate that is named, as the next round finds it: begun anew, unless it is from the believed machine already."""
+    if look is None or not look.gave(first.effects):
+        first = begun_anew(first, model, catalogue, noise, say)
+    return _weighed(_at_its_jumps(_backward(first, catalogue, say)))
+
+
 def forward(
     begun: Sequence[Candidate],
     model: Model,
@@ -257,17 +274,12 @@ def forward(
     current = steps[-1] = _weighed(current)
     base = base if current.effects else current
     while len(current.effects) < most and current.error_where_known > ADEQUATE * noise:
-        origins = _origins(current, model, noise)
         final = most > 1 and len(current.effects) == most - 1
-        alone = look.alone if look is not None and most > 1 and not current.effects else tuple
-        last = try_candidates(current, catalogue, origins, say, final, alone)
-        refitted = _nesting_guard(current, last, catalogue)
+        refitted, last = _round(current, model, catalogue, noise, say, final, look if most > 1 else None)
         if refitted is not current:
-            current = refitted
-            steps[-1] = refitted
+            current = steps[-1] = refitted
             if not refitted.effects:
                 base = believed = refitted
-            last = [against(one, refitted) for one in last]
             if current.error_where_known <= ADEQUATE * noise:
                 break
         seen += map(_told, last)
@@ -286,9 +298,7 @@ def forward(
             break
         if equal and not rivals:  # what else is missing may tell them apart
             rivals = [first, *equal]
-        if look is None or not look.gave(first.effects):
-            first = begun_anew(first, model, catalogue, noise, say)
-        current = _weighed(_at_its_jumps(_backward(first, catalogue, say)))
+        current = _named(first, model, catalogue, noise, say, look)
         steps.append(current)
         if current is not first:
             seen = [*(one for one in seen if one.effects != current.effects), _told(current)]

@@ -143,8 +143,8 @@ def softened(record: Observed) -> Observed:
 
 def _scan(plant: Plant, passes: Sequence[FirstPasses], model: Model) -> tuple[float, float, tuple[Nuisances, ...]]:
     """(cost, mark angle, nuisances) of the best tooth angle, with entry and exit as the segments show them."""
-    records = [first.observed for first in passes]
-    pitch = 2 * math.pi / max([record.flutes for record in records if record.cut is not None], default=1)
+    cuts = [first for first in passes if first.observed.cut is not None]
+    pitch = 2 * math.pi / max([first.observed.flutes for first in cuts], default=1)
     angles = np.arange(ANGLES) * pitch / ANGLES
 
     def one(first: FirstPasses) -> np.ndarray:
@@ -159,12 +159,12 @@ def _scan(plant: Plant, passes: Sequence[FirstPasses], model: Model) -> tuple[fl
         rest = np.clip(rest, -1e6, 1e6)
         return np.log(np.mean(rest**2, axis=(1, 2))) * record.count
 
-    cuts = [first for first in passes if first.observed.cut is not None]
     costs = dict(zip([id(first.observed) for first in cuts], threaded(one, cuts), strict=True))
     shared = [costs[id(first.observed)] for first in cuts if first.observed.first_mark is not None]
     best = int(np.argmin(sum(shared))) if shared else 0
     total, nuisances = 0.0, []
-    for first, record in zip(passes, records, strict=True):
+    for first in passes:
+        record = first.observed
         if record.cut is None:
             nuisances.append(Nuisances())
             continue
@@ -227,12 +227,13 @@ def anchored_states(plant: Plant, records: Sequence[Observed], model: Model) -> 
 
 def glance(plant: Plant, records: Sequence[Observed], model: Model, free: Sequence[Free]) -> float:
     """The cost of a short fit to the openings from the coefficients as believed: a fifth of the work of `opening_fit`."""
-    opening = _opening(plant, records, free)
+    opening = fitter_of_openings(plant, records, free)
     start = scan_starts(plant, opening.records, model, 1, (1.0,))[0]
     return opening.descend(place_entries(opening, start), iterations=GLANCE).cost
 
 
-def _opening(plant: Plant, records: Sequence[Observed], free: Sequence[Free]) -> Fitter:
+def fitter_of_openings(plant: Plant, records: Sequence[Observed], free: Sequence[Free]) -> Fitter:
+    """A soft fit to the openings of all records."""
     return Fitter(plant, [softened(record.opening().loudest(OPENING)) for record in records], free)
 
 
@@ -242,7 +243,7 @@ def opening_fit(plant: Plant, records: Sequence[Observed], model: Model, free: S
 
     goal: the cost above which the fit is of no use, and is given up.
     """
-    opening = _opening(plant, records, free)
+    opening = fitter_of_openings(plant, records, free)
     starts = scan_starts(plant, opening.records, model)
     tries = [polish(opening, state, rounds=3, iterations=12, goal=goal) for state in starts]
     best = min(tries, key=lambda fit: fit.cost)

@@ -38,6 +38,16 @@ def _padded(rows: np.ndarray, count: int) -> np.ndarray:
     return np.vstack([rows, np.zeros((count, rows.shape[1]))]) if count else rows
 
 
+def _linearised(rest: np.ndarray, shared: np.ndarray, own: np.ndarray, held: np.ndarray) -> Linearised:
+    """A record about a state, its products summed at once: on the thread of the record, not in the step of them all.
+
+    held: what its marks say of it, which no shared unknown moves; `own` has rows for it.
+    """
+    found = Linearised(np.append(rest, held), _padded(shared, len(held)), own)
+    _ = found.products
+    return found
+
+
 def too_slow(costs: Sequence[float], iterations: int, goal: float) -> bool:
     """Whether a descent of so many iterations would not come down to its goal at the best pace of its last ones."""
     done = len(costs) - 1
@@ -168,9 +178,7 @@ class Fitter:
         by_shared, by_own = slopes[: len(self.names)].T, slopes[len(self.names) :].T
         if len(held):
             by_own = np.vstack([by_own, np.eye(len(own))[len(own) - len(held) :]])
-        found = Linearised(np.append(rest[0], held), _padded(by_shared, len(held)), by_own)
-        _ = found.products  # here, on the record's thread
-        return found
+        return _linearised(rest[0], by_shared, by_own, held)
 
     def linearise_all(self, state: State) -> tuple[Linearised, ...]:
         """Every record about a state, on threads (the engine lets go of the interpreter).
@@ -229,9 +237,7 @@ class Fitter:
             shared[:, list(places)] = (slopes[: len(signs)] * np.array(signs)[:, None]).T
             held = self._held(self.records[index], nuisances)
             by_own = np.hstack([_padded(slopes[len(signs) :].T, len(held)), parts[index].own])
-            found = Linearised(np.append(rest[0], held), _padded(shared, len(held)), by_own)
-            _ = found.products  # here, on the record's thread
-            return found
+            return _linearised(rest[0], shared, by_own, held)
 
         return threaded(one, range(len(self.records)))
 
