@@ -161,8 +161,8 @@ def _hooked(function: Callable, known: Mapping[str, np.ndarray | float], size: i
 def geometry_of(model: Model, catalogue: Mapping[str, Effect]) -> tuple[Cutter, Cutting]:
     """Cutter and engagement after the model's effects that change them."""
     cutter, cutting = model.cutter or Cutter(), model.cutting or Cutting()
-    for name, values in model.effects.items():
-        hooks = catalogue[name].hooks
+    for name, given in model.effects.items():
+        values, hooks = catalogue[name].shaped(given), catalogue[name].hooks
         for hook, offer in (("immersion", cutting.immersion), ("helix_angle", cutter.helix_angle)):
             if hook in hooks:
                 known = {hook: offer, **values}
@@ -276,8 +276,9 @@ def model_force(model: Model, catalogue: Mapping[str, Effect], course: Course, m
         tangential += model.cutting.tangential_coefficient * load
         normal += model.cutting.normal_coefficient * load
     own, structure = np.zeros(cells), model.structure
-    for name, values in model.effects.items():
+    for name, given in model.effects.items():
         effect = catalogue[name]
+        values = effect.shaped(given)
         if effect.states:
             continue
         for hook, side in (("tangential_force", tangential), ("normal_force", normal)):

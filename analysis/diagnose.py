@@ -18,6 +18,7 @@ from analysis.candidate_round import candidate_of
 from analysis.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, excess, verdict_of
 from analysis.forward_search import against, by_noise, forward
 from analysis.held_out import pooled
+from analysis.law_form import with_form_asked, with_other_form
 from analysis.misstated import misstated
 from analysis.next_test import next_test
 from analysis.nuisances import Nuisances
@@ -96,7 +97,7 @@ def _diagnosed(plant: Plant, records: Sequence[Observed], model: Model, catalogu
     steps = [_on_whole(step, records) for step in found.steps]
     noise = pooled(steps[0].errors)[1]
     tied = found.effects if found.verdict == "undecided" else ()
-    return verdict_of(steps[0], steps[-1], steps, found.candidates, noise, tied)
+    return with_other_form(verdict_of(steps[0], steps[-1], steps, found.candidates, noise, tied), found.form)
 
 
 def _contradicted(base: Candidate, noise: float, say: Callable[[str], None]) -> Diagnosis | None:
@@ -186,6 +187,7 @@ def _search(
     path = looked_again(forward(begun, model, catalogue, most, say, look), look, noise, most)
     seen = sorted(path.seen, key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))
     found = verdict_of(path.steps[0], path.end, path.steps, tuple(seen), noise, path.tied)
+    found = with_form_asked(found, catalogue, say)
     return replace(found, sentence=f"{found.sentence} {path.hum}") if path.hum else found
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from analysis.fit_state import WaveformFit
@@ -53,8 +53,33 @@ class Candidate:
 
 
 @dataclass(frozen=True)
+class OtherForm:
+    """The exponent of an effect's law, as the law has it and as the records do, with its 95 % interval and the gain in BIC.
+
+    left: error over noise floor, in the fit. needless: effects named beside it that are not needed with that exponent.
+    """
+
+    effect: str
+    stated: float
+    value: float
+    low: float
+    high: float
+    delta_bic: float
+    left: float
+    needless: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """In words."""
+        doing = f" and makes {' and '.join(self.needless)} needless" if self.needless else ""
+        return (f"The law itself is another: in {self.effect} an exponent of {self.value:.2f} ({self.low:.2f} to "
+                f"{self.high:.2f}) explains the records better than its {self.stated:g} (gain in BIC {self.delta_bic:.0f}; "
+                f"{self.left:.2f} times the noise floor is left){doing}. No effect of the catalogue has that law.")
+
+
+@dataclass(frozen=True)
 class Diagnosis:
-    """The verdict and the numbers behind it."""
+    """The verdict and the numbers behind it. form: another one of a named effect's law, where that explains more."""
 
     verdict: str
     effects: tuple[str, ...]
@@ -68,6 +93,7 @@ class Diagnosis:
     steps: tuple[Candidate, ...] = field(default_factory=tuple)
     next_test: NextTest | None = None
     separates: tuple[str, ...] = ()
+    form: OtherForm | None = None
 
     @property
     def held_out(self) -> bool:
@@ -229,6 +255,7 @@ def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
             "separates": list(result.separates),
             "difference": result.next_test.difference,
         },
+        "other_law": None if result.form is None else asdict(result.form),
         "history": [
             {"effects": list(step.effects), "error": step.error_held_out, "noise_floor": result.noise_floor}
             for step in result.steps

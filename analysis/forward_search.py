@@ -35,6 +35,7 @@ TAKEN = 0.6  # unless that takes away this share of what is left
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
 HOPEFUL = 2.0  # error over noise floor above which the last effect that may be added is not: too much would still be missing
 COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
+GUESSED = 0.9  # error over noise floor below which a floor that no idling shows was none
 SEARCHED = 10  # iterations from a set settled with finer steps to the same with those of the search
 ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
 STILL_ROUGH = 3.0  # and, once they were, from which they still are: else the quiet records take over half way
@@ -170,6 +171,8 @@ def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Eff
            say: Callable[[str], None]) -> Path:  # fmt: skip
     """The search from a set that leaves but noise: an effect more that is certain and takes most of the rest, or none."""
     end = steps[-1]
+    if end.effects and below_a_guess(end, noise):
+        return Path(tuple(steps), (), ())
     current = _with_search_steps(end, steps[0], noise)
     assert current.fit is not None and current.fitter is not None
     origins = origins_of(current.fitter.plant, model, current.fitter, current.fit, anchored=False)
@@ -193,6 +196,15 @@ def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Eff
         if best.delta_bic <= CERTAIN or best.error_held_out >= end.error_held_out:
             return Path(tuple(steps), seen, (), hum)
     return Path((*steps, best), seen, tied if len(tied) > 1 else (), hum)
+
+
+def below_a_guess(one: Candidate, noise: float) -> bool:
+    """Whether a set leaves clearly less than the noise was taken for, in records that never idle.
+
+    What is left may then be noise or the last per cent of a law, and no gain in BIC tells which.
+    """
+    assert one.fitter is not None
+    return one.error_where_known < GUESSED * noise and all(record.noise_basis != "idle" for record in one.fitter.records)
 
 
 def _certain(found: Sequence[Candidate], current: Candidate, noise: float) -> list[Candidate]:

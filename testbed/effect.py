@@ -129,6 +129,8 @@ class Effect:
     """A physical effect: what its file says of it, and its hook functions.
 
     leaves: what it leaves in a measurement. confused_with: (name, the test cut that separates the two).
+    form: what gives the law its shape (an exponent, the size that it is a power of): as the law has it where neutral. A model
+    need not say it, and no fit changes it unless the law itself is in question.
     states: names of the effect's own ordinary differential states, each with a `derivative_STATE` hook.
     oscillators: pairs of states, neighbours in `states`, that left to themselves are a linear damped oscillator (position,
     its rate): the engines may carry them by their exact map. A promise, which the contract test checks.
@@ -144,6 +146,7 @@ class Effect:
     validity: str
     leaves: str
     confused_with: tuple[tuple[str, str], ...] = ()
+    form: tuple[Parameter, ...] = ()
     states: tuple[str, ...] = ()
     oscillators: tuple[tuple[str, str], ...] = ()
     smooth: bool = True
@@ -156,7 +159,7 @@ class Effect:
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; KeyError if there is none."""
-        for parameter in self.parameters:
+        for parameter in (*self.parameters, *self.form):
             if parameter.name == name:
                 return parameter
         raise KeyError(name)
@@ -173,6 +176,10 @@ class Effect:
         """The values with those added, neutral, that may be left out."""
         left_out = {one.name: one.neutral for one in self.parameters if one.channels and one.name not in values}
         return {**values, **left_out} if left_out else values
+
+    def shaped(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The values complete, and those of the law's form, where they are left out, as the law has them."""
+        return {**{one.name: one.neutral for one in self.form}, **self.complete(values)}
 
     def is_neutral(self, values: Mapping[str, float]) -> bool:
         """True where any parameter that switches the effect off stands at its neutral value."""

@@ -167,19 +167,22 @@ def _effects(document: Document, path: Path_, catalogue: Mapping[str, Effect]) -
 
 
 def _parameters(document: Document, path: Path_, effect: Effect, given: object) -> dict[str, float]:
-    """An effect's parameters in SI; each with its unit, within its bounds, and none missing but what few channels show."""
+    """An effect's parameters in SI, each with its unit and within its bounds.
+
+    None may be missing but what few channels show, and what gives the law another form.
+    """
     if not isinstance(given, (dict, type(None))):
         raise document.problem(path, f"'{given}' is not a mapping", "give the parameters by name")
     given = given or {}
-    names = [parameter.name for parameter in effect.parameters]
+    names = [parameter.name for parameter in (*effect.parameters, *effect.form)]
     for name in given:
         if name not in names:
             raise document.problem((*path, name), "unknown parameter", did_you_mean(name, names))
     values = {}
-    for parameter in effect.parameters:
+    for parameter in (*effect.parameters, *effect.form):
         place = (*path, parameter.name)
         if parameter.name not in given:
-            if parameter.channels:
+            if parameter.channels or parameter in effect.form:
                 continue
             shown = format_quantity(parameter.example, parameter.unit)
             raise document.problem(place, f"is missing ({parameter.meaning})", f"add it, for example {shown}")

@@ -37,3 +37,13 @@ def test_every_share_tells_how_sure_it_is(tmp_path, monkeypatch):
     shares = [one for one in found.values() if "%)" in one.found]
     assert len(shares) >= 4 and all(one.note.startswith("95 %: ") for one in shares)
     assert found["two hidden effects: both named"].note == ""
+
+
+def test_what_is_said_to_be_another_law_is_not_named_right(tmp_path, monkeypatch):
+    refuted = campaign("one", "unexplained", ["quadratic_damping"], ["quadratic_damping"])
+    told = campaign("unknown", "unexplained", ["cubic_damping"], ["quadratic_damping"]) | {"other_law": {"value": 3.0}}
+    found = claims([refuted, told, campaign("none", "adequate")], tmp_path, monkeypatch)
+    assert found["one hidden effect worth more than 3 %: named right"].found.startswith("0 of 1 ")
+    law = "those among them whose law was told as a power of the displacement or the velocity"
+    assert found["effect of no catalogue: said so"].found.startswith("1 of 1 ") and found[law].found.startswith("1 of 1 ")
+    assert [row[0] for row in count.check().tables[1][2]] == ["1"] and count.check().tables[1][2][0][1] == "one"

@@ -13,7 +13,7 @@ from analysis.candidate_round import candidate_of
 from analysis.diagnose import diagnose
 from analysis.diagnosis import Candidate, as_json, verdict_of
 from analysis.effect_start import all_free
-from analysis.forward_search import worth_naming
+from analysis.forward_search import below_a_guess, worth_naming
 from analysis.held_out import pooled
 from analysis.observed import observe
 from analysis.starts import base_fit
@@ -106,3 +106,13 @@ def test_of_the_little_that_two_effects_leave_a_third_must_take_half(left, worth
     base, current, other = (Candidate(effects, {}, error, error, 75.0, True)
                             for effects, error in (((), 2.2), (two, 1.036), ((*two, "entry_ramp"), left)))
     assert worth_naming(other, current, base, 1.0) is worth
+
+
+@pytest.mark.parametrize(("left", "basis", "below"), [
+    (0.33, "high-frequency residual", True),  # no idling: the noise was guessed, and guessed too high
+    (0.33, "idle", False),  # idling holds what else is there, an ambient vibration that is explained now
+    (0.98, "high-frequency residual", False),
+])
+def test_below_a_noise_that_was_only_guessed_no_gain_makes_a_further_effect_certain(left, basis, below):
+    fitter = SimpleNamespace(records=[SimpleNamespace(noise_basis=basis)] * 2)
+    assert below_a_guess(Candidate(("cubic_stiffness",), {}, left, left, 75.0, True, fitter=fitter), 1.0) is below

@@ -95,6 +95,21 @@ def test_what_is_no_model_is_an_input_problem(text):
         model_from_text(text)
 
 
+def test_a_law_of_another_form():
+    """The exponent of a law need not be given, and reads back where it is."""
+    text = TEXT.replace("process_damping: {coefficient: 1.0e5 N/m}",
+                        "quadratic_damping: {coefficient: 300 N s^2/m^2, exponent: 3, reference_velocity: 80 mm/s}")
+    found = model_from_text(text)
+    assert found.effects["quadratic_damping"] == {"coefficient": 300.0, "exponent": 3.0, "reference_velocity": 0.08}
+    assert model_from_text(model_text(found)) == found
+    plain = model_from_text(text.replace(", exponent: 3, reference_velocity: 80 mm/s", ""))
+    assert plain.effects["quadratic_damping"] == {"coefficient": 300.0} and "exponent" not in model_text(plain)
+    with pytest.raises(InputProblem, match="did you mean exponent"):
+        model_from_text(text.replace("exponent: 3", "exponnent: 3"))
+    with pytest.raises(InputProblem, match="outside the law's bounds"):
+        model_from_text(text.replace("exponent: 3", "exponent: 30"))
+
+
 @pytest.mark.parametrize("normal", [0.0, -200.0, 1e6])
 def test_a_normal_coefficient_may_be_negative_or_nothing(normal):
     found = model_from_text(TEXT.replace("200 N/mm^2", f"{normal} N/mm^2"))

@@ -63,6 +63,10 @@ def _show(name: str, catalogue: Any, answer: Answer, quiet: bool) -> None:
     for one in effect.parameters:
         if one.channels:
             answer.say(f"  {one.name}: shown by {' and '.join(one.channels)} alone; a model file may leave it out")
+    for one in effect.form:
+        unit = "" if one.unit == "1" else f" {one.unit}"
+        answer.say(f"  {one.name}: {one.meaning}, {one.neutral:g}{unit}; a model file may say another; no fit changes it, but "
+                   "a diagnosis that has named the effect asks the records for it")
     answer.say("  in model.yaml: " + _as_yaml(effect))
     if not quiet:
         _draw(effect, catalogue, answer)
@@ -92,7 +96,8 @@ def _card(effect: Any) -> dict[str, Any]:
     from dataclasses import asdict
 
     card = {title: getattr(effect, title) for title in ("name", "title", "law", "source", "validity", "leaves")}
-    return card | {"parameters": [asdict(one) for one in effect.parameters], "states": list(effect.states),
+    return card | {"parameters": [asdict(one) for one in effect.parameters],
+                   "form": [asdict(one) for one in effect.form], "states": list(effect.states),
                    "confused_with": [{"effect": other, "test": test} for other, test in effect.confused_with],
                    "requires": list(effect.requires), "hooks": sorted(effect.hooks), "file": str(effect.path)}
 

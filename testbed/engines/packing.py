@@ -47,11 +47,11 @@ class Packed:
 
 def active_effects(model: Model, catalogue: Mapping[str, Effect]) -> dict[str, Mapping[str, float]]:
     """The model's effects that are not at their neutral value. KeyError, with the known names, for an unknown one."""
-    active = {}
+    active: dict[str, Mapping[str, float]] = {}
     for name, given in model.effects.items():
         if name not in catalogue:
             raise KeyError(f"no effect is named '{name}'; known: {', '.join(catalogue)}")
-        values = catalogue[name].complete(given)
+        values = catalogue[name].shaped(given)
         missing = [parameter.name for parameter in catalogue[name].parameters if parameter.name not in values]
         if missing:
             raise KeyError(f"effect {name} lacks {', '.join(missing)}")
@@ -194,7 +194,7 @@ def _of_model(model: Model, catalogue: Mapping[str, Effect]) -> _OfModel:
     A, P = np.zeros(max(1, len(catalogue))), np.zeros(max(1, len(layout.parameter)))
     for name, values in active.items():
         A[layout.flag[name]] = 1.0
-        for parameter in catalogue[name].parameters:
+        for parameter in (*catalogue[name].parameters, *catalogue[name].form):
             P[layout.parameter[name, parameter.name]] = values[parameter.name]
     A.flags.writeable = P.flags.writeable = False
     found = _OfModel(model, {name: catalogue[name] for name in model.effects}, layout, active, cutter, cutting, A, P,

@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 from base_flexure import FREQUENCY, STIFFNESS, flexure, free, samples, stable_cut
+from scipy.integrate import quad
 from scipy.special import ellipk
 
 from testbed.engines import fast
@@ -37,3 +38,18 @@ def test_the_step_chosen_follows_the_stiffness_that_the_motion_meets(share, ampl
                     for steps in (None, 1200))
     assert np.abs(chosen - fine).max() < 1e-4 * np.abs(fine).max()
     assert np.abs(fine - fast.simulate(flexure(), cut, samples(cut, 20e3)).channels["displacement"]).max() > 0.1 * amplitude
+
+
+def test_another_exponent_rings_at_its_own_backbone():
+    """F = -k5 x^5: the period is 4 times the integral of dx / v over a quarter of the orbit, x = X sin(u)."""
+    amplitude, coefficient, reference = 50e-6, 5e14, 3e-5
+    share = coefficient / reference**2 * amplitude**4 / (3 * STIFFNESS)
+    quarter = quad(lambda u: 1 / math.sqrt(1 + share * (1 + math.sin(u) ** 2 + math.sin(u) ** 4)), 0.0, math.pi / 2)[0]
+    cut = free(amplitude)
+    law = {"coefficient": coefficient, "exponent": 5.0, "reference_displacement": reference}
+    recording = fast.simulate(flexure(0.0, cubic_stiffness=law), cut, samples(cut, 200e3), steps=300)
+    x, time = recording.channels["displacement"], recording.time
+    k = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))
+    crossings = time[k] - x[k] * (time[k + 1] - time[k]) / (x[k + 1] - x[k])
+    frequency = (len(crossings) - 1) / (crossings[-1] - crossings[0])
+    assert frequency == pytest.approx(FREQUENCY * math.pi / (2 * quarter), rel=1e-6) and frequency > 1.05 * FREQUENCY

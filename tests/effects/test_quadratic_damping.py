@@ -36,3 +36,14 @@ def test_equivalent_damping():
     time, amplitudes = ring_down(coefficient)
     slope = np.polyfit(time, 1.0 / amplitudes, 1)[0]
     assert slope == pytest.approx(4 * coefficient * 2 * math.pi * FREQUENCY / (3 * math.pi * MASS), rel=1e-3)
+
+
+def test_another_exponent():
+    """F = -c v_r^2 (|v| / v_r)^3 sign(v): dX/dt = -(3/8) (c / v_r) omega^2 X^3 / m, so 1/X^2 grows linearly."""
+    coefficient, reference, cut = 500.0, 0.05, free(50e-6)
+    law = {"coefficient": coefficient, "exponent": 3.0, "reference_velocity": reference}
+    recording = fast.simulate(flexure(0.0, quadratic_damping=law), cut, samples(cut, 400e3),
+                              channels=("displacement", "velocity"), steps=300)
+    time, x = turning_points(recording.time, recording.channels["displacement"], recording.channels["velocity"])
+    slope = np.polyfit(time, x**-2.0, 1)[0]
+    assert slope == pytest.approx(0.75 * coefficient / reference * (2 * math.pi * FREQUENCY) ** 2 / MASS, rel=1e-3)

@@ -1,0 +1,80 @@
+"""Is another law told from the one it was named by, and the named one left alone where it holds?"""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from plain_cut import RATE, TRUE, motion
+
+from analysis.begun_anew import from_believed
+from analysis.diagnose import diagnose
+from analysis.diagnosis import as_json
+from analysis.law_form import other_form
+from analysis.observed import Observed, drift_basis
+from testbed.catalogue import catalogue
+from testbed.cut import Cut
+from testbed.engines import predict
+
+PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+KNOWN = catalogue()
+NOISE = 1e-6
+BELIEVED = TRUE.with_values({"natural_frequency": 146.7, "damping_ratio": 0.0045})
+
+
+def decays(law, amplitudes=(2.5e-4, 1.5e-4)):
+    """Free decays from several displacements under a law of the structure, by a general-purpose integrator."""
+    found = []
+    for seed, amplitude in enumerate(amplitudes):
+        cut = Cut(2 * np.pi * 100.0, 0.0, idle_passes=40, passes=0, initial_displacement=amplitude)
+        times, xs, _ = motion(TRUE, cut, structure_law=law)
+        x = np.interp(np.arange(int(times[-1] * RATE)) / RATE, times, xs)
+        x += NOISE * np.random.default_rng(seed).standard_normal(len(x))
+        found.append(Observed(f"tap_{seed}", "ring-down", ("displacement",), x[None], RATE, 0.0, np.array([NOISE]), "idle",
+                              drift_basis(len(x)), (), ("ring-down", f"tap_{seed}"), force=np.zeros(len(x))))
+    return found
+
+
+def asked(law, *names):
+    """What is said of the laws of these effects, fitted to decays under another."""
+    return other_form(from_believed(PLANT, decays(law), BELIEVED, names, KNOWN), KNOWN, lambda text: None)
+
+
+@pytest.mark.parametrize(("law", "name"), [
+    (lambda x, v: -300.0 * abs(v) * v, "quadratic_damping"),
+    (lambda x, v: -5e12 * x**3, "cubic_stiffness"),
+])
+def test_a_law_that_holds_is_left_alone(law, name):
+    assert asked(law, name) is None
+
+
+@pytest.mark.parametrize(("law", "name", "exponent"), [
+    (lambda x, v: -1500.0 * v**3, "quadratic_damping", 3.0),
+    (lambda x, v: -300.0 * abs(v) ** 0.5 * v, "quadratic_damping", 1.5),
+    (lambda x, v: -2e19 * x**5, "cubic_stiffness", 5.0),
+])
+def test_the_exponent_of_another_law_is_found(law, name, exponent):
+    found = asked(law, name)
+    assert found.effect == name and found.low < exponent < found.high and found.high - found.low < 0.8
+    assert found.value == pytest.approx(exponent, abs=0.2) and found.delta_bic > 20.0 and found.needless == ()
+
+
+def test_what_only_helped_to_imitate_the_law_is_needless():
+    found = asked(lambda x, v: -1500.0 * v**3, "quadratic_damping", "cubic_stiffness")
+    assert found.value == pytest.approx(3.0, abs=0.2) and found.needless == ("cubic_stiffness",)
+    assert "makes cubic_stiffness needless" in found.sentence
+
+
+def test_an_effect_whose_law_no_file_gives_another_form_is_not_asked():
+    assert asked(lambda x, v: -1500.0 * v**3, "dry_friction") is None
+
+
+def test_a_diagnosis_calls_a_named_law_unknown_where_its_exponent_is_another():
+    found = diagnose(PLANT, decays(lambda x, v: -1500.0 * v**3), BELIEVED, KNOWN)
+    assert found.verdict == "unexplained" and found.form is not None
+    assert found.form.value == pytest.approx(3.0, abs=0.2)
+    told = as_json(found, BELIEVED)["other_law"]
+    assert told["effect"] == "quadratic_damping" and told["stated"] == 2.0 and told["low"] < 3.0 < told["high"]
+    assert "The law itself is another" in found.sentence
+    held = diagnose(PLANT, decays(lambda x, v: -300.0 * abs(v) * v), BELIEVED, KNOWN)
+    assert held.verdict == "missing_effect" and held.effects == ("quadratic_damping",)
+    assert as_json(held, BELIEVED)["other_law"] is None
