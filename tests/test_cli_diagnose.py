@@ -5,12 +5,14 @@ import re
 import shutil
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from testbed.campaign import load_campaign
 from testbed.catalogue import catalogue
 from testbed.cli import main
+from testbed.cli.diagnose import next_command
 from testbed.effects import process_damping
 from testbed.engines import fast
 from testbed.model_file import read_model
@@ -64,6 +66,18 @@ def added(files, tmp_path_factory):
     folder = tmp_path_factory.mktemp("added")
     return (*_answer(folder, "add", EFFECT, "-m", str(files / "model.yaml"), "-c", str(files / "campaign.yaml"), "-o",
                      str(folder / "new.yaml")), folder / "new.yaml")
+
+
+@pytest.mark.parametrize(("verdict", "tried", "proposed", "expected"), [
+    ("missing_effect", ("any",), False, "testbed add helix -m m.yaml -c c.yaml -o NEW.yaml"),
+    ("unexplained", ("any",), False, "testbed diagnose c.yaml -m m.yaml --propose DIR"),
+    ("unexplained", ("any",), True, ""),  # told with what was proposed
+    ("unexplained", (), False, ""),  # a record contradicts the others, or a sensor is turned round: no effect was looked for
+    ("adequate", ("any",), False, ""),
+])
+def test_the_command_to_go_on_with(verdict, tried, proposed, expected):
+    found = SimpleNamespace(verdict=verdict, effects=("helix",), candidates=tried)
+    assert next_command(found, "c.yaml", "m.yaml", proposed) == expected
 
 
 def test_the_files_are_what_was_measured(files):

@@ -246,4 +246,5 @@ def test_the_form_of_a_law_need_not_be_said_and_another_is_the_same_in_every_eng
     for engine in ENGINES:
         assert np.array_equal(motion(said, engine), motion(plain, engine))
         assert difference(motion(another, engine), motion(plain, engine)) > 1e-3
-    assert difference(motion(another, "mujoco", FINE), motion(another, "fast", FINE)) < 1e-6
+    # the examples' fifth power of the displacement is nine times the cubic one here, and needs finer steps
+    assert difference(motion(another, "mujoco", 4 * FINE), motion(another, "fast", 4 * FINE)) < 1e-6

@@ -61,7 +61,8 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     for note in notes:
         answer.say(note)
     said = as_json(found, model) | {"notes": notes}
-    _say(answer, found, said, campaign, model_file)
+    next_step = next_command(found, campaign, model_file, bool(propose))
+    _say(answer, found, said, next_step)
     if decoys:
         said["decoys"] = _decoys(answer, found, catalogue)
     explanation = _propose(answer, found, records, model, catalogue, propose, campaign, model_file) if propose else None
@@ -74,7 +75,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 
         page = diagnosis_page(found, said, model, catalogue, channel_units(read),
                               notes=[f"{campaign} against {model_file}", *notes],
-                              next_step=_next_step(found, campaign, model_file), force_maps=_force_maps(found, catalogue))
+                              next_step=next_step, force_maps=_force_maps(found, catalogue))
         answer.say(f"open {page.write(folder / 'report.html')}")
     answer.finish(said)
 
@@ -142,10 +143,13 @@ def _false_alarms(answer: Answer, found: Any, catalogue: Any, count: int, seed: 
             "named": [list(names) for names in told.named]}
 
 
-def _next_step(found: Any, campaign: str, model_file: str) -> str:
-    if found.verdict != "missing_effect":
-        return ""
-    return f"testbed add {found.effects[0]} -m {model_file} -c {campaign} -o NEW.yaml"
+def next_command(found: Any, campaign: str, model_file: str, proposed: bool) -> str:
+    """The command to go on with; empty where there is none, or where it is told with what was proposed."""
+    if found.verdict == "missing_effect":
+        return f"testbed add {found.effects[0]} -m {model_file} -c {campaign} -o NEW.yaml"
+    if found.verdict == "unexplained" and found.candidates and not proposed:  # without candidates no effect was looked for
+        return f"testbed diagnose {campaign} -m {model_file} --propose DIR"
+    return ""
 
 
 def _without(before: Any, step: Any) -> str:
@@ -154,7 +158,7 @@ def _without(before: Any, step: Any) -> str:
     return f" (no longer {', '.join(dropped)})" if dropped else ""
 
 
-def _say(answer: Answer, found: Any, said: Any, campaign: str, model_file: str) -> None:
+def _say(answer: Answer, found: Any, said: Any, next_step: str) -> None:
     answer.say(f"{found.verdict.replace('_', ' ')}: {', '.join(found.effects)}" if found.effects
                else found.verdict.replace("_", " "))
     answer.say(found.sentence)
@@ -187,5 +191,5 @@ def _say(answer: Answer, found: Any, said: Any, campaign: str, model_file: str) 
         test = found.next_test
         answer.say(f"a cut at {test.spindle_speed * 30 / math.pi:.0f} rpm, {test.depth_of_cut * 1e3:.2f} mm would tell "
                    f"{' from '.join(found.separates)} best: they differ there by {test.difference:.1f} times the noise")
-    if found.verdict == "missing_effect":
-        answer.say(f"next: {_next_step(found, campaign, model_file)}")
+    if next_step:
+        answer.say(f"next: {next_step}")
