@@ -56,7 +56,8 @@ class Candidate:
 class OtherForm:
     """The exponent of an effect's law, as the law has it and as the records do, with its 95 % interval and the gain in BIC.
 
-    left: error over noise floor, in the fit. needless: effects named beside it that are not needed with that exponent.
+    left: error over noise floor, in the fit. parameters: the effect's values, as a model file may say them. needless: effects
+    named beside it that are not needed with that exponent.
     """
 
     effect: str
@@ -66,6 +67,7 @@ class OtherForm:
     high: float
     delta_bic: float
     left: float
+    parameters: Mapping[str, float] = field(default_factory=dict)
     needless: tuple[str, ...] = ()
 
     @property

@@ -77,7 +77,8 @@ def _freed(
     if not far or gain <= DELTA_BIC:
         return None
     error, noise = pooled(errors_in_fit(free, fit))
-    return OtherForm(name, exponent.neutral, told.value, told.low, told.high, gain, error / noise)
+    values = dict(fit.state.model.effects[name])
+    return OtherForm(name, exponent.neutral, told.value, told.low, told.high, gain, error / noise, values)
 
 
 def _references(effect: Effect, fitter: Fitter) -> dict[str, float]:

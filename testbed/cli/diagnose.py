@@ -62,7 +62,11 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         answer.say(note)
     said = as_json(found, model) | {"notes": notes}
     next_step = next_command(found, campaign, model_file, bool(propose))
-    _say(answer, found, said, next_step)
+    _say(answer, found, said)
+    if found.form is not None:
+        answer.say(f"with that law, model.yaml has: {_as_yaml(found.form, catalogue[found.form.effect])}")
+    if next_step:
+        answer.say(f"next: {next_step}")
     if decoys:
         said["decoys"] = _decoys(answer, found, catalogue)
     explanation = _propose(answer, found, records, model, catalogue, propose, campaign, model_file) if propose else None
@@ -152,13 +156,21 @@ def next_command(found: Any, campaign: str, model_file: str, proposed: bool) -> 
     return ""
 
 
+def _as_yaml(form: Any, effect: Any) -> str:
+    """What a model file says of an effect whose law has another form."""
+    from testbed.units import format_quantity
+
+    said = {name: format_quantity(value, effect.parameter(name).unit) for name, value in form.parameters.items()}
+    return f"effects: {{{effect.name}: {{{', '.join(f'{name}: {value}' for name, value in said.items())}}}}}"
+
+
 def _without(before: Any, step: Any) -> str:
     """In words, which effects of the step before a later one made needless."""
     dropped = [name for name in before.effects if name not in step.effects]
     return f" (no longer {', '.join(dropped)})" if dropped else ""
 
 
-def _say(answer: Answer, found: Any, said: Any, next_step: str) -> None:
+def _say(answer: Answer, found: Any, said: Any) -> None:
     answer.say(f"{found.verdict.replace('_', ' ')}: {', '.join(found.effects)}" if found.effects
                else found.verdict.replace("_", " "))
     answer.say(found.sentence)
@@ -191,5 +203,3 @@ def _say(answer: Answer, found: Any, said: Any, next_step: str) -> None:
         test = found.next_test
         answer.say(f"a cut at {test.spindle_speed * 30 / math.pi:.0f} rpm, {test.depth_of_cut * 1e3:.2f} mm would tell "
                    f"{' from '.join(found.separates)} best: they differ there by {test.difference:.1f} times the noise")
-    if next_step:
-        answer.say(f"next: {next_step}")

@@ -73,5 +73,7 @@ def test_a_diagnosis_calls_a_named_law_unknown_where_its_exponent_is_another():
     assert found.verdict == "unexplained" and found.form is not None
     assert found.form.value == pytest.approx(3.0, abs=0.2)
     told = as_json(found, BELIEVED)["other_law"]
+    assert set(told["parameters"]) == {"coefficient", "exponent", "reference_velocity"}
+    assert told["parameters"]["exponent"] == told["value"]
     assert told["effect"] == "quadratic_damping" and told["stated"] == 2.0 and told["low"] < 3.0 < told["high"]
     assert "The law itself is another" in found.sentence
