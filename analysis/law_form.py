@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from analysis.compare import estimates
-from analysis.diagnosis import Candidate, Diagnosis, OtherForm
+from analysis.diagnosis import COMPLETE, Candidate, Diagnosis, OtherForm
 from analysis.effect_start import state_without
 from analysis.fit_state import Free, State, WaveformFit
 from analysis.held_out import errors_in_fit, pooled
@@ -63,7 +63,7 @@ def _exponent(effect: Effect) -> Parameter | None:
 def _freed(
     fitter: Fitter, state: State, catalogue: Mapping[str, Effect], name: str, before: WaveformFit
 ) -> OtherForm | None:  # fmt: skip
-    """What a fit with the exponent of an effect free finds, where that is another and explains more than the fit before."""
+    """What a fit with the exponent of an effect free finds, where that is another, explains more, and leaves but noise."""
     exponent = _exponent(catalogue[name])
     assert exponent is not None
     path = f"{name}.{exponent.name}"
@@ -74,9 +74,9 @@ def _freed(
     gain = bic(before, size) - bic(fit, size)
     told = estimates(free, fit, catalogue)[path]
     far = abs(told.value - exponent.neutral) >= ANOTHER and not told.low <= exponent.neutral <= told.high
-    if not far or gain <= DELTA_BIC:
-        return None
     error, noise = pooled(errors_in_fit(free, fit))
+    if not far or gain <= DELTA_BIC or error > COMPLETE * noise:  # what leaves more is not the law either
+        return None
     values = dict(fit.state.model.effects[name])
     return OtherForm(name, exponent.neutral, told.value, told.low, told.high, gain, error / noise, values)
 

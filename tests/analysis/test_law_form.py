@@ -64,6 +64,11 @@ def test_what_only_helped_to_imitate_the_law_is_needless():
     assert "makes cubic_stiffness needless" in found.sentence
 
 
+def test_an_exponent_that_leaves_more_than_noise_is_no_law():
+    """Of two powers and a spring on one side a single power between them explains more than the cube, but not all."""
+    assert asked(lambda x, v: -1e12 * x**3 - 1e20 * x**5 - 3e8 * x**2 * (x > 0), "cubic_stiffness") is None
+
+
 def test_an_effect_whose_law_no_file_gives_another_form_is_not_asked():
     assert asked(lambda x, v: -1500.0 * v**3, "dry_friction") is None
 
