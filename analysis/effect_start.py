@@ -298,11 +298,12 @@ def switched_on(fitter: Fitter, effect: Effect, origins: Sequence[Origin]) -> tu
 
 
 def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit, goal: float = math.inf) -> tuple[float, State, Fitter]:
-    """(cost, state, fitter) after a short fit that begins with the effect at its largest start, of use below the cost `goal`.
+    """(cost, state, fitter) after a short fit that begins with the effect at its largest start.
 
     What shifts the record in time (a sensor's lag, a speed that falls), mark angle, speed and coefficients have made up
     for: near nothing the valley is flat and bent, and no single step leads along it. From far outside it is short.
-    A law with a kink begins at whichever strength explains most: far too strong it holds everything stuck.
+    A law with a kink begins at whichever strength explains most: far too strong it holds everything stuck. It takes twice as
+    long, and is given up where it would not come below the cost `goal`; the others, slow at first, need all their steps.
     """
     effect = fitting_example(fitter, effect, fit)
     wider = extended(fitter, effect)
@@ -312,5 +313,8 @@ def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit, goal: float = mat
     if not effect.smooth:
         states = [at_rest(wider, state)[0] for state in states]
     tried = sorted(((wider.cost(state, worst), state) for state in states), key=_cost)
-    found = wider.descend(tried[0][1], iterations=CORNER if effect.smooth else 2 * CORNER, goal=goal)
+    if effect.smooth:
+        found = wider.descend(tried[0][1], iterations=CORNER)
+    else:
+        found = wider.descend(tried[0][1], iterations=2 * CORNER, goal=goal)
     return found.cost, found.state, wider

@@ -12,7 +12,7 @@ from analysis.begun_anew import begun_anew
 from analysis.candidate_round import candidate_of
 from analysis.compare import estimates
 from analysis.diagnosis import Candidate, verdict_of
-from analysis.effect_start import effect_parameters
+from analysis.effect_start import effect_parameters, far_step
 from analysis.fine_steps import fine, finely, has_kinks
 from analysis.held_out import RecordError, pooled_doubt
 from analysis.model_fit import model_fit
@@ -51,6 +51,17 @@ def test_finer_steps_predict_a_law_with_a_kink_closer():
     true = fast.simulate(RUBBING, cut, sampling, steps=3200).channels["displacement"]
     coarse, finer = (one.predict_cuts([RUBBING], [cut], [sampling], ("displacement",))[0, 0] for one in (PLANT, fine(PLANT)))
     assert np.std(finer - true) < 0.15 * np.std(coarse - true)
+
+
+def test_from_far_only_a_law_with_a_kink_is_given_up_before_its_last_step(rubbing, monkeypatch):
+    """What shifts the record in time is slow at first: a drooping speed reached the noise from where it had been given up."""
+    fitter, fit = rubbing
+    goals = []
+    descend = Fitter.descend
+    monkeypatch.setattr(Fitter, "descend", lambda *given, **more: goals.append(more.get("goal")) or descend(*given, **more))
+    for name in ("sensor_lag", "quadratic_damping"):
+        far_step(fitter, catalogue()[name], fit, 0.1)
+    assert goals == [None, 0.1]
 
 
 def test_the_last_fit_is_no_worse_with_finer_steps(rubbing):
