@@ -8,7 +8,7 @@ from plain_cut import RATE, TRUE, motion
 
 from analysis.begun_anew import from_believed
 from analysis.diagnose import diagnose
-from analysis.diagnosis import as_json
+from analysis.diagnosis import Candidate, as_json
 from analysis.law_form import other_form
 from analysis.observed import Observed, drift_basis
 from testbed.catalogue import catalogue
@@ -70,11 +70,12 @@ def test_an_exponent_that_leaves_more_than_noise_is_no_law():
 
 
 def test_an_effect_whose_law_no_file_gives_another_form_is_not_asked():
-    assert asked(lambda x, v: -1500.0 * v**3, "dry_friction") is None
+    assert other_form(Candidate(("dry_friction",), {}, 1.0, 1.0, 0.0, True), KNOWN, lambda text: None) is None
 
 
 def test_a_diagnosis_calls_a_named_law_unknown_where_its_exponent_is_another():
-    found = diagnose(PLANT, decays(lambda x, v: -1500.0 * v**3), BELIEVED, KNOWN)
+    dampings = {name: KNOWN[name] for name in ("dry_friction", "quadratic_damping")}
+    found = diagnose(PLANT, decays(lambda x, v: -1500.0 * v**3), BELIEVED, dampings)
     assert found.verdict == "unexplained" and found.form is not None
     assert found.form.value == pytest.approx(3.0, abs=0.2)
     told = as_json(found, BELIEVED)["other_law"]
