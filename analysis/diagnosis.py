@@ -67,7 +67,7 @@ class OtherForm:
     high: float
     delta_bic: float
     left: float
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, float]
     needless: tuple[str, ...] = ()
 
     @property

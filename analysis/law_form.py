@@ -46,11 +46,11 @@ def other_form(one: Candidate, catalogue: Mapping[str, Effect], say: Callable[[s
         say(f"is the exponent of {name} that of its law?")
         assert one.fit is not None and one.fitter is not None
         others = tuple(other for other in one.effects if other != name)
-        for needless in (others, ()) if others else ((),):
+        for needless in dict.fromkeys((others, ())):
             state, fitter = one.fit.state, one.fitter
             for other in needless:
                 state, fitter = state_without(state, other, catalogue), fitter.without(other)
-            found = _freed(fitter, state, catalogue, name, one.fit)
+            found = _freed(fitter, state, catalogue, name, exponent, one.fit)
             if found is not None:
                 return replace(found, needless=needless)
     return None
@@ -61,11 +61,9 @@ def _exponent(effect: Effect) -> Parameter | None:
 
 
 def _freed(
-    fitter: Fitter, state: State, catalogue: Mapping[str, Effect], name: str, before: WaveformFit
+    fitter: Fitter, state: State, catalogue: Mapping[str, Effect], name: str, exponent: Parameter, before: WaveformFit
 ) -> OtherForm | None:  # fmt: skip
     """What a fit with the exponent of an effect free finds, where that is another, explains more, and leaves but noise."""
-    exponent = _exponent(catalogue[name])
-    assert exponent is not None
     path = f"{name}.{exponent.name}"
     model = state.model.with_effect(name, exponent=exponent.neutral, **_references(catalogue[name], fitter))
     free = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, Free(path, STEP, exponent.bounds)])

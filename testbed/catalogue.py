@@ -90,7 +90,7 @@ def _check_hook(path: Path, effect: Effect, name: str, function: Callable) -> No
     line = function.__code__.co_firstlineno
     if place != name and name.removeprefix("derivative_") not in effect.states:
         raise InputProblem(path, f"{name}() belongs to no state", "name the state in `states`", line)
-    known = {*HOOKS[place].offers, *effect.states, *(parameter.name for parameter in (*effect.parameters, *effect.form))}
+    known = {*HOOKS[place].offers, *effect.states, *(parameter.name for parameter in effect.every_parameter)}
     for argument in inspect.signature(function).parameters:
         if argument not in known:
             raise InputProblem(path, f"{name}() asks for '{argument}'", f"it may ask for {', '.join(sorted(known))}", line)
@@ -122,7 +122,7 @@ def read_effect(path: Path) -> Effect:
             raise InputProblem(path, f"oscillator ({position}, {rate}) is no pair of neighbouring states", "see `states`", line)
     if effect.parameters and not any(parameter.vanishes for parameter in effect.parameters):
         raise InputProblem(path, "no parameter switches the effect off", "give one a neutral value with vanishes=True", line)
-    names = [parameter.name for parameter in (*effect.parameters, *effect.form)]
+    names = [parameter.name for parameter in effect.every_parameter]
     if len(set(names)) != len(names):
         raise InputProblem(path, "two parameters of one name", "rename one", line)
     return replace(effect, name=path.stem, manual=(module.__doc__ or "").strip(), path=path, hooks=MappingProxyType(hooks))

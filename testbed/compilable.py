@@ -59,7 +59,7 @@ def _check_neutral(effect: Effect, name: str, function: Callable) -> None:
         return
     for sign in (1.0, -1.0, 0.0):
         values = _PLAUSIBLE | {key: sign * value for key, value in _SIGNED.items()}
-        values |= dict.fromkeys(effect.states, 0.0) | effect.shaped(effect.neutral())
+        values |= {**dict.fromkeys(effect.states, 0.0), **effect.shaped(effect.neutral())}
         try:
             found = float(function(**{key: values[key] for key in inspect.signature(function).parameters}))
         except (ArithmeticError, ValueError):  # what is infinite or NaN in the compiled loop

@@ -157,9 +157,14 @@ class Effect:
     path: Path | None = None
     hooks: Mapping[str, Callable] = field(default_factory=dict)
 
+    @property
+    def every_parameter(self) -> tuple[Parameter, ...]:
+        """All that a model may say of the effect: its parameters and the form of its law."""
+        return (*self.parameters, *self.form)
+
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; KeyError if there is none."""
-        for parameter in (*self.parameters, *self.form):
+        for parameter in self.every_parameter:
             if parameter.name == name:
                 return parameter
         raise KeyError(name)
@@ -177,9 +182,10 @@ class Effect:
         left_out = {one.name: one.neutral for one in self.parameters if one.channels and one.name not in values}
         return {**values, **left_out} if left_out else values
 
-    def shaped(self, values: Mapping[str, float]) -> dict[str, float]:
+    def shaped(self, values: Mapping[str, float]) -> Mapping[str, float]:
         """The values complete, and those of the law's form, where they are left out, as the law has them."""
-        return {**{one.name: one.neutral for one in self.form}, **self.complete(values)}
+        complete = self.complete(values)
+        return {one.name: one.neutral for one in self.form} | dict(complete) if self.form else complete
 
     def is_neutral(self, values: Mapping[str, float]) -> bool:
         """True where any parameter that switches the effect off stands at its neutral value."""

@@ -174,12 +174,12 @@ def _parameters(document: Document, path: Path_, effect: Effect, given: object) 
     if not isinstance(given, (dict, type(None))):
         raise document.problem(path, f"'{given}' is not a mapping", "give the parameters by name")
     given = given or {}
-    names = [parameter.name for parameter in (*effect.parameters, *effect.form)]
+    names = [parameter.name for parameter in effect.every_parameter]
     for name in given:
         if name not in names:
             raise document.problem((*path, name), "unknown parameter", did_you_mean(name, names))
     values = {}
-    for parameter in (*effect.parameters, *effect.form):
+    for parameter in effect.every_parameter:
         place = (*path, parameter.name)
         if parameter.name not in given:
             if parameter.channels or parameter in effect.form:
@@ -216,6 +216,12 @@ def model_text(model: Model, catalogue: Mapping[str, Effect] | None = None) -> s
         lines.append(f"  {name}:" if values else f"  {name}: {{}}")
         lines += [f"    {key}: {_exact(value, known[name].parameter(key).unit)}" for key, value in values.items()]
     return "\n".join(lines) + "\n"
+
+
+def effect_text(effect: Effect, values: Mapping[str, float]) -> str:
+    """What a model file says of one effect, in one line, rounded for a reader."""
+    said = ", ".join(f"{name}: {format_quantity(value, effect.parameter(name).unit)}" for name, value in values.items())
+    return f"effects: {{{effect.name}: {{{said}}}}}"
 
 
 def _structure_lines(model: Model) -> list[str]:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from analysis.observed import Observed, drift_basis
 from testbed.campaign import Record
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
@@ -17,6 +18,7 @@ from testbed.manifest import Feed
 from testbed.recording import Recording
 
 RATE, STEPS, FLIGHT, MARK = 12800.0, 36, 110, 0.7
+RELEASED = (2.5e-4, 1.5e-4)  # m, from where free decays begin
 COURSE = (8, 30, 20)  # revolutions of idling, cutting, ringing down
 TRUE = Model(Structure(2.573, 146.4, 0.0032), Cutter(), Cutting())
 
@@ -95,3 +97,17 @@ def record(
     }
     recording = Recording({"displacement": signal}, RATE, {"displacement": "m"}, "synthetic", 0.0, marks, conditions=conditions)
     return Record(f"{speed_rpm:.0f}rpm", "cut", recording, conditions, (), feed=Feed(0.1016e-3, "tooth"))
+
+
+def free_decays(structure_law: Callable, noise: float = 1e-6) -> list[Observed]:
+    """Records of 0.4 s of the structure let go from each displacement of RELEASED, ready to be fitted."""
+    found = []
+    for seed, amplitude in enumerate(RELEASED):
+        cut = Cut(2 * math.pi * 100.0, 0.0, idle_passes=40, passes=0, initial_displacement=amplitude)
+        times, xs, _ = motion(TRUE, cut, structure_law=structure_law)
+        wanted = np.arange(int(times[-1] * RATE)) / RATE
+        x = np.interp(wanted, times, xs) + noise * np.random.default_rng(seed).standard_normal(len(wanted))
+        name, drift = f"tap_{seed}", drift_basis(len(x))
+        found.append(Observed(name, "ring-down", ("displacement",), x[None], RATE, 0.0, np.array([noise]), "idle", drift, (),
+                              ("ring-down", name), force=np.zeros(len(x))))  # fmt: skip
+    return found

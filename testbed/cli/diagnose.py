@@ -43,6 +43,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     from analysis.other_way import other_way_note
     from testbed.catalogue import DECOYS
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
+    from testbed.model_file import effect_text
 
     answer = Answer(json_file, quiet)
     folder = output_folder(output) if output else None
@@ -64,7 +65,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     next_step = next_command(found, campaign, model_file, bool(propose))
     _say(answer, found, said)
     if found.form is not None:
-        answer.say(f"with that law, model.yaml has: {_as_yaml(found.form, catalogue[found.form.effect])}")
+        answer.say(f"with that law, model.yaml has: {effect_text(catalogue[found.form.effect], found.form.parameters)}")
     if next_step:
         answer.say(f"next: {next_step}")
     if decoys:
@@ -154,14 +155,6 @@ def next_command(found: Any, campaign: str, model_file: str, proposed: bool) -> 
     if found.verdict == "unexplained" and found.candidates and not proposed:  # without candidates no effect was looked for
         return f"testbed diagnose {campaign} -m {model_file} --propose DIR"
     return ""
-
-
-def _as_yaml(form: Any, effect: Any) -> str:
-    """What a model file says of an effect whose law has another form."""
-    from testbed.units import format_quantity
-
-    said = {name: format_quantity(value, effect.parameter(name).unit) for name, value in form.parameters.items()}
-    return f"effects: {{{effect.name}: {{{', '.join(f'{name}: {value}' for name, value in said.items())}}}}}"
 
 
 def _without(before: Any, step: Any) -> str:

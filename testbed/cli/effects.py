@@ -42,6 +42,7 @@ def _list_effects(catalogue: Any, answer: Answer) -> None:
 
 
 def _show(name: str, catalogue: Any, answer: Answer, quiet: bool) -> None:
+    from testbed.model_file import effect_text
     from testbed.units import nearest
 
     if name not in catalogue:
@@ -67,7 +68,7 @@ def _show(name: str, catalogue: Any, answer: Answer, quiet: bool) -> None:
         unit = "" if one.unit == "1" else f" {one.unit}"
         answer.say(f"  {one.name}: {one.meaning}, {one.neutral:g}{unit}; a model file may say another; no fit changes it, but "
                    "a diagnosis that has named the effect asks the records for it")
-    answer.say("  in model.yaml: " + _as_yaml(effect))
+    answer.say("  in model.yaml: " + effect_text(effect, effect.example()))
     if not quiet:
         _draw(effect, catalogue, answer)
     answer.finish(_card(effect))
@@ -83,13 +84,6 @@ def _draw(effect: Any, catalogue: Any, answer: Answer) -> None:
         for line in picture(found.time * 1e3, values * 1e6):
             answer.say("  " + line)
     answer.say("  time, ms")
-
-
-def _as_yaml(effect: Any) -> str:
-    from testbed.units import format_quantity
-
-    values = ", ".join(f"{one.name}: {format_quantity(one.example, one.unit)}" for one in effect.parameters)
-    return f"effects: {{{effect.name}: {{{values}}}}}"
 
 
 def _card(effect: Any) -> dict[str, Any]:

@@ -39,7 +39,7 @@ class Layout:
         self.parameter: dict[tuple[str, str], int] = {}
         self.state: dict[tuple[str, str], int] = {}
         for name, effect in effects.items():
-            for parameter in (*effect.parameters, *effect.form):
+            for parameter in effect.every_parameter:
                 self.parameter[name, parameter.name] = len(self.parameter)
             for state in effect.states:
                 self.state[name, state] = 3 + len(self.state)

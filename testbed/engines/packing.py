@@ -194,7 +194,7 @@ def _of_model(model: Model, catalogue: Mapping[str, Effect]) -> _OfModel:
     A, P = np.zeros(max(1, len(catalogue))), np.zeros(max(1, len(layout.parameter)))
     for name, values in active.items():
         A[layout.flag[name]] = 1.0
-        for parameter in (*catalogue[name].parameters, *catalogue[name].form):
+        for parameter in catalogue[name].every_parameter:
             P[layout.parameter[name, parameter.name]] = values[parameter.name]
     A.flags.writeable = P.flags.writeable = False
     found = _OfModel(model, {name: catalogue[name] for name in model.effects}, layout, active, cutter, cutting, A, P,

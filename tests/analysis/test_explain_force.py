@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plain_cut import MARK, RATE, TRUE, motion, record
+from plain_cut import MARK, RELEASED, TRUE, free_decays, record
 from test_latent_force import PLANT, cut_state
 
 from analysis.explain_force import as_json, explain, formula_text, write_effect
@@ -12,40 +12,16 @@ from analysis.fit_state import State
 from analysis.force_ranking import explained, rank
 from analysis.latent_force import missing_force
 from analysis.nuisances import Nuisances
-from analysis.observed import Observed, drift_basis, observe
+from analysis.observed import observe
 from testbed.catalogue import read_effect
-from testbed.cut import Cut
 
-NOISE = 1e-6
 WRONG = TRUE.with_values({"natural_frequency": 146.7, "damping_ratio": 0.0045})
 
 
-def decays(structure_law, amplitudes=(2.5e-4, 1.5e-4), passes=40):
-    """Free decays from several displacements, as records; model-free."""
-    found = []
-    for seed, amplitude in enumerate(amplitudes):
-        cut = Cut(2 * np.pi * 100.0, 0.0, idle_passes=passes, passes=0, initial_displacement=amplitude)
-        times, xs, _ = motion(TRUE, cut, structure_law=structure_law)
-        wanted = np.arange(int(times[-1] * RATE)) / RATE
-        x = np.interp(wanted, times, xs) + NOISE * np.random.default_rng(seed).standard_normal(len(wanted))
-        found.append(
-            Observed(
-                f"tap_{seed}",
-                "ring-down",
-                ("displacement",),
-                x[None],
-                RATE,
-                0.0,
-                np.array([NOISE]),
-                "idle",
-                drift_basis(len(x)),
-                (),
-                ("ring-down", f"tap_{seed}"),
-                force=np.zeros(len(x)),
-            )
-        )
-    state = State(WRONG, 0.0, tuple(Nuisances(displacement=amplitude) for amplitude in amplitudes))
-    return missing_force(PLANT, found, state, {})
+def decays(structure_law):
+    """What a wrong model lacks in free decays from several displacements."""
+    state = State(WRONG, 0.0, tuple(Nuisances(displacement=amplitude) for amplitude in RELEASED))
+    return missing_force(PLANT, free_decays(structure_law), state, {})
 
 
 @pytest.mark.parametrize(

@@ -2,41 +2,24 @@
 
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
-from plain_cut import RATE, TRUE, motion
+from plain_cut import TRUE, free_decays
 
 from analysis.begun_anew import from_believed
 from analysis.diagnose import diagnose
 from analysis.diagnosis import Candidate, as_json
 from analysis.law_form import other_form
-from analysis.observed import Observed, drift_basis
 from testbed.catalogue import catalogue
-from testbed.cut import Cut
 from testbed.engines import predict
 
 PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 KNOWN = catalogue()
-NOISE = 1e-6
 BELIEVED = TRUE.with_values({"natural_frequency": 146.7, "damping_ratio": 0.0045})
-
-
-def decays(law, amplitudes=(2.5e-4, 1.5e-4)):
-    """Free decays from several displacements under a law of the structure, by a general-purpose integrator."""
-    found = []
-    for seed, amplitude in enumerate(amplitudes):
-        cut = Cut(2 * np.pi * 100.0, 0.0, idle_passes=40, passes=0, initial_displacement=amplitude)
-        times, xs, _ = motion(TRUE, cut, structure_law=law)
-        x = np.interp(np.arange(int(times[-1] * RATE)) / RATE, times, xs)
-        x += NOISE * np.random.default_rng(seed).standard_normal(len(x))
-        found.append(Observed(f"tap_{seed}", "ring-down", ("displacement",), x[None], RATE, 0.0, np.array([NOISE]), "idle",
-                              drift_basis(len(x)), (), ("ring-down", f"tap_{seed}"), force=np.zeros(len(x))))
-    return found
 
 
 def asked(law, *names):
     """What is said of the laws of these effects, fitted to decays under another."""
-    return other_form(from_believed(PLANT, decays(law), BELIEVED, names, KNOWN), KNOWN, lambda text: None)
+    return other_form(from_believed(PLANT, free_decays(law), BELIEVED, names, KNOWN), KNOWN, lambda text: None)
 
 
 @pytest.mark.parametrize(("law", "name"), [
@@ -75,7 +58,7 @@ def test_an_effect_whose_law_no_file_gives_another_form_is_not_asked():
 
 def test_a_diagnosis_calls_a_named_law_unknown_where_its_exponent_is_another():
     dampings = {name: KNOWN[name] for name in ("dry_friction", "quadratic_damping")}
-    found = diagnose(PLANT, decays(lambda x, v: -1500.0 * v**3), BELIEVED, dampings)
+    found = diagnose(PLANT, free_decays(lambda x, v: -1500.0 * v**3), BELIEVED, dampings)
     assert found.verdict == "unexplained" and found.form is not None
     assert found.form.value == pytest.approx(3.0, abs=0.2)
     told = as_json(found, BELIEVED)["other_law"]

@@ -15,16 +15,21 @@ def backbone(coefficient: float, amplitude: float) -> float:
     return FREQUENCY * math.pi * math.sqrt(1 + share) / (2 * ellipk(share / (2 * (1 + share))))
 
 
+def ringing_frequency(recording) -> float:
+    """Frequency (Hz) of a free vibration, from its upward crossings of zero."""
+    x, time = recording.channels["displacement"], recording.time
+    k = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))
+    crossings = time[k] - x[k] * (time[k + 1] - time[k]) / (x[k + 1] - x[k])
+    return (len(crossings) - 1) / (crossings[-1] - crossings[0])
+
+
 @pytest.mark.parametrize("coefficient", [5e13, 6e14, -5e13, -3e14])
 def test_ring_down_rings_at_the_backbone_frequency(coefficient):
     amplitude = 50e-6
     cut = free(amplitude)
     recording = fast.simulate(flexure(0.0, cubic_stiffness={"coefficient": coefficient}), cut, samples(cut, 200e3),
                               steps=200)
-    x, time = recording.channels["displacement"], recording.time
-    k = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))
-    crossings = time[k] - x[k] * (time[k + 1] - time[k]) / (x[k + 1] - x[k])
-    frequency = (len(crossings) - 1) / (crossings[-1] - crossings[0])
+    frequency = ringing_frequency(recording)
     assert frequency == pytest.approx(backbone(coefficient, amplitude), rel=1e-6)
     assert (frequency > FREQUENCY) == (coefficient > 0)
 
@@ -48,8 +53,5 @@ def test_another_exponent_rings_at_its_own_backbone():
     cut = free(amplitude)
     law = {"coefficient": coefficient, "exponent": 5.0, "reference_displacement": reference}
     recording = fast.simulate(flexure(0.0, cubic_stiffness=law), cut, samples(cut, 200e3), steps=300)
-    x, time = recording.channels["displacement"], recording.time
-    k = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))
-    crossings = time[k] - x[k] * (time[k + 1] - time[k]) / (x[k + 1] - x[k])
-    frequency = (len(crossings) - 1) / (crossings[-1] - crossings[0])
+    frequency = ringing_frequency(recording)
     assert frequency == pytest.approx(FREQUENCY * math.pi / (2 * quarter), rel=1e-6) and frequency > 1.05 * FREQUENCY
