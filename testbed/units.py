@@ -42,7 +42,8 @@ _BRIDGES = {("Hz", "rad/s"): _TURN, ("rad/s", "Hz"): 1.0 / _TURN}
 
 _SI_OF = {unit: (si, factor) for si, units in TABLE.items() for unit, factor in units.items()}
 _SPELLINGS = str.maketrans({"µ": "u", "μ": "u", "²": "^2", "³": "^3", "·": " ", "*": " ", "°": "deg"})
-_WORDS = {"inch": "in", "RPM": "rpm", "r/min": "rpm", "degree": "deg", "degrees": "deg", "sec": "s", "volt": "V",
+_WORDS = {"inch": "in", "inches": "in", "thou": "mil", "mils": "mil", "kilogram": "kg", "kilograms": "kg",
+          "RPM": "rpm", "r/min": "rpm", "degree": "deg", "degrees": "deg", "sec": "s", "volt": "V",
           "volts": "V", "micron": "um", "microns": "um", "micrometer": "um", "micrometers": "um", "micrometre": "um",
           "micrometres": "um", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
           "meter": "m", "metre": "m", "meters": "m", "metres": "m", "second": "s", "seconds": "s", "newton": "N",

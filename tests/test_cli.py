@@ -150,15 +150,15 @@ def test_effects(testbed):
 
 
 def test_a_new_effect_is_a_file_that_works(testbed):
-    assert testbed("effects", "--new", "my_effect") == 0
-    assert testbed.json("effects", "my_effect", "--effects", ".")["name"] == "my_effect"
+    assert testbed("effects", "--new", "my_drag") == 0
+    assert testbed.json("effects", "my_drag", "--effects", ".")["name"] == "my_drag"
     effects = catalogue(".")
-    assert effects["my_effect"].hooks["structure_force"](2.0, 3.0) == -6.0
-    Path("dragged.yaml").write_text(TRUE + "effects: {my_effect: {coefficient: 50 N s/m}}\n")
-    assert read_model("dragged.yaml", effects).value("my_effect.coefficient") == 50.0
+    assert effects["my_drag"].hooks["structure_force"](2.0, 3.0) == -6.0
+    Path("dragged.yaml").write_text(TRUE + "effects: {my_drag: {coefficient: 50 N s/m}}\n")
+    assert read_model("dragged.yaml", effects).value("my_drag.coefficient") == 50.0
     assert testbed("multipliers", "dragged.yaml", "--speed", 3000, "--depth", 1) == 2
-    assert "my_effect: unknown effect" in testbed.err
-    assert testbed("effects", "--new", "my_effect") == 2 and testbed("effects", "--new", "contact_loss") == 2
+    assert "my_drag: unknown effect" in testbed.err
+    assert testbed("effects", "--new", "my_drag") == 2 and testbed("effects", "--new", "contact_loss") == 2
 
 
 def test_doctor(testbed):

@@ -14,7 +14,8 @@ from testbed.units import TABLE, UnitProblem, factor_to, format_quantity, parse_
     ("0.1016 mm/tooth", "m/tooth", 1.016e-4), ("1.0e5 N/m", "N/m", 1e5), ("30 deg", "rad", math.pi / 6),
     ("4.51 mm", "m", 4.51e-3), ("0.5 um", "m", 5e-7), ("0.5 µm", "m", 5e-7), ("5um", "m", 5e-6), ("16.2 %", "1", 0.162),
     (0.162, "1", 0.162), ("0.162", "1", 0.162), ("3810 rpm", "rad/s", 3810 * 2 * math.pi / 60), ("-3 um", "m", -3e-6),
-    ("1 mil", "m", 2.54e-5), ("2 g", "m/s^2", 19.6133), ("5 V", "V", 5.0), ("50 N*s/m", "N s/m", 50.0),
+    ("1 mil", "m", 2.54e-5), ("0.75 inches", "m", 0.01905), ("2 thou", "m", 5.08e-5), ("3 kilograms", "kg", 3.0),
+    ("2 g", "m/s^2", 19.6133), ("5 V", "V", 5.0), ("50 N*s/m", "N s/m", 50.0),
     ("920 rad/s", "Hz", 920 / (2 * math.pi)), ("60 rev", "revolutions", 60.0),
 ])
 def test_known_quantities(text, si, value):

@@ -31,14 +31,14 @@ _COMPILED = [name for name, hook in HOOKS.items() if hook.joins in ("sum", "prod
 
 
 class Layout:
-    """Where each effect's flag, parameters and states lie in the arrays the kernels are given."""
+    """Where each effect's flag, parameters and states lie in the arrays the kernels are given; by name, in whatever order."""
 
     def __init__(self, effects: Mapping[str, Effect]) -> None:
-        self.effects = effects
-        self.flag = {name: index for index, name in enumerate(effects)}
+        self.effects = dict(sorted(effects.items()))
+        self.flag = {name: index for index, name in enumerate(self.effects)}
         self.parameter: dict[tuple[str, str], int] = {}
         self.state: dict[tuple[str, str], int] = {}
-        for name, effect in effects.items():
+        for name, effect in self.effects.items():
             for parameter in effect.every_parameter:
                 self.parameter[name, parameter.name] = len(self.parameter)
             for state in effect.states:
@@ -112,7 +112,7 @@ def _kernel_text(name: str) -> str:
 
 def _module_text(effects: Mapping[str, Effect], kernels: tuple[str, ...]) -> str:
     layout = Layout(effects)
-    lines = _import_text(effects) + [f"N_STATES = {len(layout.state)}", "", ""]
+    lines = _import_text(layout.effects) + [f"N_STATES = {len(layout.state)}", "", ""]
     for hook in _COMPILED:
         lines += _hook_text(layout, hook)
     lines += _derivatives_text(layout)
@@ -173,8 +173,9 @@ def _composed(effects: Mapping[str, Effect], kernels: tuple[str, ...]) -> Module
     if known is not None and known[0] is effects:  # by another thread, while this one waited
         return known[1]
     text = _module_text(effects, kernels)
-    sources = "".join(effect.path.read_text() for effect in effects.values() if effect.path)
-    modules = " ".join(hook.__module__ for effect in effects.values() for hook in effect.hooks.values())  # kept in code
+    by_name = [effects[name] for name in sorted(effects)]
+    sources = "".join(effect.path.read_text() for effect in by_name if effect.path)
+    modules = " ".join(hook.__module__ for effect in by_name for hook in effect.hooks.values())  # kept in code
     stamp = "|".join([text, sources, modules, version("numba"), version("numpy"), sys.version])
     _loading.clear()
     _loading.update(effects)
