@@ -1,4 +1,4 @@
-"""Whether the law of an effect that was named has the exponent that the catalogue says.
+"""Whether the law of an effect that was named, or that the model has, has the exponent that the catalogue says.
 
 Other laws are soon imitated: a damping by the cube of the velocity is nearly one by its square, with a little less of all other
 damping. The error comes within a few parts in a thousand of the noise, and yet, with the exponent free, thousands of samples
@@ -20,31 +20,37 @@ from analysis.waveform import Fitter
 from testbed.effect import Effect, Parameter
 
 ANOTHER = 0.25  # difference of an exponent from the law's own, from which it is another law's
-DOUBTED = ("missing_effect", "unexplained")  # verdicts on a law that may be another
+DOUBTED = ("missing_effect", "unexplained", "adequate")  # verdicts under which a law may be another
 STEP = 0.1  # natural step of an exponent
 ITERATIONS = 40
 
 
 def with_form_asked(found: Diagnosis, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> Diagnosis:
-    """The diagnosis, unexplained where the law of an effect that it names, or that helps most, turns out to be another."""
+    """The diagnosis, unexplained where the law of an effect that it names, or that the model has, turns out to be another."""
     return with_other_form(found, other_form(found.best, catalogue, say)) if found.verdict in DOUBTED else found
 
 
 def with_other_form(found: Diagnosis, other: OtherForm | None) -> Diagnosis:
-    """The diagnosis, unexplained where there is another form of the law of an effect that it names."""
+    """The diagnosis, unexplained where there is another form of the law of an effect that it names, or that the model has."""
     if found.verdict not in DOUBTED or other is None:
         return found
-    return replace(found, verdict="unexplained", sentence=f"{found.sentence} {other.sentence}", form=other)
+    left = found.best.error_where_known / found.noise_floor
+    first = f"The error is {left:.3f} of the noise floor, and yet:" if found.verdict == "adequate" else found.sentence
+    return replace(found, verdict="unexplained", sentence=f"{first} {other.sentence}", form=other)
 
 
 def other_form(one: Candidate, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> OtherForm | None:
-    """The other exponent of a law in a set of effects; None where the laws hold, or have none that could be asked."""
-    for name in one.effects:
+    """The other exponent of a law in a fitted set of effects, or in its model; None where the laws hold, or cannot be asked.
+
+    Where the model states an exponent, its owner has chosen it, and it is not asked.
+    """
+    assert one.fit is not None and one.fitter is not None
+    stated = one.fit.state.model.effects
+    for name in dict.fromkeys((*one.effects, *stated)):
         exponent = _exponent(catalogue[name])
-        if exponent is None:
+        if exponent is None or exponent.name in stated[name]:
             continue
         say(f"is the exponent of {name} that of its law?")
-        assert one.fit is not None and one.fitter is not None
         others = tuple(other for other in one.effects if other != name)
         for needless in dict.fromkeys((others, ())):
             state, fitter = one.fit.state, one.fitter

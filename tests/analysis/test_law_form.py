@@ -7,7 +7,7 @@ from plain_cut import TRUE, free_decays
 
 from analysis.begun_anew import from_believed
 from analysis.diagnose import diagnose
-from analysis.diagnosis import Candidate, as_json
+from analysis.diagnosis import as_json
 from analysis.law_form import other_form
 from testbed.catalogue import catalogue
 from testbed.engines import predict
@@ -15,6 +15,8 @@ from testbed.engines import predict
 PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 KNOWN = catalogue()
 BELIEVED = TRUE.with_values({"natural_frequency": 146.7, "damping_ratio": 0.0045})
+DAMPED = BELIEVED.with_effect("quadratic_damping", coefficient=250.0)
+DAMPING = {"quadratic_damping": KNOWN["quadratic_damping"]}
 
 
 def asked(law, *names):
@@ -53,12 +55,29 @@ def test_an_exponent_that_leaves_more_than_noise_is_no_law():
 
 
 def test_an_effect_whose_law_no_file_gives_another_form_is_not_asked():
-    assert other_form(Candidate(("dry_friction",), {}, 1.0, 1.0, 0.0, True), KNOWN, lambda text: None) is None
+    said = []
+    state = SimpleNamespace(model=BELIEVED.with_effect("dry_friction", **KNOWN["dry_friction"].example()))
+    fitted = SimpleNamespace(effects=("dry_friction",), fit=SimpleNamespace(state=state), fitter=())
+    assert other_form(fitted, KNOWN, said.append) is None and not said
+
+
+def test_a_law_that_the_model_has_is_asked_too():
+    found = diagnose(PLANT, free_decays(lambda x, v: -300.0 * abs(v) ** 1.5 * v), DAMPED, DAMPING)
+    assert found.verdict == "unexplained" and found.form.effect == "quadratic_damping"
+    assert found.form.value == pytest.approx(2.5, abs=0.2) and found.form.low < 2.5 < found.form.high
+    holds = diagnose(PLANT, free_decays(lambda x, v: -300.0 * abs(v) * v), DAMPED, DAMPING)
+    assert holds.verdict == "adequate" and holds.form is None
+
+
+def test_an_exponent_that_the_owner_of_the_model_states_is_not_asked():
+    said = []
+    stated = DAMPED.with_effect("quadratic_damping", coefficient=250.0, exponent=2.0)
+    fitted = from_believed(PLANT, free_decays(lambda x, v: -1500.0 * v**3), stated, (), KNOWN)
+    assert other_form(fitted, KNOWN, said.append) is None and not said
 
 
 def test_a_diagnosis_calls_a_named_law_unknown_where_its_exponent_is_another():
-    dampings = {name: KNOWN[name] for name in ("dry_friction", "quadratic_damping")}
-    found = diagnose(PLANT, free_decays(lambda x, v: -1500.0 * v**3), BELIEVED, dampings)
+    found = diagnose(PLANT, free_decays(lambda x, v: -1500.0 * v**3), BELIEVED, DAMPING)
     assert found.verdict == "unexplained" and found.form is not None
     assert found.form.value == pytest.approx(3.0, abs=0.2)
     told = as_json(found, BELIEVED)["other_law"]
