@@ -54,7 +54,10 @@ def end_moved(nuisances: Nuisances, end: str, by: float) -> Nuisances:
     """
     missing, outwards = getattr(nuisances, MISSING[end]) + by, 1 if end == "entry" else -1
     passes = math.floor(missing)
-    return nuisances.with_fields(**{end: getattr(nuisances, end) + outwards * passes, MISSING[end]: missing - passes})
+    share = missing - passes
+    if share >= 1.0:  # of a little less than a whole number rounding makes a whole pass
+        passes, share = passes + 1, 0.0
+    return nuisances.with_fields(**{end: getattr(nuisances, end) + outwards * passes, MISSING[end]: share})
 
 
 def other_teeth(nuisances: Nuisances, flutes: int, every: int = 1) -> list[Nuisances]:

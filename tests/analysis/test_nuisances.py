@@ -1,0 +1,34 @@
+"""The ends of a cut, moved by parts of a pass: always a whole pass and a share of one, whatever rounding does."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analysis.nuisances import MISSING, Nuisances, end_moved
+
+ENDS = sorted(MISSING)
+
+
+@pytest.mark.parametrize(("end", "by", "place", "share"), [
+    ("entry", 0.25, 7, 0.25), ("entry", 1.25, 8, 0.25), ("entry", -0.25, 6, 0.75), ("entry", -1.0, 6, 0.0),
+    ("exit", 0.25, 7, 0.25), ("exit", 1.25, 6, 0.25), ("exit", -0.25, 8, 0.75), ("exit", 0.0, 7, 0.0),
+])
+def test_what_is_missing_beyond_a_pass_is_missing_of_the_next(end, by, place, share):
+    moved = end_moved(Nuisances(entry=7, exit=7), end, by)
+    assert getattr(moved, end) == place and getattr(moved, MISSING[end]) == pytest.approx(share)
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_a_hair_less_than_a_whole_pass_is_the_whole_pass(end):
+    whole = Nuisances(entry=7, exit=7)
+    assert end_moved(whole, end, -1e-17) == whole
+
+
+@given(st.sampled_from(ENDS), st.floats(0.0, 1.0, exclude_max=True), st.floats(-5.0, 5.0))
+def test_a_share_stays_a_share(end, missing, by):
+    begun = Nuisances(entry=7, exit=70).with_fields(**{MISSING[end]: missing})
+    moved = end_moved(begun, end, by)
+    outwards = 1 if end == "entry" else -1
+    assert 0.0 <= getattr(moved, MISSING[end]) < 1.0
+    there = outwards * getattr(moved, end) + getattr(moved, MISSING[end])
+    assert there == pytest.approx(outwards * getattr(begun, end) + missing + by, abs=1e-12)
