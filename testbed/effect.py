@@ -184,8 +184,8 @@ class Effect:
 
     def shaped(self, values: Mapping[str, float]) -> Mapping[str, float]:
         """The values complete, and those of the law's form, where they are left out, as the law has them."""
-        complete = self.complete(values)
-        return {one.name: one.neutral for one in self.form} | dict(complete) if self.form else complete
+        form, complete = {one.name: one.neutral for one in self.form}, self.complete(values)
+        return {**form, **complete} if form else complete
 
     def is_neutral(self, values: Mapping[str, float]) -> bool:
         """True where any parameter that switches the effect off stands at its neutral value."""

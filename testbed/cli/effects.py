@@ -67,7 +67,7 @@ def _show(name: str, catalogue: Any, answer: Answer, quiet: bool) -> None:
     for one in effect.form:
         unit = "" if one.unit == "1" else f" {one.unit}"
         answer.say(f"  {one.name}: {one.meaning}, {one.neutral:g}{unit}; a model file may say another; no fit changes it, but "
-                   "a diagnosis that has named the effect asks the records for it")
+                   "a diagnosis asks the records for it, unless the model file says it")
     answer.say("  in model.yaml: " + effect_text(effect, effect.example()))
     if not quiet:
         _draw(effect, catalogue, answer)

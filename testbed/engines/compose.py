@@ -31,7 +31,7 @@ _COMPILED = [name for name, hook in HOOKS.items() if hook.joins in ("sum", "prod
 
 
 class Layout:
-    """Where each effect's flag, parameters and states lie in the arrays the kernels are given; by name, in whatever order."""
+    """Where each effect's flag, parameters and states lie in the arrays the kernels are given, sorted by name."""
 
     def __init__(self, effects: Mapping[str, Effect]) -> None:
         self.effects = dict(sorted(effects.items()))
@@ -110,8 +110,7 @@ def _kernel_text(name: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _module_text(effects: Mapping[str, Effect], kernels: tuple[str, ...]) -> str:
-    layout = Layout(effects)
+def _module_text(layout: Layout, kernels: tuple[str, ...]) -> str:
     lines = _import_text(layout.effects) + [f"N_STATES = {len(layout.state)}", "", ""]
     for hook in _COMPILED:
         lines += _hook_text(layout, hook)
@@ -172,8 +171,8 @@ def _composed(effects: Mapping[str, Effect], kernels: tuple[str, ...]) -> Module
     known = _modules.get((id(effects), kernels))
     if known is not None and known[0] is effects:  # by another thread, while this one waited
         return known[1]
-    text = _module_text(effects, kernels)
-    by_name = [effects[name] for name in sorted(effects)]
+    layout = Layout(effects)
+    text, by_name = _module_text(layout, kernels), layout.effects.values()
     sources = "".join(effect.path.read_text() for effect in by_name if effect.path)
     modules = " ".join(hook.__module__ for effect in by_name for hook in effect.hooks.values())  # kept in code
     stamp = "|".join([text, sources, modules, version("numba"), version("numpy"), sys.version])

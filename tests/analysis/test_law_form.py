@@ -54,10 +54,13 @@ def test_an_exponent_that_leaves_more_than_noise_is_no_law():
     assert asked(lambda x, v: -1e12 * x**3 - 1e20 * x**5 - 3e8 * x**2 * (x > 0), "cubic_stiffness") is None
 
 
-def test_an_effect_whose_law_no_file_gives_another_form_is_not_asked():
+@pytest.mark.parametrize("model", [
+    pytest.param(BELIEVED.with_effect("dry_friction", **KNOWN["dry_friction"].example()), id="no file gives another form"),
+    pytest.param(DAMPED.with_effect("quadratic_damping", coefficient=250.0, exponent=2.0), id="its owner states it"),
+])
+def test_an_exponent_is_not_asked_where(model):
     said = []
-    state = SimpleNamespace(model=BELIEVED.with_effect("dry_friction", **KNOWN["dry_friction"].example()))
-    fitted = SimpleNamespace(effects=("dry_friction",), fit=SimpleNamespace(state=state), fitter=())
+    fitted = SimpleNamespace(effects=tuple(model.effects), fit=SimpleNamespace(state=SimpleNamespace(model=model)), fitter=())
     assert other_form(fitted, KNOWN, said.append) is None and not said
 
 
@@ -67,13 +70,6 @@ def test_a_law_that_the_model_has_is_asked_too():
     assert found.form.value == pytest.approx(2.5, abs=0.2) and found.form.low < 2.5 < found.form.high
     holds = diagnose(PLANT, free_decays(lambda x, v: -300.0 * abs(v) * v), DAMPED, DAMPING)
     assert holds.verdict == "adequate" and holds.form is None
-
-
-def test_an_exponent_that_the_owner_of_the_model_states_is_not_asked():
-    said = []
-    stated = DAMPED.with_effect("quadratic_damping", coefficient=250.0, exponent=2.0)
-    fitted = from_believed(PLANT, free_decays(lambda x, v: -1500.0 * v**3), stated, (), KNOWN)
-    assert other_form(fitted, KNOWN, said.append) is None and not said
 
 
 def test_a_diagnosis_calls_a_named_law_unknown_where_its_exponent_is_another():
