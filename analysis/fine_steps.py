@@ -1,4 +1,4 @@
-"""Finer steps for laws with kinks, at which the engine is of second order only: for the last fit, not for the search.
+"""Finer steps for laws with kinks, at which the engine's steps are of second order only: for the last fit, not for the search.
 
 With dry friction the steps that suffice for a search are some parts in ten thousand of the motion wrong, which is far below
 the noise of any sample and yet, over all of them, tens of standard errors of the natural frequency. And where a motion ends

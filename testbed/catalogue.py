@@ -120,6 +120,11 @@ def read_effect(path: Path) -> Effect:
     for position, rate in effect.oscillators:
         if (position, rate) not in zip(effect.states, effect.states[1:], strict=False):
             raise InputProblem(path, f"oscillator ({position}, {rate}) is no pair of neighbouring states", "see `states`", line)
+    if effect.slider is not None and not (
+        effect.slider[:1] == effect.states and effect.slider[1] in [one.name for one in effect.parameters]
+        and "structure_force" in hooks
+    ):  # fmt: skip
+        raise InputProblem(path, f"slider {effect.slider} is not (its one state, a parameter)", "see `states`", line)
     if effect.parameters and not any(parameter.vanishes for parameter in effect.parameters):
         raise InputProblem(path, "no parameter switches the effect off", "give one a neutral value with vanishes=True", line)
     names = [parameter.name for parameter in effect.every_parameter]

@@ -134,6 +134,8 @@ class Effect:
     states: names of the effect's own ordinary differential states, each with a `derivative_STATE` hook.
     oscillators: pairs of states, neighbours in `states`, that left to themselves are a linear damped oscillator (position,
     its rate): the engines may carry them by their exact map. A promise, which the contract test checks.
+    slider: (state, parameter) of a law that is a spring and a slider in series and no more: the state is the spring's
+    deflection, structure_force is in proportion to it up to the parameter and constant beyond, where it slides. A promise, too.
     smooth: False where its law has kinks, so that integration keeps less than fourth order.
     requires: effects that a search adds first, because alone this one says nothing that they do not say.
     no_linear_answer: why the loop with this effect has no linear delay equation; empty where it has one.
@@ -149,6 +151,7 @@ class Effect:
     form: tuple[Parameter, ...] = ()
     states: tuple[str, ...] = ()
     oscillators: tuple[tuple[str, str], ...] = ()
+    slider: tuple[str, str] | None = None
     smooth: bool = True
     requires: tuple[str, ...] = ()
     no_linear_answer: str = ""

@@ -12,12 +12,13 @@ Dahl's and LuGre's bristles creep under a load that vibrates; this one does not)
 three times the frequency of the stuck structure, so that a coarse step cannot carry it past.
 
 Valid for a joint or guideway whose static and kinetic friction are alike. The slope of the force jumps at breakaway and
-dz/dt with it, so integration keeps second order, and a step that resolves z_c does not mend that: in free vibration of 30
-um, F_c = 2 N, the order is 2.1, 2.2 and 2.1 at z_c = 0.02, 0.2 and 2 um (160, 40 and 40 to 10240 steps a period, the error
-1e-2 to 5e-8 at 0.2 um), and 1.2 at 20 um, where it hardly slides. Over a cycle of amplitude X it dissipates 4 F_c X: a
-free vibration loses 4 F_c / k of its amplitude every cycle, then stops. The loop has no linear delay equation: about a
-sliding motion the small perturbation depends on its sign at every turning point, and while the joint sticks any deflection
-it stopped at is an equilibrium (a multiplier of exactly 1 for each).
+dz/dt with it. Out of the cut the fast engine goes from event to event by exact maps, unless another law of the structure or a
+speed that falls with the load is beside it. Elsewhere integration keeps second order, and a step that resolves z_c does not
+mend that: in free vibration of 30 um, F_c = 2 N, the order is 2.1, 2.2 and 2.1 at z_c = 0.02, 0.2 and 2 um (160, 40 and 40 to
+10240 steps a period, the error 1e-2 to 5e-8 at 0.2 um), and 1.2 at 20 um, where it hardly slides. Over a cycle of amplitude
+X it dissipates 4 F_c X: a free vibration loses 4 F_c / k of its amplitude every cycle, then stops. The loop has no linear
+delay equation: about a sliding motion the small perturbation depends on its sign at every turning point, and while the joint
+sticks any deflection it stopped at is an equilibrium (a multiplier of exactly 1 for each).
 
 Start of a fit: k over 4 times the loss of amplitude a cycle at the end of a ring-down.
 """
@@ -45,6 +46,7 @@ EFFECT = Effect(
         ("process_damping", "a ring-down outside the cut, where process damping is absent"),
     ),
     states=("deflection",),
+    slider=("deflection", "presliding_displacement"),
     smooth=False,
     no_linear_answer="dry friction has no linear delay equation: stuck, it is a spring of F_c / z_c beside the structure's own "
     "(give the model that stiffness); sliding, its equivalent damping 4 F_c / (pi X omega) falls with the amplitude X "

@@ -1,18 +1,20 @@
 """A structure driven by a measured force, without a cut: the excited and the ring-down records of a campaign.
 
 The force is known at the samples and is taken as the cubic through its neighbours between them; oscillators are carried
-by their exact maps (see `oscillator_kernel`), so the step is bounded by the other effects alone.
+by their exact maps (see `oscillator_kernel`), so the step is bounded by the other effects alone. A free decay in which all is
+carried exactly is one flight.
 """
 
 import numpy as np
 from numba import njit
 
 from testbed.engines.compiled import inner
-from testbed.engines.fast_kernel import CARRIED, PLAIN, PLAIN_COUNT
+from testbed.engines.fast_kernel import CARRIED, EXACT_FLIGHT, PLAIN, PLAIN_COUNT
 from testbed.engines.hooks import hook_sensed_displacement, hook_sensed_velocity
-from testbed.engines.loop_kernel import derivative
-from testbed.engines.oscillator_kernel import end_state, increment, set_half_and_whole, stage_state
-from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X
+from testbed.engines.loop_kernel import SLIDER, derivative
+from testbed.engines.oscillator_kernel import copy, end_state, increment, set_half_and_whole, stage_state
+from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X, sample_flight
+from testbed.engines.slider_kernel import slide
 
 
 @inner
@@ -24,42 +26,56 @@ def force_between(force, index, u):
     return b + 0.5 * u * (c - a + u * (2.0 * a - 5.0 * b + 4.0 * c - d + u * (3.0 * (b - c) + d - a)))
 
 
-@njit(error_model="numpy")
-def drive_one(A, P, G, I, O, Y, force, rate, substeps, limit, out):
-    """March over the samples of `force` (N); fill out (channels, samples) from state Y at the first one.
+@inner
+def decay_freely(A, P, G, O, Y, clock, W, D, E, out):
+    """Fill out (channels, samples) with the free motion from state Y at the first sample, all of it carried exactly."""
+    length = (out.shape[1] - 0.5) / clock[1]
+    if G[SLIDER] > 0.0:
+        slide(A, P, G, O, clock, Y, length, 0.0, 0.0, 0.0, 0.0, W, D, E, out, 0)
+    else:
+        sample_flight(A, P, G, O, clock, Y, 0.0, length, 0.0, 0.0, 0.0, 0.0, W, D, E, out, 0)
 
-    Returns True if the motion stayed below `limit`; behind the point where it did not, the samples are NaN.
-    """
-    size = Y.shape[0]
-    K, W, D, Y1 = np.zeros((4, size)), np.zeros(size), np.zeros(size), np.zeros(size)
-    H, E = np.zeros((O.shape[0], 4)), np.zeros((O.shape[0], 4))
-    plain = I[PLAIN : PLAIN + I[PLAIN_COUNT]]
+
+@inner
+def march(A, P, G, O, plain, Y, Y1, D, W, K, H, E, force, rate, substeps, limit, out):
+    """Step from sample to sample; True if the motion stayed below `limit`. Y1, D, W, K, H, E are scratch."""
     more = O.shape[0] > 1 or plain.shape[0] > 0
     h = 1.0 / (rate * substeps)
     set_half_and_whole(O, h, H, E)
+    derivative(A, P, G, Y, D, force[0], 0.0)
     for sample in range(out.shape[1]):
-        derivative(A, P, G, Y, D, force[sample], 0.0)
         out[SENSED_X, sample] = Y[0] + hook_sensed_displacement(A, P, Y)
         out[SENSED_V, sample] = Y[1] + hook_sensed_velocity(A, P, Y)
         out[SENSED_A, sample] = D[1] + hook_sensed_velocity(A, P, D)
         for sub in range(substeps):
             u, du = sub / substeps, 1.0 / substeps
-            for stage in range(4):
-                if stage == 0:
-                    for i in range(size):
-                        W[i] = Y[i]
-                else:
-                    stage_state(O, plain, more, H, E, Y, K, stage, W)
-                share = 0.0 if stage == 0 else (du if stage == 3 else 0.5 * du)
-                derivative(A, P, G, W, D, force_between(force, sample, u + share), 0.0)
+            middle, end = force_between(force, sample, u + 0.5 * du), force_between(force, sample, u + du)
+            increment(O, plain, more, Y, D, h, h, K, 0)
+            for stage in range(1, 4):
+                stage_state(O, plain, more, H, E, Y, K, stage, W)
+                derivative(A, P, G, W, D, end if stage == 3 else middle, 0.0)
                 increment(O, plain, more, W, D, h, h, K, stage)
             end_state(O, plain, more, H, E, Y, K, Y1)
-            for i in range(size):
-                Y[i] = Y1[i]
+            copy(Y1, Y)
+            derivative(A, P, G, Y, D, end, 0.0)  # that at the start of the next step
             if not abs(Y[0]) < limit:
                 out[:, sample + 1 :] = np.nan
                 return False
     return True
+
+
+@njit(inline="always", error_model="numpy")
+def drive_one(A, P, G, I, O, Y, force, rate, substeps, limit, out):
+    """March over the samples of `force` (N); fill out (channels, samples) from state Y at the first one.
+
+    Returns True if the motion stayed below `limit`; behind the point where it did not, the samples are NaN.
+    """
+    work, K, maps = np.zeros((3, Y.shape[0])), np.zeros((4, Y.shape[0])), np.zeros((2, O.shape[0], 4))
+    if I[EXACT_FLIGHT] and abs(Y[0]) < limit and not np.any(force):
+        decay_freely(A, P, G, O, Y, np.array([0.0, rate]), work[0], work[1], maps[0], out)
+        return True
+    return march(A, P, G, O, I[PLAIN : PLAIN + I[PLAIN_COUNT]], Y, work[0], work[1], work[2], K, maps[0], maps[1], force, rate,
+                 substeps, limit, out)
 
 
 @njit(nogil=True, cache=True)

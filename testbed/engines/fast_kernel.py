@@ -4,7 +4,7 @@ A tooth pitch is cut into segments at the angles where an edge enters or leaves;
 depends on the angle alone (sines, the share of an edge in the cut) is a table made once a run. The scheme is Lawson's
 exponential Runge-Kutta (`oscillator_kernel`): the structure and what else is an oscillator are carried by their exact maps
 and only the rest is integrated. At a varying speed the maps are those of the speed at the step's start. Where no tooth cuts
-and nothing but oscillators moves, one exact map replaces the steps.
+and nothing but oscillators moves, one exact map replaces the steps; beside a spring and slider, one map an event.
 """
 
 import math
@@ -23,6 +23,7 @@ from testbed.engines.loop_kernel import (
     PITCH,
     RADIUS,
     SLICES,
+    SLIDER,
     T_ENTRY,
     derivative,
     first_surface,
@@ -34,6 +35,7 @@ from testbed.engines.loop_kernel import (
 )
 from testbed.engines.oscillator_kernel import carry, copy, end_state, increment, set_half_and_whole, set_maps, stage_state
 from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_flight, sample_forces, sample_step
+from testbed.engines.slider_kernel import slide
 
 # integer settings of one run; STEPS and TEETH hold one number a segment, PLAIN the places of the states not carried exactly
 IDLE, CUT, RING_DOWN, EXACT_FLIGHT, STEADY_SPEED, SEGMENTS, CARRIED, PLAIN_COUNT, STEPS, TEETH, PLAIN = (*range(9), 12, 16)
@@ -110,7 +112,10 @@ def fly(A, P, G, I, O, Y, W, D, E, clock, segment, angle, out, position):
             dt = (dt + 2.0 * k2 + 2.0 * k3 + k4) / 6.0
             W[2] = Y[2] + dt
             w1 = spindle_speed(A, P, G, W)
-        position = sample_flight(A, P, G, O, clock, Y, dt, angle + part * turn, turn, w0, w1, W, D, E, out, position)
+        if G[SLIDER] > 0.0:
+            position = slide(A, P, G, O, clock, Y, dt, angle + part * turn, turn, w0, w1, W, D, E, out, position)
+            continue
+        position = sample_flight(A, P, G, O, clock, Y, 0.0, dt, angle + part * turn, turn, w0, w1, W, D, E, out, position)
         set_maps(O, dt, E)
         carry(O, E, Y)
         Y[2] += dt
@@ -166,6 +171,37 @@ def advance(A, P, G, O, plain, steady, work, maps, T, row, S, left, now, tooth, 
 
 
 @inner
+def glide(A, P, G, O, plain, steady, work, maps, base, span, steps, angle, mean_torque, clock, limit, out, position):
+    """Step through a segment in which nothing cuts. Returns (next sample, still bounded)."""
+    Y, Y1, D0, D1, W, D, K = work[0], work[1], work[2], work[3], work[4], work[5], work[6:10]
+    H, E = maps[0], maps[1]
+    more = O.shape[0] > 1 or plain.shape[0] > 0
+    derivative(A, P, G, Y, D0, 0.0, mean_torque)
+    speed0 = spindle_speed(A, P, G, Y)
+    for step in range(steps):
+        phase, h = base + step * span, span / speed0
+        if not steady:
+            set_half_and_whole(O, h, H, E)
+        increment(O, plain, more, Y, D0, h, h, K, 0)
+        for stage in range(1, 4):
+            stage_state(O, plain, more, H, E, Y, K, stage, W)
+            derivative(A, P, G, W, D, 0.0, mean_torque)
+            increment(O, plain, more, W, D, span / spindle_speed(A, P, G, W), h, K, stage)
+        end_state(O, plain, more, H, E, Y, K, Y1)
+        derivative(A, P, G, Y1, D1, 0.0, mean_torque)
+        speed1 = spindle_speed(A, P, G, Y1)
+        if not abs(Y1[0]) < limit:
+            return position, False
+        if position < out.shape[1] and clock[0] + position / clock[1] <= Y1[2]:
+            position = sample_step(A, P, G, clock, Y, D0, Y1, D1, angle + phase, angle + phase + span, speed0, speed1, out,
+                                   position)  # fmt: skip
+        for i in range(Y.shape[0]):
+            Y[i], D0[i] = Y1[i], D1[i]
+        speed0 = speed1
+    return position, True
+
+
+@inner
 def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, mean_torque, maps, work, left, tooth, clock,
                   wanted, limit, out, position):  # fmt: skip
     """Step through one segment of a pass, reading the surface S and leaving a new one behind.
@@ -181,6 +217,10 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, mean_t
     edges, base = teeth * int(G[SLICES]), G[CORNERS + segment]
     span = (G[CORNERS + segment + 1] - base) / steps
     impulse, now, speed0, torque0, before = 0.0, 0, 0.0, 0.0, -1.0
+    if edges == 0:
+        position, bounded = glide(A, P, G, O, plain, steady, work, maps[segment], base, span, steps, angle, mean_torque, clock,
+                                  limit, out, position)  # fmt: skip
+        return position, impulse, bounded
     for step in range(steps):
         row, phase = row0 + 2 * step, base + step * span
         share = share_in_cut(G, angle + phase, span)

@@ -67,12 +67,24 @@ class Motion:
     """What moves in a run: oscillators O, places of the other states, whether all is carried exactly in free flight.
 
     rates: angular frequencies (rad/s) of what is carried exactly, and of what is integrated (0 where nothing is).
+    slider: what holds the structure besides (see `loop_kernel`): place of the deflection, pull, travel; or zeros.
     """
 
     oscillators: np.ndarray
     plain: list[int]
     exact: bool
     rates: tuple[float, float]
+    slider: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def _slider(effect: Effect, values: Mapping[str, float], structure: Structure, layout: Layout) -> tuple[float, float, float]:
+    """(place in the state, pull, travel) of an effect that is a spring and slider in series."""
+    assert effect.slider is not None
+    state, parameter = effect.slider
+    still = {"displacement": 0.0, "velocity": 0.0, "time": 0.0, "mass": structure.mass, "stiffness": structure.stiffness,
+             "damping": structure.damping}  # fmt: skip
+    force = -python_hook(effect, "structure_force", values, **still, **{state: values[parameter]})
+    return float(layout.state[effect.name, state]), force / (structure.mass * values[parameter]), values[parameter]
 
 
 def _oscillators(effect: Effect, values: Mapping[str, float], structure: Structure) -> list[tuple[str, float, float]]:
@@ -95,6 +107,8 @@ def motion_of(structure: Structure, active: Mapping[str, Mapping[str, float]], c
     plain: list[int] = []
     rows = [(0.0, structure.stiffness / structure.mass, structure.damping / structure.mass)]
     exact, carried, integrated = True, structure.natural_frequency_rad, 0.0
+    sliders = [name for name in active if catalogue[name].slider is not None]
+    held = _slider(catalogue[sliders[0]], active[sliders[0]], structure, layout) if len(sliders) == 1 else (0.0, 0.0, 0.0)
     for name, values in active.items():
         effect = catalogue[name]
         pairs = _oscillators(effect, values, structure)
@@ -106,11 +120,12 @@ def motion_of(structure: Structure, active: Mapping[str, Mapping[str, float]], c
             carried = max(carried, math.sqrt(pull))
         plain += sorted(places)
         reads_states = not {*effect.states}.isdisjoint(arguments_of(effect, "speed"))
-        exact = exact and not places and not reads_states and "structure_force" not in effect.hooks
+        alone = not places and "structure_force" not in effect.hooks or sliders == [name]
+        exact = exact and alone and not reads_states
         if "highest_frequency" in effect.hooks and (places or not pairs):
             integrated = max(integrated, python_hook(effect, "highest_frequency", values, mass=structure.mass,
                                                       stiffness=structure.stiffness))  # fmt: skip
-    return Motion(np.array(rows, dtype=float), plain, exact, (carried, integrated))
+    return Motion(np.array(rows, dtype=float), plain, exact, (carried, integrated), held if exact else (0.0, 0.0, 0.0))
 
 
 def steps_of_segments(steps: int | None, corners: np.ndarray, teeth: list[int], crossing: float, speed: float, structure: float,

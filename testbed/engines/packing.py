@@ -127,8 +127,8 @@ def _layout(catalogue: Mapping[str, Effect]) -> Layout:
     return known[1]
 
 
-def _geometry(cutter: Cutter, cutting: Cutting, structure: Structure, slices: int, lag: float,
-              corners: np.ndarray) -> np.ndarray:  # fmt: skip
+def _geometry(cutter: Cutter, cutting: Cutting, structure: Structure, slices: int, lag: float, corners: np.ndarray,
+              slider: tuple[float, float, float]) -> np.ndarray:  # fmt: skip
     """The array G of loop_kernel, but for what `pack` fills in of the cut."""
     values = {
         lk.FLUTES: cutter.flutes,
@@ -146,6 +146,7 @@ def _geometry(cutter: Cutter, cutting: Cutting, structure: Structure, slices: in
     }
     G = np.array([values.get(place, cutter.pitch) for place in range(lk.G_SIZE)])
     G[lk.T_ENTRY] = 0.0
+    G[[lk.SLIDER, lk.SLIDER_PULL, lk.SLIDER_TRAVEL]] = slider
     G[lk.CORNERS : lk.CORNERS + len(corners)] = corners
     return G
 
@@ -233,7 +234,7 @@ def _of_lag(of: _OfModel, lag: float) -> _OfLag:
     if crossing < 1e-9 * cutter.pitch:
         crossing = cutter.pitch
     found = _OfLag(slices, corners, teeth, crossing,
-                   _geometry(cutter, cutting, of.model.structure, slices, lag, corners),
+                   _geometry(cutter, cutting, of.model.structure, slices, lag, corners, of.motion.slider),
                    _settings(teeth, of.motion, of.steady, len(of.layout.state)))
     if len(of.lags) >= KEPT:  # a helix under depths drawn at random
         of.lags.clear()

@@ -89,20 +89,21 @@ def sample_forces(A, P, G, clock, Y0, D0, Y1, D1, phase0, phase1, pass_number, t
 
 
 @inner
-def fill_flight(A, P, E, W, out, position, stop):
+def fill_flight(A, P, E, W, middle, out, position, stop):
     """The displacement from W on, where the structure alone moves: what is carried on stays out of memory."""
     x, v, a, b, c, d = W[0], W[1], E[0, 0], E[0, 1], E[0, 2], E[0, 3]
     for place in range(position, stop):
         W[0], W[1] = x, v
-        out[SENSED_X, place] = x + hook_sensed_displacement(A, P, W)
+        out[SENSED_X, place] = middle + x + hook_sensed_displacement(A, P, W)
         x, v = a * x + b * v, c * x + d * v
 
 
 @inner
-def sample_flight(A, P, G, O, clock, Y, dt, angle0, span, w0, w1, W, D, E, out, position):
+def sample_flight(A, P, G, O, clock, Y, middle, dt, angle0, span, w0, w1, W, D, E, out, position):
     """Fill the samples of an exact free flight of length dt that starts in state Y; return the next sample.
 
-    The spindle turns by `span` from angle0, at the speed w0 first and w1 last. W, D, E are scratch.
+    The structure vibrates about `middle`, from which Y counts its displacement. The spindle turns by `span` from angle0, at
+    the speed w0 first and w1 last. W, D, E are scratch.
     """
     start, rate = clock[0], clock[1]
     count = out.shape[1]
@@ -117,10 +118,10 @@ def sample_flight(A, P, G, O, clock, Y, dt, angle0, span, w0, w1, W, D, E, out, 
     set_maps(O, 1.0 / rate, E)
     stop = samples_until(start, rate, Y[2] + dt, position, count)
     if O.shape[0] == 1 and out.shape[0] == 1:
-        fill_flight(A, P, E, W, out, position, stop)
+        fill_flight(A, P, E, W, middle, out, position, stop)
         return max(position, stop)
     while position < stop:
-        out[SENSED_X, position] = W[0] + hook_sensed_displacement(A, P, W)
+        out[SENSED_X, position] = middle + W[0] + hook_sensed_displacement(A, P, W)
         if out.shape[0] > 1:
             free_slope(O, W, D)
             out[SENSED_V, position] = W[1] + hook_sensed_velocity(A, P, W)
