@@ -25,7 +25,7 @@ from testbed.effect import HOOKS, Effect
 from testbed.engines import hooks as base_hooks
 
 ENGINES = Path(__file__).parent
-FAST = ("loop_kernel", "oscillator_kernel", "sampling_kernel", "slider_kernel", "fast_kernel")
+FAST = ("loop_kernel", "oscillator_kernel", "sampling_kernel", "slider_kernel", "glide_kernel", "fast_kernel")
 _SLOTS = {"displacement": "Y[0]", "velocity": "Y[1]", "time": "Y[2]"}
 _COMPILED = [name for name, hook in HOOKS.items() if hook.joins in ("sum", "product", "replace")]
 

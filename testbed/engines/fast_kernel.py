@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from testbed.engines.compiled import inlined, inner
+from testbed.engines.glide_kernel import glide
 from testbed.engines.hooks import hook_chip, hook_relative_velocity
 from testbed.engines.loop_kernel import (
     CORNERS,
@@ -33,7 +34,15 @@ from testbed.engines.loop_kernel import (
     share_in_cut,
     spindle_speed,
 )
-from testbed.engines.oscillator_kernel import carry, copy, end_state, increment, set_half_and_whole, set_maps, stage_state
+from testbed.engines.oscillator_kernel import (
+    carry,
+    copy,
+    end_state,
+    increment,
+    set_half_and_whole,
+    set_maps,
+    stage_state,
+)
 from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_flight, sample_forces, sample_step
 from testbed.engines.slider_kernel import slide
 
@@ -168,37 +177,6 @@ def advance(A, P, G, O, plain, steady, work, maps, T, row, S, left, now, tooth, 
             increment(O, plain, more, at, rates, dt, h, K, stage)
             impulse += dt * torque / (6.0 if stage == 3 else 3.0)
     return impulse, speed, torque
-
-
-@inner
-def glide(A, P, G, O, plain, steady, work, maps, base, span, steps, angle, mean_torque, clock, limit, out, position):
-    """Step through a segment in which nothing cuts. Returns (next sample, still bounded)."""
-    Y, Y1, D0, D1, W, D, K = work[0], work[1], work[2], work[3], work[4], work[5], work[6:10]
-    H, E = maps[0], maps[1]
-    more = O.shape[0] > 1 or plain.shape[0] > 0
-    derivative(A, P, G, Y, D0, 0.0, mean_torque)
-    speed0 = spindle_speed(A, P, G, Y)
-    for step in range(steps):
-        phase, h = base + step * span, span / speed0
-        if not steady:
-            set_half_and_whole(O, h, H, E)
-        increment(O, plain, more, Y, D0, h, h, K, 0)
-        for stage in range(1, 4):
-            stage_state(O, plain, more, H, E, Y, K, stage, W)
-            derivative(A, P, G, W, D, 0.0, mean_torque)
-            increment(O, plain, more, W, D, span / spindle_speed(A, P, G, W), h, K, stage)
-        end_state(O, plain, more, H, E, Y, K, Y1)
-        derivative(A, P, G, Y1, D1, 0.0, mean_torque)
-        speed1 = spindle_speed(A, P, G, Y1)
-        if not abs(Y1[0]) < limit:
-            return position, False
-        if position < out.shape[1] and clock[0] + position / clock[1] <= Y1[2]:
-            position = sample_step(A, P, G, clock, Y, D0, Y1, D1, angle + phase, angle + phase + span, speed0, speed1, out,
-                                   position)  # fmt: skip
-        for i in range(Y.shape[0]):
-            Y[i], D0[i] = Y1[i], D1[i]
-        speed0 = speed1
-    return position, True
 
 
 @inner
