@@ -7,7 +7,7 @@ import inspect
 import re
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from hashlib import sha256
@@ -96,6 +96,17 @@ def _check_hook(path: Path, effect: Effect, name: str, function: Callable) -> No
             raise InputProblem(path, f"{name}() asks for '{argument}'", f"it may ask for {', '.join(sorted(known))}", line)
 
 
+def _check_slider(path: Path, effect: Effect, hooks: Iterable[str], line: int | None) -> None:
+    """A spring and slider has one state, a parameter where it slides, and no law but its own."""
+    if effect.slider is None:
+        return
+    state, parameter = effect.slider
+    if effect.states != (state,) or parameter not in [one.name for one in effect.parameters]:
+        raise InputProblem(path, f"slider ({state}, {parameter}) is not its one state and a parameter", "see `states`", line)
+    if {*hooks} - {"highest_frequency"} != {"structure_force", f"derivative_{state}"}:
+        raise InputProblem(path, "a slider has structure_force and its state's derivative alone", "leave `slider` out", line)
+
+
 def read_effect(path: Path) -> Effect:
     """Read and check one effect file. InputProblem where the contract is broken."""
     module = _load_module(path)
@@ -120,11 +131,7 @@ def read_effect(path: Path) -> Effect:
     for position, rate in effect.oscillators:
         if (position, rate) not in zip(effect.states, effect.states[1:], strict=False):
             raise InputProblem(path, f"oscillator ({position}, {rate}) is no pair of neighbouring states", "see `states`", line)
-    if effect.slider is not None and not (
-        effect.slider[:1] == effect.states and effect.slider[1] in [one.name for one in effect.parameters]
-        and "structure_force" in hooks
-    ):  # fmt: skip
-        raise InputProblem(path, f"slider {effect.slider} is not (its one state, a parameter)", "see `states`", line)
+    _check_slider(path, effect, hooks, line)
     if effect.parameters and not any(parameter.vanishes for parameter in effect.parameters):
         raise InputProblem(path, "no parameter switches the effect off", "give one a neutral value with vanishes=True", line)
     names = [parameter.name for parameter in effect.every_parameter]

@@ -32,6 +32,14 @@ PARAMETER = '''Parameter("coefficient", "c", "N s/m", "strength", neutral=0.0, b
 FAULTS = {
     "no unit": ('"N s/m"', '""', "no unit"),
     "no neutral value": ("neutral=0.0, ", "", "neutral"),
+    "slider without its state": ('source="none"', 'source="none", slider=("z", "coefficient")', "not its one state"),
+    "slider that is more": (
+        GOOD[GOOD.index('source="none"') :],
+        GOOD[GOOD.index('source="none"') :].replace('"none"', '"none", states=("z",), slider=("z", "coefficient")')
+        + "\n\ndef derivative_z(velocity):\n    return velocity\n"
+        + "\n\ndef sensed_displacement(z, coefficient):\n    return coefficient * z\n",
+        "structure_force and its state's derivative alone",
+    ),
     "unit that is none": ('"N s/m"', '"furlongs^^2"', "no SI unit"),
     "unit that is not SI": ('"N s/m"', '"N s/mm"', "no SI unit"),
     "bounds the wrong way round": ("bounds=(0.0, 10.0)", "bounds=(10.0, 0.0)", "rising order"),
