@@ -112,7 +112,7 @@ def try_candidates(
             if not _put(current, entries, alone()):
                 _try_from_far(current, entries, catalogue, origins, say)
         elif not incomplete and current.error_held_out < FAINT * noise and not near:
-            _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say)
+            _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say, nearer=True)
             entries.sort(key=lambda entry: entry.reached)
         elif incomplete and "engagement" in catalogue[leader.name].hooks:  # its passes may be wrong in all records alike
             _from_far(current, leader, catalogue[leader.name], origins)
@@ -180,7 +180,7 @@ def certain_candidates(
     hopeful = current.fit.cost * math.exp(-HOPE * CERTAIN / effective_size(current.fit))
     entries = _first_steps(current, catalogue, origins, say, growing=False)
     if not _nothing_hidden(current, pooled(current.errors)[1]) and entries and entries[0].cost <= hopeful:
-        _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say)
+        _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say, nearer=True)
     leaders = sorted((one for one in entries if one.cost <= hopeful), key=lambda one: one.cost)[:LEADERS]
     found = [_refitted(current, one, catalogue, say) for one in leaders]
     believable = (one for one in found if one.delta_bic > CERTAIN and not no_swing(one, catalogue))
@@ -249,9 +249,10 @@ def _begun(current: Candidate, effect: Effect, origins: Sequence[Origin], growin
 
 
 def _from_far(
-    current: Candidate, entry: _Entry, effect: Effect, origins: Sequence[Origin] = (), goal: float = math.inf
-) -> None:
-    """Put the entry where a fit from far outside ends, if that is better."""
+    current: Candidate, entry: _Entry, effect: Effect, origins: Sequence[Origin] = (), goal: float = math.inf,
+    nearer: bool = False,
+) -> None:  # fmt: skip
+    """Put the entry where a fit from far outside ends, if that is better. nearer: see `far_step`."""
     assert current.fit is not None and current.fitter is not None
     scanned = origins[-1].scanned if origins and "engagement" in effect.hooks else None
     if any(one.each_record for one in effect.parameters):
@@ -262,7 +263,7 @@ def _from_far(
     elif scanned is not None:
         cost, state, fitter = gradual_entry(base, effect, current.fit, scanned, goal)
     else:
-        cost, state, fitter = far_step(base, effect, current.fit, entry.reached)
+        cost, state, fitter = far_step(base, effect, current.fit, entry.reached, nearer)
     if cost < entry.reached:
         entry.cost, entry.state, entry.fitter, entry.fitted = cost, state, fitter, None
 
@@ -273,15 +274,16 @@ def _try_from_far(
     catalogue: Mapping[str, Effect],
     origins: Sequence[Origin],
     say: Callable[[str], None],
+    nearer: bool = False,
 ) -> None:
-    """Every entry once more from far outside, where no first step led to much."""
+    """Every entry once more from far outside, where no first step led to much. nearer: see `far_step`."""
     goal = BEHIND * _best(entries)
 
     def tried(entry: _Entry) -> None:
         effect = catalogue[entry.name]
         if (entry.fitted is None or "engagement" in effect.hooks) and not shifts_in_time(effect):
             say(f"trying {entry.name} from far")
-            _from_far(current, entry, effect, origins, goal)
+            _from_far(current, entry, effect, origins, goal, nearer)
 
     threaded(tried, entries)
     entries.sort(key=lambda entry: entry.reached)

@@ -297,24 +297,32 @@ def switched_on(fitter: Fitter, effect: Effect, origins: Sequence[Origin]) -> tu
     return best.cost, best.state, fitter
 
 
-def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit, goal: float = math.inf) -> tuple[float, State, Fitter]:
+def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit, goal: float = math.inf, nearer: bool = False
+             ) -> tuple[float, State, Fitter]:  # fmt: skip
     """(cost, state, fitter) after a short fit that begins with the effect at its largest start.
 
     What shifts the record in time (a sensor's lag, a speed that falls), mark angle, speed and coefficients have made up
     for: near nothing the valley is flat and bent, and no single step leads along it. From far outside it is short.
     A law with a kink begins at whichever strength explains most: far too strong it holds everything stuck. It takes twice as
     long, and is given up where it would not come below the cost `goal`; the others, slow at first, need all their steps.
+    nearer: where the largest start of a smooth law does not come below the goal, a middle one is tried as well: from too far
+    there are not steps enough.
     """
     effect = fitting_example(fitter, effect, fit)
     wider = extended(fitter, effect)
     worst = fit.worst(SCREENED)
-    points = starting_points(effect, fitter.records, fit, SHARES[-1:] if effect.smooth else SHARES)
-    states = [replace(fit.state, model=fit.state.model.with_effect(effect.name, **values)) for values in points]
+
+    def begun(shares: Sequence[float]) -> State:
+        points = starting_points(effect, fitter.records, fit, shares)
+        states = [replace(fit.state, model=fit.state.model.with_effect(effect.name, **values)) for values in points]
+        if not effect.smooth:
+            states = [at_rest(wider, state)[0] for state in states]
+        return min(((wider.cost(state, worst), state) for state in states), key=_cost)[1]
+
     if not effect.smooth:
-        states = [at_rest(wider, state)[0] for state in states]
-    tried = sorted(((wider.cost(state, worst), state) for state in states), key=_cost)
-    if effect.smooth:
-        found = wider.descend(tried[0][1], iterations=CORNER)
-    else:
-        found = wider.descend(tried[0][1], iterations=2 * CORNER, goal=goal)
+        found = wider.descend(begun(SHARES), iterations=2 * CORNER, goal=goal)
+        return found.cost, found.state, wider
+    found = wider.descend(begun(SHARES[-1:]), iterations=CORNER)
+    if nearer and not found.cost < goal:
+        found = min(found, wider.descend(begun(SHARES[-2:-1]), iterations=CORNER), key=lambda one: one.cost)
     return found.cost, found.state, wider

@@ -76,9 +76,9 @@ def test_the_last_fit_is_no_worse_with_finer_steps(rubbing):
 def test_a_cut_bent_by_what_the_base_model_lacked_is_looked_for_anew_from_what_is_believed_of_it(rubbing):
     fitter, right = rubbing
     model, cutting = right.state.model, right.state.model.cutting
-    wrong = model.with_values({"tangential_coefficient": 2.5 * cutting.tangential_coefficient,
+    wrong = model.with_values({"tangential_coefficient": 1.5 * cutting.tangential_coefficient,
                                "normal_coefficient": -4.0 * cutting.normal_coefficient})
-    bent = fitter.fit(replace(right.state, model=wrong, angle=right.state.angle + 0.15), iterations=15)
+    bent = fitter.fit(replace(right.state, model=wrong, angle=right.state.angle + 0.3), iterations=15)
     assert bent.cost > 1.2 * right.cost and bent.state.model.cutting.normal_coefficient < 0.0  # a valley of its own
     named = candidate_of(fitter, bent, ("dry_friction",), None, 1.0)
     said = []

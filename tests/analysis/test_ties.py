@@ -14,6 +14,7 @@ from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE
 from tests.synthetic_campaign import synthetic_campaign
+from tests.validation.hard_pairs import DEEP, SMALL_LAG, Case, cuts, part_of, told
 
 KNOWN = catalogue()
 PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
@@ -67,3 +68,11 @@ def test_a_rival_that_does_better_with_what_was_found_since_takes_the_place_of_t
     assert better.error_held_out < 1.05 * noise
     kept, tied = with_rivals(better, [rival, wrong], base, noise, KNOWN, lambda text: None)
     assert kept is better and tied == ()
+
+
+@pytest.mark.parametrize(("hidden", "values"), [SMALL_LAG[:2], SMALL_LAG[2:]], ids=["helix", "sensor_lag"])
+def test_what_the_largest_start_does_not_lead_to_is_a_rival_all_the_same(hidden, values):
+    """A seventh of a second of one cut: eight iterations from the largest helix lead nowhere, from a smaller one they do."""
+    records = part_of(cuts(DEEP, noise=0.7e-6), 1.0, 0.85)
+    found = told(Case(("helix", "sensor_lag"), hidden, dict(values), records, False, ""))
+    assert found.verdict == "undecided" and set(found.effects) == {"helix", "sensor_lag"}
