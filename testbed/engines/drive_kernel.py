@@ -11,10 +11,10 @@ from numba import njit
 from testbed.engines.compiled import inner
 from testbed.engines.fast_kernel import CARRIED, EXACT_FLIGHT, PLAIN, PLAIN_COUNT
 from testbed.engines.hooks import hook_sensed_displacement, hook_sensed_velocity
-from testbed.engines.loop_kernel import SLIDER, derivative
+from testbed.engines.loop_kernel import derivative
 from testbed.engines.oscillator_kernel import copy, end_state, increment, set_half_and_whole, stage_state
-from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X, sample_flight
-from testbed.engines.slider_kernel import slide
+from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X
+from testbed.engines.slider_kernel import fly_exactly
 
 
 @inner
@@ -29,11 +29,7 @@ def force_between(force, index, u):
 @inner
 def decay_freely(A, P, G, O, Y, clock, W, D, E, out):
     """Fill out (channels, samples) with the free motion from state Y at the first sample, all of it carried exactly."""
-    length = (out.shape[1] - 0.5) / clock[1]
-    if G[SLIDER] > 0.0:
-        slide(A, P, G, O, clock, Y, length, 0.0, 0.0, 0.0, 0.0, W, D, E, out, 0)
-    else:
-        sample_flight(A, P, G, O, clock, Y, 0.0, length, 0.0, 0.0, 0.0, 0.0, W, D, E, out, 0)
+    fly_exactly(A, P, G, O, clock, Y, (out.shape[1] - 0.5) / clock[1], 0.0, 0.0, 0.0, 0.0, W, D, E, out, 0)
 
 
 @inner

@@ -24,7 +24,6 @@ from testbed.engines.loop_kernel import (
     PITCH,
     RADIUS,
     SLICES,
-    SLIDER,
     T_ENTRY,
     derivative,
     first_surface,
@@ -34,17 +33,9 @@ from testbed.engines.loop_kernel import (
     share_in_cut,
     spindle_speed,
 )
-from testbed.engines.oscillator_kernel import (
-    carry,
-    copy,
-    end_state,
-    increment,
-    set_half_and_whole,
-    set_maps,
-    stage_state,
-)
-from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_flight, sample_forces, sample_step
-from testbed.engines.slider_kernel import slide
+from testbed.engines.oscillator_kernel import copy, end_state, increment, set_half_and_whole, stage_state
+from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_forces, sample_step
+from testbed.engines.slider_kernel import fly_exactly
 
 # integer settings of one run; STEPS and TEETH hold one number a segment, PLAIN the places of the states not carried exactly
 IDLE, CUT, RING_DOWN, EXACT_FLIGHT, STEADY_SPEED, SEGMENTS, CARRIED, PLAIN_COUNT, STEPS, TEETH, PLAIN = (*range(9), 12, 16)
@@ -84,18 +75,17 @@ def slope(A, P, G, Y, D, T, row, S, left, left_row, tooth, edges, mean_torque, s
     share: of the step's angle that is in the cut, less than 1 where the cut begins or ends within it.
     """
     force, torque = 0.0, 0.0
-    if edges > 0:
-        velocity = Y[1] + hook_relative_velocity(A, P, Y)
-        feed = G[FEED_SPEED] * (Y[2] - G[T_ENTRY])
-        for edge in range(edges):
-            sine, cosine = T[row, edge, SINE], T[row, edge, COSINE]
-            tangential, normal, radial = force_of_edge(
-                A, P, G, Y, velocity, feed, T[row, edge, COVER], T[row, edge, TURNED], T[row, edge, THETA], sine, cosine,
-                S[row, edge], tooth[edge])  # fmt: skip
-            left[left_row, edge] = radial
-            force -= tangential * cosine + normal * sine
-            torque += tangential * G[RADIUS]
-        force, torque = share * force, share * torque
+    velocity = Y[1] + hook_relative_velocity(A, P, Y)
+    feed = G[FEED_SPEED] * (Y[2] - G[T_ENTRY])
+    for edge in range(edges):
+        sine, cosine = T[row, edge, SINE], T[row, edge, COSINE]
+        tangential, normal, radial = force_of_edge(
+            A, P, G, Y, velocity, feed, T[row, edge, COVER], T[row, edge, TURNED], T[row, edge, THETA], sine, cosine,
+            S[row, edge], tooth[edge])  # fmt: skip
+        left[left_row, edge] = radial
+        force -= tangential * cosine + normal * sine
+        torque += tangential * G[RADIUS]
+    force, torque = share * force, share * torque
     derivative(A, P, G, Y, D, force, mean_torque)
     return spindle_speed(A, P, G, Y), torque
 
@@ -121,13 +111,7 @@ def fly(A, P, G, I, O, Y, W, D, E, clock, segment, angle, out, position):
             dt = (dt + 2.0 * k2 + 2.0 * k3 + k4) / 6.0
             W[2] = Y[2] + dt
             w1 = spindle_speed(A, P, G, W)
-        if G[SLIDER] > 0.0:
-            position = slide(A, P, G, O, clock, Y, dt, angle + part * turn, turn, w0, w1, W, D, E, out, position)
-            continue
-        position = sample_flight(A, P, G, O, clock, Y, 0.0, dt, angle + part * turn, turn, w0, w1, W, D, E, out, position)
-        set_maps(O, dt, E)
-        carry(O, E, Y)
-        Y[2] += dt
+        position = fly_exactly(A, P, G, O, clock, Y, dt, angle + part * turn, turn, w0, w1, W, D, E, out, position)
     return position
 
 
@@ -194,11 +178,11 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, mean_t
         teeth = 0
     edges, base = teeth * int(G[SLICES]), G[CORNERS + segment]
     span = (G[CORNERS + segment + 1] - base) / steps
-    impulse, now, speed0, torque0, before = 0.0, 0, 0.0, 0.0, -1.0
     if edges == 0:
         position, bounded = glide(A, P, G, O, plain, steady, work, maps[segment], base, span, steps, angle, mean_torque, clock,
                                   limit, out, position)  # fmt: skip
-        return position, impulse, bounded
+        return position, 0.0, bounded
+    impulse, now, speed0, torque0, before = 0.0, 0, 0.0, 0.0, -1.0
     for step in range(steps):
         row, phase = row0 + 2 * step, base + step * span
         share = share_in_cut(G, angle + phase, span)
@@ -214,18 +198,17 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, mean_t
             first = position
             position = sample_step(A, P, G, clock, Y, D0, Y1, D1, angle + phase, angle + phase + span, speed0, speed1, out,
                                    position)  # fmt: skip
-            if wanted and edges > 0:
+            if wanted:
                 sample_forces(A, P, G, clock, Y, D0, Y1, D1, phase, phase + span, pass_number, teeth, S, row, left[3], W,
                               out, first)  # fmt: skip
                 for sample in range(first, position):
                     out[FORCE_X, sample] *= share
                     out[FORCE_Y, sample] *= share
-        if edges > 0:
-            keep_surface(A, P, G, Y, D0, Y1, D1, (span / speed0, span / speed1), W, T, S, row, left, now, tooth, edges)
+        keep_surface(A, P, G, Y, D0, Y1, D1, (span / speed0, span / speed1), W, T, S, row, left, now, tooth, edges)
         for i in range(Y.shape[0]):
             Y[i], D0[i] = Y1[i], D1[i]
         speed0, torque0, now = speed1, torque1, 1 - now
-    if now == 1 and edges > 0:
+    if now == 1:
         copy(left[1], left[0])
     return position, impulse, True
 

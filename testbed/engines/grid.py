@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any
@@ -77,23 +77,25 @@ class Motion:
     slider: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
+def _at_rest(effect: Effect, structure: Structure) -> dict[str, float]:
+    """What the hooks of an effect are offered where nothing moves and nothing acts."""
+    return dict.fromkeys(effect.states, 0.0) | {
+        "applied_force": 0.0, "mean_torque": 0.0, "displacement": 0.0, "velocity": 0.0, "time": 0.0,
+        "mass": structure.mass, "stiffness": structure.stiffness, "damping": structure.damping}  # fmt: skip
+
+
 def _slider(effect: Effect, values: Mapping[str, float], structure: Structure, layout: Layout) -> tuple[float, float, float]:
     """(place in the state, pull, travel) of an effect that is a spring and slider in series."""
     assert effect.slider is not None
     state, parameter = effect.slider
-    still = {"displacement": 0.0, "velocity": 0.0, "time": 0.0, "mass": structure.mass, "stiffness": structure.stiffness,
-             "damping": structure.damping}  # fmt: skip
-    force = -python_hook(effect, "structure_force", values, **still, **{state: values[parameter]})
+    force = -python_hook(effect, "structure_force", values, **(_at_rest(effect, structure) | {state: values[parameter]}))
     return float(layout.state[effect.name, state]), force / (structure.mass * values[parameter]), values[parameter]
 
 
 def _oscillators(effect: Effect, values: Mapping[str, float], structure: Structure) -> list[tuple[str, float, float]]:
     """(first state, pull, drag) of each pair of states that is an underdamped oscillator at these values."""
-    found = []
+    found, still = [], _at_rest(effect, structure)
     for position, rate in effect.oscillators:
-        still = dict.fromkeys(effect.states, 0.0) | {
-            "applied_force": 0.0, "mean_torque": 0.0, "displacement": 0.0, "velocity": 0.0, "time": 0.0,
-            "mass": structure.mass, "stiffness": structure.stiffness, "damping": structure.damping}  # fmt: skip
         pull = -python_hook(effect, f"derivative_{rate}", values, **(still | {position: 1.0}))
         drag = -python_hook(effect, f"derivative_{rate}", values, **(still | {rate: 1.0}))
         if pull > 0.25 * drag * drag:
@@ -108,7 +110,6 @@ def motion_of(structure: Structure, active: Mapping[str, Mapping[str, float]], c
     rows = [(0.0, structure.stiffness / structure.mass, structure.damping / structure.mass)]
     exact, carried, integrated = True, structure.natural_frequency_rad, 0.0
     sliders = [name for name in active if catalogue[name].slider is not None]
-    held = _slider(catalogue[sliders[0]], active[sliders[0]], structure, layout) if len(sliders) == 1 else (0.0, 0.0, 0.0)
     for name, values in active.items():
         effect = catalogue[name]
         pairs = _oscillators(effect, values, structure)
@@ -125,7 +126,10 @@ def motion_of(structure: Structure, active: Mapping[str, Mapping[str, float]], c
         if "highest_frequency" in effect.hooks and (places or not pairs):
             integrated = max(integrated, python_hook(effect, "highest_frequency", values, mass=structure.mass,
                                                       stiffness=structure.stiffness))  # fmt: skip
-    return Motion(np.array(rows, dtype=float), plain, exact, (carried, integrated), held if exact else (0.0, 0.0, 0.0))
+    motion = Motion(np.array(rows, dtype=float), plain, exact, (carried, integrated))
+    if not exact or not sliders:
+        return motion
+    return replace(motion, slider=_slider(catalogue[sliders[0]], active[sliders[0]], structure, layout))
 
 
 def steps_of_segments(steps: int | None, corners: np.ndarray, teeth: list[int], crossing: float, speed: float, structure: float,

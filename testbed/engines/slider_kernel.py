@@ -1,4 +1,4 @@
-"""Free flight of a structure held by a spring and a slider in series, exact from one event to the next.
+"""Free flight in which all is carried exactly: by one map, or beside a spring and a slider in series, from event to event.
 
 Stuck, the spring pulls beside the structure's own; sliding, its force is constant. So between a turning point and a
 breakaway the structure is a linear oscillator about a point of its own, carried by its exact map. Where it turns follows
@@ -73,11 +73,20 @@ def next_event(G, O, z, x, v, drag):
 
 
 @inner
-def slide(A, P, G, O, clock, Y, dt, angle0, span, w0, w1, W, D, E, out, position):
-    """An exact free flight of length dt from the state Y, in place, and its samples; return the next sample.
+def drift(A, P, G, O, clock, Y, middle, dt, angle0, span, w0, w1, W, D, E, out, position):
+    """Carry the state Y over dt by one map and fill its samples; return the next. The arguments: see `sample_flight`."""
+    position = sample_flight(A, P, G, O, clock, Y, middle, dt, angle0, span, w0, w1, W, D, E, out, position)
+    set_maps(O, dt, E)
+    carry(O, E, Y)
+    Y[2] += dt
+    return position
 
-    The arguments are those of `sample_flight`.
-    """
+
+@inner
+def fly_exactly(A, P, G, O, clock, Y, dt, angle0, span, w0, w1, W, D, E, out, position):
+    """Carry the state Y over a free flight of length dt and fill its samples; return the next. See `sample_flight`."""
+    if G[SLIDER] == 0.0:
+        return drift(A, P, G, O, clock, Y, 0.0, dt, angle0, span, w0, w1, W, D, E, out, position)
     place, travel, pull, drag = int(G[SLIDER]), G[SLIDER_TRAVEL], O[0, PULL], O[0, DRAG]
     Y[place] = min(max(Y[place], -travel), travel)  # steps in the cut may have carried it past by their error
     gone, angle, speed = 0.0, angle0, w0
@@ -92,13 +101,9 @@ def slide(A, P, G, O, clock, Y, dt, angle0, span, w0, w1, W, D, E, out, position
         before = Y[0]
         O[0, PULL] = held
         Y[0] -= middle
-        position = sample_flight(A, P, G, O, clock, Y, middle, time, angle, angle1 - angle, speed, speed1, W, D, E, out,
-                                 position)  # fmt: skip
-        set_maps(O, time, E)
-        carry(O, E, Y)
+        position = drift(A, P, G, O, clock, Y, middle, time, angle, angle1 - angle, speed, speed1, W, D, E, out, position)
         O[0, PULL] = pull
         Y[0] += middle
-        Y[2] += time
         if not sliding:
             Y[place] = min(max(Y[place] + Y[0] - before, -travel), travel)
             if breaks and not last:

@@ -168,7 +168,8 @@ DEEP, MIDDLE = (Test(3810, 2.9),), (Test(3810, 2.0),)
 CAMPAIGNS: tuple[tuple[tuple[str, dict, str, dict], bool, str, Maker, str], ...] = (
     (LAG, True, "", cuts(SPREAD), "3 cuts, 0.8 and 2.9 mm, 2850 to 3810 rpm"),
     (LAG, True, "", cuts(DEEP, noise=0.5e-6), "1 whole cut, 0.5 um noise"),
-    (SMALL_LAG, False, "", part_of(cuts(DEEP, noise=0.5e-6), 1.0, 0.85), "0.15 s from within 1 cut, 0.5 um noise"),
+    (SMALL_LAG, False, "", part_of(cuts(DEEP, noise=0.5e-6), 1.0, 0.85),
+     "0.15 s from within 1 cut, 0.5 um noise, a lag of 0.2 ms"),
     (FRICTION, True, "", decays((3e-4, 1e-4, 3e-5), 1.0), "3 ring-downs from 30 to 300 um"),
     (FRICTION, False, ZETA, decays((1e-4, 1e-4), 0.12, noise=2e-6), "2 ring-downs from 100 um, 0.12 s, 2 um noise"),
     (FLANK, True, "", cuts(SPREAD), "3 cuts, 0.8 and 2.9 mm, 2850 to 3810 rpm, with ring-downs"),
