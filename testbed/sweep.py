@@ -22,6 +22,7 @@ from testbed.chunk_writer import Compression, check_packing, chunk_rows, kind_of
 from testbed.consolidate import consolidate
 from testbed.data_set import is_data_set, read_data_set
 from testbed.effect import Effect
+from testbed.interruption import remembered_interruptions
 from testbed.model_file import model_text
 from testbed.pool import STALL, work
 from testbed.problem import InputProblem
@@ -83,10 +84,12 @@ def run(scenario: Scenario, simulate: Simulate, output: str | Path, *, workers: 
         spans = list(_batches(gaps(there, len(scenario)), size))
         if progress:
             progress(done, len(scenario))
-        for first, last in (cluster or _local(workers, processes, stall))(job, spans):
-            done += last - first
-            if progress:
-                progress(done, len(scenario))
+        with remembered_interruptions() as check:
+            for first, last in (cluster or _local(workers, processes, stall))(job, spans):
+                done += last - first
+                if progress:
+                    progress(done, len(scenario))
+                check()
         digest = _consolidate(target, job, workers, keep_shards)
     except KeyboardInterrupt:
         shards = find(parts) if parts.exists() else []

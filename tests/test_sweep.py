@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import signal
 import sys
 from dataclasses import replace
 
@@ -73,6 +74,26 @@ def test_an_interrupted_sweep_is_continued_where_it_stopped(scenario, tmp_path, 
     report = sweep.run(scenario, plain_engine.simulate, tmp_path / "a.h5", workers=3, resume=True)
     assert report.computed == 20 - kept and report.content_hash == whole.content_hash
     assert not (tmp_path / "a.h5.parts").exists()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_an_interruption_that_the_interpreter_drops_is_not_lost(scenario, tmp_path):
+    class Finalised:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)  # as if Ctrl-C struck here: what is raised can be handed to nobody
+
+    begun = []
+
+    def simulate(*arguments, **options):
+        begun.append(1)
+        if len(begun) == 7:
+            Finalised()
+        return plain_engine.simulate(*arguments, **options)
+
+    with pytest.raises(sweep.Interrupted) as stop:
+        sweep.run(scenario, simulate, tmp_path / "a.h5")
+    assert 7 <= stop.value.done < 20
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_shards_that_are_there_are_not_computed_again(scenario, tmp_path, monkeypatch):
