@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -56,51 +56,44 @@ class BatchResult:
     outcome_time: np.ndarray
 
 
-def _run(
-    packed: Sequence[Packed],
-    clock: np.ndarray,
-    durations: np.ndarray,
-    forces: bool,
-    count: int,
-    passes: int,
-    catalogue: Mapping[str, Effect],
-    linear: bool,
-    signals: int,
-) -> BatchResult:
-    runs = len(packed)
-    A, P, G, integers, O, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIOY")
-    result = BatchResult(
-        np.empty((runs, signals, count)),
-        np.empty((runs, passes + 1)),
-        np.empty((runs, passes + 1, 2)),
-        np.empty(runs, dtype=np.int64),
-        np.empty(runs),
-    )
-    if linear:
-        kernel = compose(_NO_EFFECTS, (*FAST, "linear_kernel"))
-        kernel.run_linear_batch(
-            G, integers, Y, clock, LIMIT, result.out, result.pass_times, result.pass_states, result.outcome, result.outcome_time
-        )
-    else:
-        kernel = compose(catalogue, FAST)
-        kernel.run_batch(
-            A,
-            P,
-            G,
-            integers,
-            O,
-            Y,
-            durations,
-            clock,
-            forces,
-            LIMIT,
-            result.out,
-            result.pass_times,
-            result.pass_states,
-            result.outcome,
-            result.outcome_time,
-        )
-    return result
+@dataclass(frozen=True)
+class _Batch:
+    """Runs side by side and what is asked of them. clock (runs, 2): start, rate; table (runs, passes): measured durations."""
+
+    models: Sequence[Model]
+    cuts: Sequence[Cut]
+    effects: Mapping[str, Effect]
+    clock: np.ndarray
+    table: np.ndarray
+    steps: int | None
+    refinement: int
+    forces: bool
+    shape: tuple[int, int, int]  # channels, samples, passes
+
+    def of(self, runs: Sequence[int]) -> _Batch:
+        """The same of some runs."""
+        models, cuts = [self.models[run] for run in runs], [self.cuts[run] for run in runs]
+        return replace(self, models=models, cuts=cuts, clock=self.clock[runs], table=self.table[runs])
+
+    def packed(self, assumed: np.ndarray) -> list[Packed]:
+        """The runs with steps for structures as stiff as `assumed` (runs,)."""
+        return [pack(model, cut, self.effects, self.steps, self.table.shape[1] > 0, stiff, self.refinement)
+                for model, cut, stiff in zip(self.models, self.cuts, assumed, strict=True)]  # fmt: skip
+
+    def run(self, packed: Sequence[Packed], linear: bool = False) -> BatchResult:
+        """The runs as they are packed. linear: by the kernel of the base model alone."""
+        runs, (signals, count, passes) = len(packed), self.shape
+        A, P, G, I, O, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIOY")  # noqa: E741
+        result = BatchResult(np.empty((runs, signals, count)), np.empty((runs, passes + 1)), np.empty((runs, passes + 1, 2)),
+                             np.empty(runs, dtype=np.int64), np.empty(runs))  # fmt: skip
+        found = (result.out, result.pass_times, result.pass_states, result.outcome, result.outcome_time)
+        if linear:
+            kernel = compose(_NO_EFFECTS, (*FAST, "linear_kernel"))
+            kernel.run_linear_batch(G, I, Y, self.clock, LIMIT, *found)
+        else:
+            kernel = compose(self.effects, FAST)
+            kernel.run_batch(A, P, G, I, O, Y, self.table, self.clock, self.forces, LIMIT, *found)
+        return result
 
 
 def simulate_batch(
@@ -126,45 +119,38 @@ def simulate_batch(
     the sensor itself.
     """
     effects = known_effects() if catalogue is None else catalogue
-    assumed = np.ones(len(models))
-    if alike and steps is None and len(models) > 1 and stiffens(models[0], effects):
-        first = None if durations is None else durations[:1]
-        assumed[:] = _simulated(models[:1], cuts[:1], samplings[:1], forces, None, effects, first, general, signals, refinement,
-                                assumed[:1])[1][0]
-    return _simulated(models, cuts, samplings, forces, steps, effects, durations, general, signals, refinement, assumed)[0]
-
-
-def _simulated(models: Sequence[Model], cuts: Sequence[Cut], samplings: Sequence[Sampling], forces: bool, steps: int | None,
-               effects: Mapping[str, Effect], durations: Sequence[np.ndarray] | None, general: bool, signals: int,
-               refinement: int, assumed: np.ndarray) -> tuple[BatchResult, np.ndarray]:  # fmt: skip
-    """The runs, begun with steps for structures as stiff as `assumed` (runs,), and how stiff they turned out to be."""
-    packed = [
-        pack(model, cut, effects, steps, durations is not None, stiff, refinement)
-        for model, cut, stiff in zip(models, cuts, assumed, strict=True)
-    ]
-    count = max(sampling.count for sampling in samplings)
     passes = max(cut.total_passes for cut in cuts)
+    table = np.zeros((len(models), 0 if durations is None else passes))
+    for row, values in zip(table, durations or (), strict=False):
+        row[: len(values)] = values
     clock = np.array([[sampling.start, sampling.rate] for sampling in samplings])
-    table = np.zeros((len(packed), 0))
-    if durations is not None:
-        table = np.zeros((len(packed), passes))
-        for row, values in zip(table, durations, strict=True):
-            row[: len(values)] = values
-    linear = not (general or forces) and all(one.base for one in packed)
-    result = _run(packed, clock, table, forces, count, passes, effects, linear, signals)
-    if steps is None and not linear:
-        assumed = _refine(result, models, cuts, effects, clock, table, forces, refinement, assumed)
-    return result, assumed
+    batch = _Batch(models, cuts, effects, clock, table, steps, refinement, forces,
+                   (signals, max(sampling.count for sampling in samplings), passes))  # fmt: skip
+    assumed = np.ones(len(models))
+    packed = batch.packed(assumed)
+    if not (general or forces) and all(one.base for one in packed):
+        return batch.run(packed, linear=True)
+    if steps is not None:
+        return batch.run(packed)
+    if not (alike and len(models) > 1 and stiffens(models[0], effects)):
+        return _refined(batch, batch.run(packed), assumed)[0]
+    first, stiff = _refined(batch.of([0]), batch.run(packed[:1]), assumed[:1])
+    others = batch.of(range(1, len(models)))
+    assumed[:] = stiff
+    return _refined(batch, _together(first, others.run(others.packed(assumed[1:]))), assumed)[0]
 
 
-def _refine(result: BatchResult, models: Sequence[Model], cuts: Sequence[Cut], effects: Mapping[str, Effect],
-            clock: np.ndarray, table: np.ndarray, forces: bool, refinement: int,
-            assumed: np.ndarray) -> np.ndarray:  # fmt: skip
-    """Run again, with finer steps, what has moved so far that its structure became stiffer than the steps were made for.
+def _together(first: BatchResult, others: BatchResult) -> BatchResult:
+    """The runs of both, one after the other."""
+    return BatchResult(*(np.concatenate([getattr(first, one.name), getattr(others, one.name)]) for one in fields(BatchResult)))
 
-    assumed: how stiff that was, (runs,). Returns the same of the last steps.
+
+def _refined(batch: _Batch, result: BatchResult, assumed: np.ndarray) -> tuple[BatchResult, np.ndarray]:
+    """The runs, with finer steps for what has moved so far that its structure became stiffer than the steps were made for.
+
+    assumed: how stiff that was, (runs,). Returns the same of the last steps, too.
     """
-    assumed = assumed.copy()
+    assumed, models, effects = assumed.copy(), batch.models, batch.effects
     movable = [run for run, model in enumerate(models) if stiffens(model, effects)]
     for _ in range(REFINEMENTS):
         again = []
@@ -177,12 +163,11 @@ def _refine(result: BatchResult, models: Sequence[Model], cuts: Sequence[Cut], e
                 assumed[run] = found
         if not again:
             break
-        finer = [pack(models[run], cuts[run], effects, None, table.shape[1] > 0, assumed[run], refinement) for run in again]
-        part = _run(finer, clock[again], table[again], forces, result.out.shape[2], result.pass_times.shape[1] - 1, effects,
-                    False, result.out.shape[1])  # fmt: skip
-        for name in ("out", "pass_times", "pass_states", "outcome", "outcome_time"):
-            getattr(result, name)[again] = getattr(part, name)
-    return assumed
+        finer = batch.of(again)
+        part = finer.run(finer.packed(assumed[again]))
+        for one in fields(BatchResult):
+            getattr(result, one.name)[again] = getattr(part, one.name)
+    return result, assumed
 
 
 def simulate(
