@@ -23,7 +23,9 @@ from analysis.scale_profile import along_scales, kinked_scales, margin
 from analysis.waveform import Fitter
 from testbed.effect import Effect
 
-TIMES = 4  # as many steps: the error of second order falls to a sixteenth
+TIMES = 4  # as many steps: the error of second order falls to a sixteenth,
+FLOWN = 2  # where free flights go from kink to kink exactly and it is a fifth of what it would be to begin with
+MEETING = ("structure_force", "speed")  # hooks of a law beside a slider with which flights may be stepped
 SETTLE = 10  # iterations of the last fit
 DISTANCES = (4.0, 8.0, 16.0)  # standard errors from a fit at which a deeper valley is looked for
 LOWEST = 6  # of these states from which a fit begins, for
@@ -33,13 +35,21 @@ UNKNOWN = 10.0  # standard error, in natural steps, from which an unknown is non
 ROUNDS = 3  # times that is done at the most
 
 
-def fine(plant: Plant) -> Plant:
-    """A plant whose engine takes `TIMES` as many steps as it would choose."""
+def fine(plant: Plant, times: int = TIMES) -> Plant:
+    """A plant whose engine takes `times` as many steps as it would choose."""
     finer: Any = SimpleNamespace(
-        predict_cuts=partial(plant.predict_cuts, refinement=TIMES),
-        predict_driven=partial(plant.predict_driven, refinement=TIMES),
+        predict_cuts=partial(plant.predict_cuts, refinement=times),
+        predict_driven=partial(plant.predict_driven, refinement=times),
     )
     return finer
+
+
+def times_finer(names: Iterable[str], catalogue: Mapping[str, Effect]) -> int:
+    """How many times as many steps the last fit of these laws takes."""
+    laws = [catalogue[name] for name in names if name in catalogue]
+    others = [law for law in laws if law.slider is None]
+    flown = len(others) == len(laws) - 1 and all(law.smooth for law in others)
+    return FLOWN if flown and not any(hook in law.hooks for law in others for hook in MEETING) else TIMES
 
 
 def kinked(names: Iterable[str], catalogue: Mapping[str, Effect]) -> list[Effect]:
@@ -54,7 +64,8 @@ def has_kinks(names: Iterable[str], catalogue: Mapping[str, Effect]) -> bool:
 
 def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> tuple[Fitter, WaveformFit]:
     """The fit settled with finer steps in the deepest valley close by, and the fitter that did it."""
-    finer = Fitter(fine(fitter.plant), fitter.records, fitter.unknowns)
+    times = times_finer(fit.state.model.effects, catalogue)
+    finer = Fitter(fine(fitter.plant, times), fitter.records, fitter.unknowns)
     fit = entries_together(finer, finer.fit(at_rest(finer, fit.state)[0], iterations=SETTLE))
     laws = kinked(fit.state.model.effects, catalogue)
     if not kinked_scales(laws):

@@ -13,7 +13,7 @@ from analysis.candidate_round import candidate_of
 from analysis.compare import estimates
 from analysis.diagnosis import Candidate, verdict_of
 from analysis.effect_start import effect_parameters, far_step
-from analysis.fine_steps import fine, finely, has_kinks
+from analysis.fine_steps import fine, finely, has_kinks, times_finer
 from analysis.held_out import RecordError, pooled_doubt
 from analysis.model_fit import model_fit
 from analysis.observed import observe
@@ -49,8 +49,18 @@ def test_finer_steps_predict_a_law_with_a_kink_closer():
     cut = Cut(3500 * RPM, 0.8e-3, 1e-4, 15, 40, 30)
     sampling = Sampling(12800.0, 12000)
     true = fast.simulate(RUBBING, cut, sampling, steps=3200).channels["displacement"]
-    coarse, finer = (one.predict_cuts([RUBBING], [cut], [sampling], ("displacement",))[0, 0] for one in (PLANT, fine(PLANT)))
-    assert np.std(finer - true) < 0.15 * np.std(coarse - true)
+    coarse, finer, finest = (one.predict_cuts([RUBBING], [cut], [sampling], ("displacement",))[0, 0]
+                             for one in (PLANT, fine(PLANT, 2), fine(PLANT)))
+    assert np.std(finest - true) < 0.15 * np.std(coarse - true)
+    assert np.std(finer - true) < 0.4 * np.std(coarse - true)
+
+
+def test_steps_are_less_fine_where_flights_are_exact():
+    known = catalogue()
+    assert times_finer(["dry_friction"], known) == times_finer(["dry_friction", "edge_force", "runout"], known) == 2
+    for others in (["cubic_stiffness"], ["speed_droop"], ["contact_loss"]):
+        assert times_finer(["dry_friction", *others], known) == 4, others
+    assert times_finer(["contact_loss"], known) == 4
 
 
 def test_from_far_only_a_law_with_a_kink_is_given_up_before_its_last_step(rubbing, monkeypatch):
