@@ -65,6 +65,13 @@ class State:
         return replace(self, model=self.model.without_effect(name))
 
 
+class Looked(NamedTuple):
+    """One record at a state: what is predicted, (1, channels, samples), and its residual (values,)."""
+
+    predicted: np.ndarray
+    residual: np.ndarray
+
+
 class Products(NamedTuple):
     """Normal equations of one record: own unknowns, those with the shared ones, their gradient; the shared ones, theirs."""
 
@@ -104,6 +111,7 @@ class Descent:
     """Where a descent ended. cost: half the sum of squared residuals in units of the records' scale.
 
     parts: residuals and slopes about this state where they were computed `anew`, else about that before the last step.
+    looked: the records at this state, where a step led to it.
     """
 
     state: State
@@ -112,6 +120,7 @@ class Descent:
     anew: bool = True
     converged: bool
     iterations: int
+    looked: tuple[Looked, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -42,8 +42,12 @@ def immovable(model: Model, observed: Observed) -> Model:
     return model.with_values({"natural_frequency": slow, "mass": mass, "damping_ratio": 0.5})
 
 
-def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, float, Nuisances]]) -> np.ndarray:
-    """Predicted channels, shape (variants, channels, samples), for (model, mark angle, nuisances) variants of one record."""
+def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, float, Nuisances]],
+            first: np.ndarray | None = None) -> np.ndarray:  # fmt: skip
+    """Predicted channels, shape (variants, channels, samples), for (model, mark angle, nuisances) variants of one record.
+
+    first: what was predicted of the first alone, (1, channels, samples), where it is at hand.
+    """
     variants = [(own.shifted(model), angle, own) for model, angle, own in variants]
     if observed.cut is None:
         states = [(n.displacement, n.velocity) for _, _, n in variants]
@@ -59,4 +63,5 @@ def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, fl
     if lead:
         samplings = [replace(one, count=one.count + lead, start=one.start - lead / one.rate) for one in samplings]
     models, cuts = [model for model, _, _ in variants], [cut for cut, _ in lines]
-    return plant.predict_cuts(models, cuts, samplings, observed.channels, durations=kept)[..., lead:]
+    more = {} if first is None or observed.starts_in_cut else {"first": first}  # alone it may have had another lead
+    return plant.predict_cuts(models, cuts, samplings, observed.channels, durations=kept, **more)[..., lead:]

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from analysis.fit_state import Descent, Free, Linearised, State, WaveformFit
+from analysis.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit
 from analysis.nuisances import Nuisances, end_moved, turned_by
 from analysis.observed import Observed
 from analysis.prediction import Plant, predict
@@ -141,15 +141,21 @@ class Fitter:
 
     # -- residuals and slopes ------------------------------------------------------------------------------------------
 
-    def _residuals(self, record: Observed, variants: list[tuple[Model, float, Nuisances]]) -> np.ndarray:
+    def _residuals(self, record: Observed, variants: list[tuple[Model, float, Nuisances]],
+                   first: np.ndarray | None = None) -> np.ndarray:  # fmt: skip
+        """Residuals (variants, values), in units of the record's scale. first: see `predict`."""
+        return self._left(record, predict(self.plant, record, variants, first))
+
+    @staticmethod
+    def _left(record: Observed, predicted: np.ndarray) -> np.ndarray:
+        """What predictions (variants, channels, samples) leave of a record: residuals (variants, values)."""
         far = 1e3 * float(np.ptp(record.data)) + 1e-12  # what diverged is far off, but a number
-        predicted = predict(self.plant, record, variants)
         if not (-far <= predicted.min() and predicted.max() <= far):  # a NaN is neither
             predicted = np.clip(np.nan_to_num(predicted, nan=far, posinf=far, neginf=-far), -far, far)
         rest = record.project(record.data - predicted)
         if rest.min() < -BIG or rest.max() > BIG:
             rest = np.clip(rest, -BIG, BIG)
-        return rest.reshape(len(variants), -1)
+        return rest.reshape(len(predicted), -1)
 
     def _shared_nudge(self, state: State, place: int, step: float) -> tuple[State, float]:
         """The state with one shared unknown moved by a small step, and the step's sign: down at an upper bound."""
@@ -163,15 +169,19 @@ class Fitter:
     def _shared_nudges(self, state: State) -> list[tuple[State, float]]:
         return [self._shared_nudge(state, place, SLOPE_STEP) for place in range(len(self.names))]
 
-    def linearise(self, index: int, state: State, nudges: Sequence[tuple[State, float]] | None = None) -> Linearised:
-        """Residual and slopes of one record by forward differences. nudges: of the shared unknowns, where they are at hand."""
+    def linearise(self, index: int, state: State, nudges: Sequence[tuple[State, float]] | None = None,
+                  first: np.ndarray | None = None) -> Linearised:  # fmt: skip
+        """Residual and slopes of one record by forward differences.
+
+        At hand: nudges, of the shared unknowns; first, what is predicted at the state, (1, channels, samples).
+        """
         record, own = self.records[index], self._own_steps(self.records[index])
         nuisances = state.nuisances[index]
         nudges = self._shared_nudges(state) if nudges is None else nudges
         signs = [sign for _, sign in nudges]
         variants = [(one.model, one.angle, nuisances) for one in (state, *(other for other, _ in nudges))]
         variants += [(state.model, state.angle, self._nudged(nuisances, change, SLOPE_STEP)) for change in own]
-        rest = self._residuals(record, variants)
+        rest = self._residuals(record, variants, first)
         slopes = (rest[1:] - rest[0]) / SLOPE_STEP
         slopes[: len(signs)] *= np.array(signs)[:, None]
         held = self._held(record, nuisances)
@@ -180,13 +190,23 @@ class Fitter:
             by_own = np.vstack([by_own, np.eye(len(own))[len(own) - len(held) :]])
         return _linearised(rest[0], by_shared, by_own, held)
 
-    def linearise_all(self, state: State) -> tuple[Linearised, ...]:
-        """Every record about a state, on threads (the engine lets go of the interpreter).
+    def linearise_all(self, state: State, looked: Sequence[Looked] | None = None) -> tuple[Linearised, ...]:
+        """Every record about a state, on threads (the engine lets go of the interpreter). looked: what is known of it there.
 
         The nudged models are the same objects for all records, so that the engine need not unpack each anew.
         """
-        nudges = self._shared_nudges(state)
-        return threaded(lambda index: self.linearise(index, state, nudges), range(len(self.records)))
+        nudges, places = self._shared_nudges(state), range(len(self.records))
+        known = [None for _ in places] if looked is None else [one.predicted for one in looked]
+        return threaded(lambda index: self.linearise(index, state, nudges, known[index]), places)
+
+    def look(self, state: State) -> tuple[Looked, ...]:
+        """Every record's prediction and residual at a state."""
+
+        def one(index: int) -> Looked:
+            predicted = predict(self.plant, self.records[index], [(state.model, state.angle, state.nuisances[index])])
+            return Looked(predicted, self._left(self.records[index], predicted)[0])
+
+        return threaded(one, range(len(self.records)))
 
     def residual_of(self, index: int, state: State) -> np.ndarray:
         """One record's residual, in units of its scale."""
@@ -206,8 +226,11 @@ class Fitter:
     def cost(self, state: State, indices: Sequence[int] | None = None) -> float:
         """Half the sum of squared residuals of all records, or of some, in units of their scale."""
         places = range(len(self.records)) if indices is None else indices
+        return self._cost_of(self.residuals(state, indices), state, places)
+
+    def _cost_of(self, residuals: Iterable[np.ndarray], state: State, places: Iterable[int]) -> float:
         held = [self._held(self.records[place], state.nuisances[place]) for place in places]
-        return 0.5 * sum(float(rest @ rest) for rest in (*self.residuals(state, indices), *held))
+        return 0.5 * sum(float(rest @ rest) for rest in (*residuals, *held))
 
     def with_slopes(
         self,
@@ -297,7 +320,7 @@ class Fitter:
         more (at a kink of a law, or with an unknown at its bound). goal: see `descend`.
         """
         found = self.descend(state, iterations=iterations, tolerance=tolerance, near=near, goal=goal)
-        parts = found.parts if found.anew else self.linearise_all(found.state)
+        parts = found.parts if found.anew else self.linearise_all(found.state, found.looked)
         size = sum(part.residual.size for part in parts)
         covariance = self.covariance(parts, max(1.0, 2.0 * found.cost / size))
         residuals = tuple(part.residual[: record.size] for part, record in zip(parts, self.records, strict=True))
@@ -317,21 +340,23 @@ class Fitter:
         parts, anew = self._first_slopes(state, near)
         cost = 0.5 * sum(float(part.residual @ part.residual) for part in parts)
         damping, converged, count, costs = 1e-3, False, 0, [cost]
+        looked: tuple[Looked, ...] | None = None
         while count < iterations and not converged and not too_slow(costs, iterations, goal):
             if not anew and count:
-                parts, anew = self.linearise_all(state), True
+                parts, anew = self.linearise_all(state, looked), True
             count += 1
             move, own = self.step(parts, damping)
             trial = self.with_own(self.moved(state, move), own)
-            new = self.cost(trial)
+            seen = self.look(trial)
+            new = self._cost_of((one.residual for one in seen), trial, range(len(seen)))
             if np.isfinite(new) and new < cost:
                 converged = anew and cost - new < tolerance * cost
-                state, cost, anew, damping = trial, new, False, max(damping / 8.0, 1e-9)
+                state, looked, cost, anew, damping = trial, seen, new, False, max(damping / 8.0, 1e-9)
             elif anew:
                 converged = damping > 1e4 or (np.isfinite(new) and abs(new - cost) < 1e-9 * cost)
                 damping *= 6.0
             costs.append(cost)
-        return Descent(state=state, cost=cost, parts=parts, anew=anew, converged=converged, iterations=count)
+        return Descent(state=state, cost=cost, parts=parts, anew=anew, converged=converged, iterations=count, looked=looked)
 
     def _first_slopes(self, state: State, near: Descent | None) -> tuple[tuple[Linearised, ...], bool]:
         """Residuals and slopes to descend from a state with, and whether the slopes are its own and not lent from near by."""

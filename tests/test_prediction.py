@@ -65,3 +65,30 @@ def test_variants_of_one_run_share_the_steps_that_the_first_needs():
         left = np.nanmax(np.abs(one - reference))
         assert left < max(1e-5 * size, 1.01 * np.nanmax(np.abs(other - reference)))
     assert np.nanmax(np.abs(exact[2] - exact[0])) > 0.01 * size  # the law was felt
+
+
+@pytest.mark.parametrize("names", [(), ("runout",), ("dry_friction",), ("sensor_lag",), ("speed_droop", "helix")])
+def test_the_first_run_is_not_simulated_again_where_it_is_at_hand(names, monkeypatch):
+    model, runs, simulated = FLEXURE, [], fast.simulate_batch
+    for name in names:
+        model = model.with_effect(name, **catalogue()[name].example())
+    models = [model, model.with_values({"damping_ratio": 4e-3}), model.with_values({"natural_frequency": 147.1})]
+    monkeypatch.setattr(fast, "simulate_batch", lambda models, *given, **more: runs.append(len(models))
+                        or simulated(models, *given, **more))
+    sampling = whole_cut_sampling(COURSE, 1, 12800.0)
+    alone = predict_cuts(models[:1], [COURSE], [sampling], ["displacement"])
+    together = predict_cuts(models, [COURSE] * 3, [sampling] * 3, ["displacement"])
+    lent = predict_cuts(models, [COURSE] * 3, [sampling] * 3, ["displacement"], first=alone)
+    assert np.array_equal(lent, together, equal_nan=True) and runs == [1, 3, 2]
+    assert np.nanstd(together[1] - together[0]) > 1e-9
+
+
+@pytest.mark.parametrize("first", [FLEXURE.with_effect("runout", offset=0.0, angle=0.3), example("cubic_stiffness")])
+def test_a_first_run_that_would_be_another_beside_others_is_simulated(first):
+    """At a neutral value another kernel serves it alone; where the structure stiffens, the others need its steps."""
+    second = first.with_effect("runout", offset=1e-8, angle=0.3)
+    sampling = whole_cut_sampling(COURSE, 1, 12800.0)
+    together = predict_cuts([first, second], [COURSE] * 2, [sampling] * 2, ["displacement"])
+    wrong = np.ones_like(together[:1])
+    lent = predict_cuts([first, second], [COURSE] * 2, [sampling] * 2, ["displacement"], first=wrong)
+    assert np.array_equal(lent, together, equal_nan=True)

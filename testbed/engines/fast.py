@@ -16,7 +16,7 @@ from testbed.engines import loop_kernel as lk
 from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, compose
 from testbed.engines.measure import measured_channels
-from testbed.engines.packing import Packed, pack, stiffening, stiffens
+from testbed.engines.packing import Packed, active_names, pack, stiffening, stiffens
 from testbed.machine import Cutter, Model
 from testbed.recording import Outcome, Recording
 
@@ -138,6 +138,12 @@ def simulate_batch(
     others = batch.of(range(1, len(models)))
     assumed[:] = stiff
     return _refined(batch, _together(first, others.run(others.packed(assumed[1:]))), assumed)[0]
+
+
+def same_alone(models: Sequence[Model], catalogue: Mapping[str, Effect]) -> bool:
+    """Whether the runs of these models are one by one what they are side by side, `alike`: same kernel, same steps."""
+    kinds = {(*model.effects, "active:", *active_names(model, catalogue)) for model in models}
+    return len(kinds) == 1 and not stiffens(models[0], catalogue)
 
 
 def _together(first: BatchResult, others: BatchResult) -> BatchResult:

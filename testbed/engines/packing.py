@@ -209,6 +209,11 @@ def _of_model(model: Model, catalogue: Mapping[str, Effect]) -> _OfModel:
     return found
 
 
+def active_names(model: Model, catalogue: Mapping[str, Effect]) -> tuple[str, ...]:
+    """Names of the model's effects that are not at their neutral value."""
+    return tuple(_of_model(model, catalogue).active)
+
+
 @dataclass(frozen=True)
 class _OfLag:
     """What `pack` makes of a model and the lag of its helix (rad) at one depth, whatever else the cut may be."""
