@@ -39,6 +39,14 @@ def scenario():
     return scenario_from(parse(TEXT, "s.yaml"))
 
 
+@pytest.fixture
+def struck_by_interruptions():
+    """Ctrl-C as at a terminal: a program started in a shell's background finds it ignored, and so do its children."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def samples(path):
     return [recording.channels["displacement"] for recording in read_data_set(path)]
 
@@ -77,7 +85,7 @@ def test_an_interrupted_sweep_is_continued_where_it_stopped(scenario, tmp_path, 
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_an_interruption_that_the_interpreter_drops_is_not_lost(scenario, tmp_path):
+def test_an_interruption_that_the_interpreter_drops_is_not_lost(scenario, tmp_path, struck_by_interruptions):
     class Finalised:
         def __del__(self):
             signal.raise_signal(signal.SIGINT)  # as if Ctrl-C struck here: what is raised can be handed to nobody
