@@ -84,13 +84,14 @@ def test_an_interrupted_sweep_is_continued_where_it_stopped(scenario, tmp_path, 
     assert not (tmp_path / "a.h5.parts").exists()
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_an_interruption_that_the_interpreter_drops_is_not_lost(scenario, tmp_path, struck_by_interruptions):
+def test_an_interruption_that_the_interpreter_drops_is_neither_lost_nor_printed(
+        scenario, tmp_path, struck_by_interruptions, monkeypatch):
     class Finalised:
         def __del__(self):
             signal.raise_signal(signal.SIGINT)  # as if Ctrl-C struck here: what is raised can be handed to nobody
 
-    begun = []
+    begun, told = [], []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
 
     def simulate(*arguments, **options):
         begun.append(1)
@@ -101,6 +102,7 @@ def test_an_interruption_that_the_interpreter_drops_is_not_lost(scenario, tmp_pa
     with pytest.raises(sweep.Interrupted) as stop:
         sweep.run(scenario, simulate, tmp_path / "a.h5")
     assert 7 <= stop.value.done < 20
+    assert told == [] and sys.unraisablehook == told.append
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
