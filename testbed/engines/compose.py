@@ -25,7 +25,7 @@ from testbed.effect import HOOKS, Effect
 from testbed.engines import hooks as base_hooks
 
 ENGINES = Path(__file__).parent
-FAST = ("loop_kernel", "oscillator_kernel", "sampling_kernel", "slider_kernel", "glide_kernel", "fast_kernel")
+FAST = ("array_kernel", "loop_kernel", "oscillator_kernel", "sampling_kernel", "slider_kernel", "glide_kernel", "fast_kernel")
 _SLOTS = {"displacement": "Y[0]", "velocity": "Y[1]", "time": "Y[2]"}
 _COMPILED = [name for name, hook in HOOKS.items() if hook.joins in ("sum", "product", "replace")]
 
@@ -84,7 +84,7 @@ def _derivatives_text(layout: Layout) -> list[str]:
 
 
 def _import_text(effects: Mapping[str, Effect]) -> list[str]:
-    lines = ["from testbed.engines.compiled import inlined, inner", "import testbed.engines.compose as _compose", ""]
+    lines = ["from testbed.engines.compiled import holding, inner", "import testbed.engines.compose as _compose", ""]
     for effect in effects.values():
         for hook in effect.hooks:
             if hook in _COMPILED or hook.startswith("derivative_"):

@@ -8,11 +8,12 @@ carried exactly is one flight.
 import numpy as np
 from numba import njit
 
-from testbed.engines.compiled import inner
+from testbed.engines.array_kernel import copy, fill_columns
+from testbed.engines.compiled import holding, inner
 from testbed.engines.fast_kernel import CARRIED, EXACT_FLIGHT, PLAIN, PLAIN_COUNT
 from testbed.engines.hooks import hook_sensed_displacement, hook_sensed_velocity
 from testbed.engines.loop_kernel import derivative
-from testbed.engines.oscillator_kernel import copy, end_state, increment, set_half_and_whole, stage_state
+from testbed.engines.oscillator_kernel import end_state, increment, set_half_and_whole, stage_state
 from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X
 from testbed.engines.slider_kernel import fly_exactly
 
@@ -55,12 +56,12 @@ def march(A, P, G, O, plain, Y, Y1, D, W, K, H, E, force, rate, substeps, limit,
             copy(Y1, Y)
             derivative(A, P, G, Y, D, end, 0.0)  # that at the start of the next step
             if not abs(Y[0]) < limit:
-                out[:, sample + 1 :] = np.nan
+                fill_columns(out, sample + 1, np.nan)
                 return False
     return True
 
 
-@njit(inline="always", error_model="numpy")
+@holding
 def drive_one(A, P, G, I, O, Y, force, rate, substeps, limit, out):
     """March over the samples of `force` (N); fill out (channels, samples) from state Y at the first one.
 

@@ -12,7 +12,8 @@ import math
 import numpy as np
 from numba import njit
 
-from testbed.engines.compiled import inlined, inner
+from testbed.engines.array_kernel import copy, fill, fill_columns, fill_rows
+from testbed.engines.compiled import holding, inner
 from testbed.engines.glide_kernel import glide
 from testbed.engines.hooks import hook_chip, hook_relative_velocity
 from testbed.engines.loop_kernel import (
@@ -33,7 +34,7 @@ from testbed.engines.loop_kernel import (
     share_in_cut,
     spindle_speed,
 )
-from testbed.engines.oscillator_kernel import copy, end_state, increment, set_half_and_whole, stage_state
+from testbed.engines.oscillator_kernel import end_state, increment, set_half_and_whole, stage_state
 from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_forces, sample_step
 from testbed.engines.slider_kernel import fly_exactly
 
@@ -68,7 +69,7 @@ def fill_table(G, I, T):
             T[row, edge, SINE], T[row, edge, COSINE] = math.sin(theta), math.cos(theta)
 
 
-@inlined
+@inner
 def slope(A, P, G, Y, D, T, row, S, left, left_row, tooth, edges, mean_torque, share):
     """Time derivative D of the state at a row; left[left_row]: the surface left there. Returns (spindle speed, torque).
 
@@ -115,7 +116,7 @@ def fly(A, P, G, I, O, Y, W, D, E, clock, segment, angle, out, position):
     return position
 
 
-@inlined
+@inner
 def keep_surface(A, P, G, Y, D0, Y1, D1, ends, W, T, S, row, left, now, tooth, edges):
     """What the step leaves at its start (left[now]) and, by the cubic in the angle, at its middle: into S.
 
@@ -132,7 +133,7 @@ def keep_surface(A, P, G, Y, D0, Y1, D1, ends, W, T, S, row, left, now, tooth, e
         S[row + 1, edge] = radial if chip == radial - met else met + chip
 
 
-@inlined
+@inner
 def advance(A, P, G, O, plain, steady, work, maps, T, row, S, left, now, tooth, edges, span, speed0, torque0, mean_torque,
             share):  # fmt: skip
     """One step of `span` rad from work[0] to work[1]; work[2], speed0 and torque0 belong to its start.
@@ -247,7 +248,7 @@ def cross_pitch(A, P, G, I, O, T, S, pass_number, mean_torque, maps, work, left,
     return position, impulse, True
 
 
-@njit(inline="always", error_model="numpy")
+@holding
 def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, pass_states):
     """Integrate one test. Y is the state at time 0.
 
@@ -283,9 +284,9 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
         position, impulse, bounded = cross_pitch(A, P, G, I, O, T, S, pass_number, mean_torque, maps, work, left, tooth,
                                                  clock, wanted, limit, out, position)  # fmt: skip
         if not bounded:
-            out[:, position:] = np.nan
-            pass_times[number + 1 :] = np.nan
-            pass_states[number + 1 :, :] = np.nan
+            fill_columns(out, position, np.nan)
+            fill(pass_times, number + 1, np.nan)
+            fill_rows(pass_states, number + 1, np.nan)
             return OUTCOME_DIVERGED, Y[2]
         if durations.shape[0] > 0:
             Y[2] = pass_times[number] + durations[number]
@@ -294,9 +295,9 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
         mean_torque = impulse / (Y[2] - pass_times[number])
         pass_times[number + 1], pass_states[number + 1, 0], pass_states[number + 1, 1] = Y[2], Y[0], Y[1]
     last = I[IDLE] + I[CUT] + I[RING_DOWN] + 1
-    out[:, position:] = np.nan
-    pass_times[last:] = np.nan
-    pass_states[last:, :] = np.nan
+    fill_columns(out, position, np.nan)
+    fill(pass_times, last, np.nan)
+    fill_rows(pass_states, last, np.nan)
     return OUTCOME_OK, np.nan
 
 

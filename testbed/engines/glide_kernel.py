@@ -1,13 +1,13 @@
 """Where nothing cuts and not all is carried exactly: the steps of `fast_kernel` without teeth, surface and torque."""
 
-from testbed.engines.compiled import inlined, inner
+from testbed.engines.compiled import inner
 from testbed.engines.hooks import hook_structure_force
 from testbed.engines.loop_kernel import DAMPING, MASS, STIFFNESS, derivative, spindle_speed
 from testbed.engines.oscillator_kernel import DRAG, PULL, end_state, increment, set_half_and_whole, stage_state
 from testbed.engines.sampling_kernel import sample_step
 
 
-@inlined
+@inner
 def own_acceleration(A, P, G, Y):
     """Acceleration of the structure left to its own law, m/s^2."""
     own = hook_structure_force(A, P, Y, G[MASS], G[STIFFNESS], G[DAMPING])

@@ -11,6 +11,8 @@ import math
 import numpy as np
 from numba import njit
 
+from testbed.engines.array_kernel import fill, fill_columns, fill_rows
+from testbed.engines.compiled import holding, inner
 from testbed.engines.fast_kernel import CUT, IDLE, OUTCOME_DIVERGED, OUTCOME_OK, RING_DOWN, SEGMENTS, STEPS, TEETH
 from testbed.engines.loop_kernel import (
     CORNERS,
@@ -32,7 +34,7 @@ from testbed.engines.oscillator_kernel import oscillator_map
 from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X, fill_quintic, samples_until
 
 
-@njit(cache=True)
+@inner
 def chip_stiffness(G, phase, teeth):
     """kappa at one phase of the tooth pitch, 1/s^2."""
     total = 0.0
@@ -43,7 +45,7 @@ def chip_stiffness(G, phase, teeth):
     return total * G[SLICE_DEPTH] / G[MASS]
 
 
-@njit(cache=True)
+@inner
 def cross(G, x, v, t0, dt, angle, span, steps, kappa, memory, row0, last, clock, out, position, limit):
     """Step through one segment in the cut, from row0 of kappa and memory on. `last` is what is left at its start.
 
@@ -84,7 +86,7 @@ def cross(G, x, v, t0, dt, angle, span, steps, kappa, memory, row0, last, clock,
     return x, v, position, last, True
 
 
-@njit(cache=True)
+@inner
 def cross_pitch_linear(G, I, x, v, t0, angle, kappa, memory, flights, clock, limit, out, position):  # noqa: E741
     """One tooth pass in the cut. flights (segments, 4): exact maps over whole segments.
 
@@ -109,7 +111,7 @@ def cross_pitch_linear(G, I, x, v, t0, angle, kappa, memory, flights, clock, lim
     return x, v, position, True
 
 
-@njit(cache=True)
+@holding
 def run_linear(G, I, Y, clock, limit, out, pass_times, pass_states):  # noqa: E741
     """As the general kernel's run_one, for the base model. The forces and the angle are not sampled.
 
@@ -143,17 +145,17 @@ def run_linear(G, I, Y, clock, limit, out, pass_times, pass_states):  # noqa: E7
             x, v, position, bounded = cross_pitch_linear(G, I, x, v, t0, (number - I[IDLE]) * G[PITCH], kappa, memory, flights,
                                                          clock, limit, out, position)  # fmt: skip
             if not bounded:
-                out[:, position:] = np.nan
-                pass_times[number + 1 :] = np.nan
-                pass_states[number + 1 :, :] = np.nan
+                fill_columns(out, position, np.nan)
+                fill(pass_times, number + 1, np.nan)
+                fill_rows(pass_states, number + 1, np.nan)
                 return OUTCOME_DIVERGED, t0
         pass_times[number + 1], pass_states[number + 1, 0], pass_states[number + 1, 1] = Y[2] + (number + 1) * tau, x, v
     Y[0], Y[1] = x, v
-    out[:, position:] = np.nan
+    fill_columns(out, position, np.nan)
     return OUTCOME_OK, np.nan
 
 
-@njit(cache=True)
+@inner
 def fly_linear(G, x, v, t0, dt, clock, out, position):
     """Fill the samples of a free flight; return the next sample.
 

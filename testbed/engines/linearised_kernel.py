@@ -8,6 +8,7 @@ engines integrate, so an effect's file is the only place where its law is writte
 import numpy as np
 from numba import njit
 
+from testbed.engines.compiled import inner
 from testbed.engines.hooks import hook_chip
 from testbed.engines.loop_kernel import (
     ENTRY,
@@ -20,7 +21,7 @@ from testbed.engines.loop_kernel import (
 )
 
 
-@njit
+@inner
 def rate_in_angle(A, P, G, Y, past, phase, pass_number, teeth, mean_torque, surface, D, f):
     """Write dY/dphi into f; returns (torque, N m; speed, rad/s; whether an edge in the cut has lost contact)."""
     lost = False

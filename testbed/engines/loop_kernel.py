@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from testbed.engines.compiled import inlined, inner
+from testbed.engines.compiled import inner
 from testbed.engines.hooks import (
     hook_chip,
     hook_derivatives,
@@ -42,7 +42,7 @@ for _count in range(1, MOST_POINTS + 1):
     GAUSS_NODES[_count, :_count], GAUSS_WEIGHTS[_count, :_count] = np.polynomial.legendre.leggauss(_count)
 
 
-@inlined
+@inner
 def share_in_cut(G, start, span):
     """Share of a step of `span` from `start` (rad after the start of the first pass) between the cut's entry and exit."""
     if start >= G[BEGIN] - 1e-12 and start + span <= G[END] + 1e-12:
@@ -71,7 +71,7 @@ def piece_of_edge(G, phase, edge):
     return 0.5 * slices * GAUSS_WEIGHTS[slices, point] * (high - low) / lag, turned
 
 
-@inlined
+@inner
 def radius_of_edge(A, P, G, Y, feed, theta, sine, tooth):
     """`edge_radius` where the feed's travel (m), the angle's sine and the tooth's number are known already."""
     x = Y[0] + hook_relative_displacement(A, P, Y)
@@ -114,7 +114,7 @@ def first_surface(A, P, G, Y, phase, teeth, time, new):
         leave_surface(A, P, G, Y, phase, -back, teeth, new, new)
 
 
-@inlined
+@inner
 def force_of_edge(A, P, G, Y, velocity, feed, cover, turned, theta, sine, cosine, met, tooth):
     """(tangential force, normal force, radial position left behind) of one edge that met the surface `met`; N, m."""
     radial = radius_of_edge(A, P, G, Y, feed, theta, sine, tooth)
@@ -154,7 +154,7 @@ def cutting_force(A, P, G, Y, phase, pass_number, teeth, surface):
     return force_x, force_y, torque
 
 
-@inlined
+@inner
 def derivative(A, P, G, Y, D, force_x, mean_torque):
     """Time derivative D of the state Y under the applied force: the structure's own law and the effects' states."""
     mass, damping, stiffness = G[MASS], G[DAMPING], G[STIFFNESS]

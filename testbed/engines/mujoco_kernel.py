@@ -8,6 +8,8 @@ its physics state, so a run continues bit for bit. Neither knows of MuJoCo: `muj
 
 from numba import njit
 
+from testbed.engines.array_kernel import copy, fill
+from testbed.engines.compiled import holding
 from testbed.engines.hooks import hook_sensed_displacement, hook_sensed_velocity, hook_structure_force
 from testbed.engines.loop_kernel import (
     CORNERS,
@@ -38,14 +40,14 @@ R_T0, R_T1, R_X0, R_V0, R_A0, R_X1, R_V1, R_A1, R_FX0, R_FXM, R_FX1, R_FY0, R_FY
     R_SIZE = range(17)
 
 
-@njit
+@holding
 def settings_of(N):
     """Flags A and parameters P."""
     a = N_HEAD + int(N[M_A])
     return N[N_HEAD:a], N[a:a + int(N[M_P])]
 
 
-@njit
+@holding
 def state_block(N, U, block):
     """One of the seven state-sized arrays kept in U."""
     size = int(N[M_Y])
@@ -53,7 +55,7 @@ def state_block(N, U, block):
     return U[start:start + size]
 
 
-@njit
+@holding
 def surface_row(N, U, row):
     """Surface memory at one grid angle; row -1 is the pending one, row -2 scratch."""
     edges = int(N[M_EDGES])
@@ -61,7 +63,7 @@ def surface_row(N, U, row):
     return U[start:start + edges]
 
 
-@njit
+@holding
 def place_on_grid(N, U):
     """(steps in this segment, angle of one, phase at the segment's start, its first surface row, teeth in the cut)."""
     segment, row0 = int(U[U_SEGMENT]), 0
@@ -73,7 +75,7 @@ def place_on_grid(N, U):
     return steps, (high - low) / steps, low, row0, int(N[M_TEETH + segment]) if cutting else 0
 
 
-@njit
+@holding
 def enter_cut(N, U, time):
     """The cut begins now: the feed starts, and the memory holds what a rigid cutter would have left."""
     A, P = settings_of(N)
@@ -97,14 +99,15 @@ def enter_cut(N, U, time):
 @njit(cache=True)  # an entry, with its callees compiled in
 def start_run(N, U):
     """Everything that changes, as it stands at time 0."""
-    U[:] = 0.0
+    fill(U, 0, 0.0)
     start = N_HEAD + int(N[M_A]) + int(N[M_P])
-    U[U_HEAD:U_HEAD + G_SIZE] = N[start:start + G_SIZE]
+    for place in range(G_SIZE):
+        U[U_HEAD + place] = N[start + place]
     if N[M_IDLE] == 0.0 and N[M_CUT] > 0.0:
         enter_cut(N, U, 0.0)
 
 
-@njit
+@holding
 def choose_step(N, U, A, P, G, span, end_angle):
     """Duration of the step that turns the spindle by `span`; also where in angle its middle in time lies."""
     Y0, D0, Y = state_block(N, U, Y_0), state_block(N, U, SLOPES), state_block(N, U, Y_STAGE)
@@ -116,10 +119,10 @@ def choose_step(N, U, A, P, G, span, end_angle):
     # dt/dangle = 1/Omega by the classical scheme; the motion within the step is predicted from the slope at its start
     K = state_block(N, U, D_1)
     total, ahead, speed = 0.0, 0.0, U[U_SPEED0]
-    K[:] = D0
+    copy(D0, K)
     for stage in range(4):
         if stage > 0:
-            Y[:] = Y0
+            copy(Y0, Y)
             for i in range(1, Y.shape[0]):
                 Y[i] += ahead * K[i]
             Y[0] += ahead * (Y0[1] + 0.5 * ahead * D0[1])
@@ -133,7 +136,7 @@ def choose_step(N, U, A, P, G, span, end_angle):
     U[U_MIDDLE] = 0.5 + 0.125 * total * (U[U_SPEED0] - speed) / span
 
 
-@njit
+@holding
 def surface_at(N, U, row, share):
     """Surface met at `share` of the step that starts at `row`: a grid row, or the parabola through the step's three."""
     if share == 0.0 or share == 0.5 or share == 1.0:
@@ -146,7 +149,7 @@ def surface_at(N, U, row, share):
     return met
 
 
-@njit
+@holding
 def stage_of(U, time):
     """Which of the four stages MuJoCo is at: by time, and the two middle ones by their order."""
     if time == U[U_TIME]:
@@ -180,7 +183,7 @@ def stage_force(N, U, time, x, v):
     own = hook_structure_force(A, P, Y, G[MASS], G[STIFFNESS], G[DAMPING])
     U[U_TORQUE + stage] = torque
     if stage == 0:
-        Y0[:] = Y
+        copy(Y, Y0)
         U[U_FORCE_X], U[U_FORCE_Y] = force, across
         derivative(A, P, G, Y, D, force, U[U_MEAN_TORQUE])
         choose_step(N, U, A, P, G, span, U[U_PASS] * G[PITCH] + base + (U[U_STEP] + 1.0) * span)
@@ -189,7 +192,7 @@ def stage_force(N, U, time, x, v):
     return force + own
 
 
-@njit
+@holding
 def write_row(N, U, A, P, R, angle, span, force, across, force_middle, across_middle):
     """Keep what the step just ended looked like, for sampling."""
     Y0, D0 = state_block(N, U, Y_0), state_block(N, U, SLOPES)
@@ -207,7 +210,7 @@ def write_row(N, U, A, P, R, angle, span, force, across, force_middle, across_mi
     row[R_ANGLE0], row[R_ANGLE1] = angle, angle + span
 
 
-@njit
+@holding
 def leave_step(N, U, A, P, G, row, phase, span, pass_number, teeth, speed1):
     """Write the surface the step leaves; returns the force met at its middle. The row at its end is still to be read by
     the next step, so what is left there waits in the pending row."""
@@ -222,14 +225,14 @@ def leave_step(N, U, A, P, G, row, phase, span, pass_number, teeth, speed1):
     if row == 0:
         leave_surface(A, P, G, Y0, phase, pass_number, teeth, begin, begin)
     else:
-        begin[:] = pending
+        copy(pending, begin)
     leave_surface(A, P, G, W, phase + 0.5 * span, pass_number, teeth, middle, middle)
-    pending[:] = end
+    copy(end, pending)
     leave_surface(A, P, G, Y1, phase + span, pass_number, teeth, end, pending)
     return force, across
 
 
-@njit
+@holding
 def next_place(N, U, time, steps, row_end, teeth):
     """Move on by one step: to the next segment and the next pass where this one is through."""
     U[U_COUNT] += 1.0
@@ -242,7 +245,7 @@ def next_place(N, U, time, steps, row_end, teeth):
     segment = int(U[U_SEGMENT])
     last = segment + 1 == int(N[M_SEGMENTS])
     if teeth > 0 and (last or N[M_TEETH + segment + 1] == 0.0):
-        surface_row(N, U, row_end)[:] = surface_row(N, U, -1)
+        copy(surface_row(N, U, -1), surface_row(N, U, row_end))
     if not last:
         U[U_SEGMENT] = segment + 1.0
         return
@@ -282,5 +285,5 @@ def end_step(N, U, R, time, x, v):
         force_middle, across_middle = leave_step(N, U, A, P, G, row, phase, span, pass_number, teeth,
                                                  spindle_speed(A, P, G, Y1))
     write_row(N, U, A, P, R, pass_number * G[PITCH] + phase, span, force, across, force_middle, across_middle)
-    Y0[:] = Y1
+    copy(Y1, Y0)
     next_place(N, U, time, steps, row + 2, teeth)

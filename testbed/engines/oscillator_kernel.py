@@ -11,16 +11,9 @@ are four numbers a row. Only `rest` is left to the integrator (Lawson 1967, SIAM
 
 import math
 
-from testbed.engines.compiled import inlined, inner
+from testbed.engines.compiled import inner
 
 PLACE, PULL, DRAG, O_SIZE = range(4)
-
-
-@inner
-def copy(source, target):
-    """Fill the array `target` with `source`, element by element: a slice would be copied through memory of its own."""
-    for place in range(source.shape[0]):
-        target[place] = source[place]
 
 
 @inner
@@ -66,7 +59,7 @@ def free_slope(O, Y, D):
         D[p], D[p + 1] = Y[p + 1], -O[row, PULL] * Y[p] - O[row, DRAG] * Y[p + 1]
 
 
-@inlined
+@inner
 def pair_at_stage(H, E, row, a, b, k, l, stage):
     """Where the oscillator of a row stands at a stage: (a, b) at the step's start, (k, l) what the stage before adds."""
     if stage == 1:
@@ -78,7 +71,7 @@ def pair_at_stage(H, E, row, a, b, k, l, stage):
             E[row, 2] * a + E[row, 3] * b + H[row, 2] * k + H[row, 3] * l)  # fmt: skip
 
 
-@inlined
+@inner
 def pair_at_end(H, E, row, a, b, K, p):
     """Where the oscillator at place p of the state stands at the end of the step, from the four stages K (4, size)."""
     a, b = a + K[0, p] / 6.0, b + K[0, p + 1] / 6.0
@@ -87,7 +80,7 @@ def pair_at_end(H, E, row, a, b, K, p):
             E[row, 2] * a + E[row, 3] * b + H[row, 2] * c + H[row, 3] * d + K[3, p + 1] / 6.0)  # fmt: skip
 
 
-@inlined
+@inner
 def add_effects(O, plain, Y, D, dt, h, K, stage):
     """`increment` for the states of effects."""
     for row in range(1, O.shape[0]):
@@ -98,7 +91,7 @@ def add_effects(O, plain, Y, D, dt, h, K, stage):
         K[stage, place] = dt * D[place]
 
 
-@inlined
+@inner
 def move_effects(O, plain, H, E, Y, K, stage, W):
     """`stage_state` and `end_state` for the states of effects."""
     for row in range(1, O.shape[0]):
@@ -114,7 +107,7 @@ def move_effects(O, plain, H, E, Y, K, stage, W):
             W[place] = Y[place] + (1.0 if stage == 3 else 0.5) * K[stage - 1, place]
 
 
-@inlined
+@inner
 def increment(O, plain, more, Y, D, dt, h, K, stage):
     """What one stage adds, K[stage]: rates D over dt, less the exactly carried part over h.
 
@@ -128,7 +121,7 @@ def increment(O, plain, more, Y, D, dt, h, K, stage):
         add_effects(O, plain, Y, D, dt, h, K, stage)
 
 
-@inlined
+@inner
 def stage_state(O, plain, more, H, E, Y, K, stage, W):
     """The state W at which stage 1, 2 or 3 asks for its slope, from Y and the stage before, K[stage - 1]."""
     W[0], W[1] = pair_at_stage(H, E, 0, Y[0], Y[1], K[stage - 1, 0], K[stage - 1, 1], stage)
@@ -137,7 +130,7 @@ def stage_state(O, plain, more, H, E, Y, K, stage, W):
         move_effects(O, plain, H, E, Y, K, stage, W)
 
 
-@inlined
+@inner
 def end_state(O, plain, more, H, E, Y, K, Y1):
     """The state Y1 at the end of the step, from Y and the four stages K (4, size)."""
     Y1[0], Y1[1] = pair_at_end(H, E, 0, Y[0], Y[1], K, 0)

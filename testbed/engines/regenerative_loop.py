@@ -104,7 +104,7 @@ def regenerative_loop(model: Model, cut: Cut, catalogue: Mapping[str, Effect] | 
     segments = packed.I[fk.SEGMENTS]
     breaks = packed.G[lk.CORNERS : lk.CORNERS + segments + 1].copy()
     teeth = packed.I[fk.TEETH : fk.TEETH + segments].copy()
+    kernel = compose(effects, ("array_kernel", "loop_kernel", "linearised_kernel"))
     return RegenerativeLoop(
-        packed, compose(effects, ("loop_kernel", "linearised_kernel")), np.array(unknowns), np.array(prescribed),
-        breaks, teeth, float(packed.G[lk.PITCH]), cut.spindle_speed, fastest_frequency(model, effects),
-        bool(packed.I[fk.STEADY_SPEED]), model.cutter.flutes if uneven else 1)
+        packed, kernel, np.array(unknowns), np.array(prescribed), breaks, teeth, float(packed.G[lk.PITCH]), cut.spindle_speed,
+        fastest_frequency(model, effects), bool(packed.I[fk.STEADY_SPEED]), model.cutter.flutes if uneven else 1)

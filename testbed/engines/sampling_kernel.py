@@ -1,10 +1,11 @@
 """Samples at the recording's rate: within a step by the quintic through displacement, velocity and acceleration at both
 ends, in free flight by the exact map. `out` holds all channels, or the first alone, or the first three: the motion."""
 
+from testbed.engines.array_kernel import copy
 from testbed.engines.compiled import inner
 from testbed.engines.hooks import hook_sensed_displacement, hook_sensed_velocity
 from testbed.engines.loop_kernel import SLICES, cutting_force
-from testbed.engines.oscillator_kernel import carry, copy, free_slope, set_maps
+from testbed.engines.oscillator_kernel import carry, free_slope, set_maps
 
 SENSED_X, SENSED_V, SENSED_A, FORCE_X, FORCE_Y, ANGLE, N_CHANNELS = range(7)
 N_MOTION = 3  # the first of them
