@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.force_window import windowed
 from analysis.free_decay import spectral_peak
 from analysis.noise import noise_floor, rounding
 from analysis.nuisances import Nuisances
@@ -278,14 +279,14 @@ def observe(record: Any, model: Model) -> Observed:
         recording.start + first / recording.sampling_rate,
         noise,
         floors[0].basis,
-        drift_basis(data.shape[1], 1 if excited else _drift_order(data.shape[1] / recording.sampling_rate)),
+        drift_basis(data.shape[1], _drift_order(data.shape[1] / recording.sampling_rate)),
         segments,
         condition,
         noise_doubt=floors[0].doubt,
     )
     if excited:
         drive = next(name for name in record.excitations)
-        return replace(base, force=np.asarray(recording.channels[drive], dtype=float)[first:last])
+        return replace(base, force=windowed(np.asarray(recording.channels[drive], dtype=float))[first:last])
     if record.kind == "ring-down":
         return replace(base, force=np.zeros(data.shape[1]))
     ready = _with_clock(base, record, (model.cutter or Cutter()).flutes)
