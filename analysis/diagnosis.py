@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
+
+import numpy as np
 
 from analysis.fit_state import WaveformFit
 from analysis.held_out import RecordError, holds_out, pooled_doubt, pooled_where_known
@@ -174,8 +177,9 @@ def verdict_of(
 def _of_the_base(base: Candidate, noise: float) -> tuple[str, str] | None:
     """(verdict, sentence) where nothing is named and the base model's fit alone decides; None where it does not."""
     ratio = base.error_where_known / noise
-    if noise > SILENT:
-        return "undecided", (f"Hardly anything but noise was measured ({noise:.0%} of the signal): these records can tell "
+    share = max(noise, _beside_drift(base))
+    if share > SILENT:
+        return "undecided", (f"Hardly anything but noise was measured ({share:.0%} of the signal): these records can tell "
                              "nothing of the model.")
     if ratio <= ADEQUATE:
         return "adequate", (f"The model explains the records down to their noise (error {ratio:.3f} of the "
@@ -184,6 +188,15 @@ def _of_the_base(base: Candidate, noise: float) -> tuple[str, str] | None:
         return "not_converged", ("The fit of the believed model did not settle, so nothing can be said of what "
                                  "it lacks: check the conditions and the starting values.")
     return None
+
+
+def _beside_drift(base: Candidate) -> float:
+    """Noise over what was measured, rms, all records together, without what offset and drift explain; 0 without a fit."""
+    if base.fitter is None:
+        return 0.0
+    records = base.fitter.records
+    measured = sum(float(np.sum(one.project(one.data) ** 2)) for one in records)
+    return math.sqrt(sum(one.count * float(np.sum((one.noise / one.scale) ** 2)) for one in records) / max(measured, 1e-300))
 
 
 def _with(beside: Sequence[str]) -> str:
