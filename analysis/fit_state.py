@@ -49,8 +49,8 @@ class State:
         return self.model.cutting.engagement_angle * flutes / (2.0 * math.pi)
 
     def share_in_arc(self, flutes: int) -> float:
-        """Share of a pass in which a tooth is in the work, 1 where one always is."""
-        return min(1.0, self.passes_in_arc(flutes))
+        """Share of a pass in which a tooth is in the work, 1 where one always is, or where nothing cuts."""
+        return 1.0 if self.model.cutting is None else min(1.0, self.passes_in_arc(flutes))
 
     def of_records(self, places: Sequence[int]) -> State:
         """The state of a fit of the records at these places alone."""

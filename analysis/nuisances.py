@@ -60,6 +60,20 @@ def end_moved(nuisances: Nuisances, end: str, by: float) -> Nuisances:
     return nuisances.with_fields(**{end: getattr(nuisances, end) + outwards * passes, MISSING[end]: share})
 
 
+def end_moved_in_arc(nuisances: Nuisances, end: str, by: float, arc: float) -> Nuisances:
+    """The same, `by` in arcs of engagement: where no tooth is in the work nothing is missed.
+
+    arc: share of a pass in which a tooth is in the work.
+    """
+    missing, idle = getattr(nuisances, MISSING[end]), 1.0 - arc
+    gone = min(missing / arc, 1.0) if end == "entry" else max(missing - idle, 0.0) / arc
+    moved = end_moved(nuisances.with_fields(**{MISSING[end]: 0.0}), end, gone + by)
+    share = getattr(moved, MISSING[end])
+    if end == "exit" and share > 0.0:
+        return replace(moved, early_exit=min(idle + share * arc, math.nextafter(1.0, 0.0)))
+    return moved.with_fields(**{MISSING[end]: share * arc})
+
+
 def other_teeth(nuisances: Nuisances, flutes: int, every: int = 1) -> list[Nuisances]:
     """The same course with another tooth (one in `every`) the first to cut: unequal teeth tell which it was.
 

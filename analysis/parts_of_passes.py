@@ -1,19 +1,21 @@
 """Cuts that begin or end while a tooth is in the work: the part of the first and the last pass that is cut, record by record.
 
 A workpiece that begins or ends at any place is met or left within a tooth's arc as often as that is wide. With whole passes
-alone such a record has a first or a last kick of the wrong size, and no parameter of the machine can mend that.
+alone such a record has a first or a last kick of the wrong size, and no parameter of the machine can mend that. What the other
+records lack bends the parameters that all share, so parts are tried boldly first, fitted with all else, and only then judged.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from analysis.fit_state import State, WaveformFit
-from analysis.nuisances import MISSING, Nuisances, end_moved
+from analysis.nuisances import Nuisances
 from analysis.observed import Observed
+from analysis.part_search import best_ends, best_whole, in_part_of, plainer, with_parts_known
 from analysis.pass_search import squares_of
 from analysis.threads import threaded
 from analysis.waveform import Fitter
@@ -22,52 +24,112 @@ MISFIT = 1.05  # mean squared residual, in noise, above which a record may have 
 KICK = 3.0  # or slow residual about its entry or exit over that of its other passes, as mean squares,
 AROUND = 3  # passes after either,
 SLOW = 8  # means of the residual a pass: a kick is slow, and in single samples the noise hides it
-REACH = 2  # passes beside the entry and the exit that are tried
-PARTS = 8  # into which the arc is divided first,
-HALVINGS = 6  # and how often the best part is then halved
-GAIN = 20.0  # in minus the log likelihood, and
-SHARE = 0.6  # share of the record's excess that must go for a part of a pass to be believed
+MEDIAN = 0.455  # median over mean of squares that are the noise's
+GAIN = 20.0  # in minus the log likelihood, for a part of a pass to be tried,
+BOLD = 0.1  # and share of the record's excess that must go at fixed parameters;
+HOPE = 0.3  # share of all records' excess that must then go for trying to go on,
+SHARE = 0.6  # and of the record's that must be worth it in the end for the part to be believed
 USUAL = 0.5  # share of the cuts above which a weak first pass is no chance of where the work begins, but a slow entry,
 ALIKE = 0.15  # if what is missing of them is as much in all: standard deviation, in arcs
 NEARLY_WHOLE = 0.1  # of a pass before the next begins, where a tooth is always in the work: so little is no slow entry
-MEDIAN = 0.455  # median over mean of squares that are the noise's
-FINER = 0.5  # gain from which a part that is believed is changed
 ROUNDS = 5  # of looking for parts and fitting again
+STEPS = 12  # iterations of a fit between them
 
 
 def with_parts_of_passes(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     """The fit with first and last passes cut in part, where that explains a record far better than whole ones do."""
+    bold = _bold(fitter, fit)
+    if bold is None:
+        return fit
+    for _ in range(2):  # without the parts that are not believed, those left may not be either
+        kept = _believed(fitter, bold.state)
+        same = kept == bold.state.nuisances
+        if not any(in_part_of(fitter, own) for own in kept):
+            return fit
+        partly = with_parts_known(fitter, replace(bold.state, nuisances=kept))
+        bold = partly.fit(replace(bold.state, nuisances=kept), iterations=25)
+        if same:
+            break
+    found = fitter.fit(bold.state, iterations=STEPS)
+    return found if found.cost < fit.cost else fit
+
+
+def _bold(fitter: Fitter, fit: WaveformFit) -> WaveformFit | None:
+    """The fit with every part of a pass that may be one, the ends fitted with all else; None where that is of little use."""
+    found, excess = fit, _excess(fitter, fit)
     for _ in range(ROUNDS):
-        found = _in_part(fitter, fit)
-        if found == fit.state.nuisances:
+        nuisances = _in_part(fitter, found)
+        if nuisances == found.state.nuisances:
             break
-        better = fitter.fit(replace(fit.state, nuisances=found), iterations=25)
-        if not better.cost < fit.cost:
+        state = replace(found.state, nuisances=nuisances)
+        better = with_parts_known(fitter, state).fit(state, iterations=STEPS)
+        if not better.cost < found.cost - GAIN or not _excess(fitter, better) < (1.0 - HOPE) * excess:
             break
-        fit = better
-    return fit
+        found = better
+    return found if found is not fit else None
+
+
+def _excess(fitter: Fitter, fit: WaveformFit) -> float:
+    """What all records together cost beyond their noise."""
+    return fit.cost - 0.5 * sum(record.size for record in fitter.records)
 
 
 def _in_part(fitter: Fitter, fit: WaveformFit) -> tuple[Nuisances, ...]:
+    """The nuisances of every record with the best of whole and part passes, near what its marks say of its clock."""
     left = fit.mean_squares
 
     def one(index: int) -> Nuisances:
-        record, own = fitter.records[index], fit.state.nuisances[index]
+        record, now = fitter.records[index], fit.state.nuisances[index]
         if record.cut is None or record.starts_in_cut or record.forces_only:
+            return now
+        if left[index] < MISFIT and not _kicked(record, now, fit.residuals[index], fit.state.angle):
+            return now
+        clocks = [now] if record.clock_error is None else [now, replace(now, angle=0.0, speed=1.0)]
+        cost, best = best_ends(fitter, index, fit.state, clocks)
+        before = 0.5 * float(squares_of(fitter, index, fit.state, [now])[0])
+        return best if before - cost > max(GAIN, BOLD * (before - 0.5 * record.size)) else now
+
+    return threaded(one, range(len(fitter.records)))
+
+
+def _believed(fitter: Fitter, state: State) -> tuple[Nuisances, ...]:
+    """The nuisances of every record, with whole passes where parts of them are worth too little or are a slow entry."""
+
+    def one(index: int) -> Nuisances:
+        record, own = fitter.records[index], state.nuisances[index]
+        own = plainer(fitter, index, state, own) if in_part_of(fitter, own) else own
+        if not in_part_of(fitter, own):
             return own
-        if _whole(fitter, own) and left[index] < MISFIT and not _kicked(record, own, fit.residuals[index], fit.state.angle):
-            return own
-        return _best_part(fitter, index, fit.state)
+        cost = 0.5 * float(squares_of(fitter, index, state, [own])[0])
+        before, whole = best_whole(fitter, index, state, own)
+        return own if before - cost > max(GAIN, SHARE * (before - 0.5 * record.size)) else whole
 
     found = threaded(one, range(len(fitter.records)))
-    if fitter.gradual:
-        return found
-    late = [_missing(fitter.records[place], own, fit.state) for place, own in enumerate(found) if fitter.records[place].cut]
-    weak = [share for share in late if share > 0.0]
-    if len(weak) <= USUAL * len(late) or np.std(weak) > ALIKE:
-        return found
-    return tuple(replace(own, entry=before.entry, late_entry=0.0)
-                 for own, before in zip(found, fit.state.nuisances, strict=True))  # fmt: skip
+    return found if fitter.gradual or not _slow_entry(fitter, state, found) else _without_late_entries(fitter, state, found)
+
+
+def _slow_entry(fitter: Fitter, state: State, found: Sequence[Nuisances]) -> bool:
+    """Whether the first passes of most cuts lack as much, and that does not explain them: the sign of an entry that is slow."""
+    cuts = [place for place, record in enumerate(fitter.records) if record.cut is not None]
+    missing = {place: _missing(fitter.records[place], found[place], state) for place in cuts}
+    weak = [place for place in cuts if missing[place] > 0.0]
+    if len(weak) <= USUAL * len(cuts) or np.std([missing[place] for place in weak]) > ALIKE:
+        return False
+    left = fitter.residuals(replace(state, nuisances=tuple(found)), weak)
+    return any(float(np.mean(rest**2)) > MISFIT or _kicked(fitter.records[place], found[place], rest, state.angle)
+               for place, rest in zip(weak, left, strict=True))  # fmt: skip
+
+
+def _without_late_entries(fitter: Fitter, state: State, found: Sequence[Nuisances]) -> tuple[Nuisances, ...]:
+    def one(index: int) -> Nuisances:
+        own = found[index]
+        if own.late_entry == 0.0:
+            return own
+        early = own.with_fields(late_entry=0.0)
+        tried = [one for one in (early, early.with_fields(entry=own.entry + 1)) if one.entry < one.exit]
+        return tried[int(np.argmin(squares_of(fitter, index, state, tried)))]
+
+    return threaded(one, range(len(found)))
 
 
 def _missing(record: Observed, own: Nuisances, state: State) -> float:
@@ -90,58 +152,3 @@ def _kicked(record: Observed, own: Nuisances, residual: np.ndarray, angle: float
         if part.size and float(part.mean()) > KICK * usual:
             return True
     return False
-
-
-def _best_part(fitter: Fitter, index: int, state: State) -> Nuisances:
-    """The nuisances of one record with the best of whole and part passes, near what its marks say of its clock."""
-    record, now = fitter.records[index], state.nuisances[index]
-    clocks = [now] if record.clock_error is None else [now, replace(now, angle=0.0, speed=1.0)]
-    arc = state.share_in_arc(record.flutes)
-    cost, best = min((_tried(fitter, index, state, clock, arc) for clock in clocks), key=lambda pair: pair[0])
-    before = 0.5 * squares_of(fitter, index, state, [now])[0]
-    floor = 0.5 * record.size
-    return best if before - cost > (max(GAIN, SHARE * (before - floor)) if _whole(fitter, now) else FINER) else now
-
-
-def _whole(fitter: Fitter, own: Nuisances) -> bool:
-    """Whether no pass is cut in part; the first touch of a gradual entry is fitted with all else."""
-    return (fitter.gradual or own.late_entry == 0.0) and own.early_exit == 0.0
-
-
-def _tried(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float) -> tuple[float, Nuisances]:
-    """(cost, nuisances) of the best entry, then the best exit, then once more."""
-    last = fitter.records[index].last_pass(state.angle, own)
-    cost = np.inf
-    for _ in range(2):
-        before = own
-        if not fitter.gradual:
-            cost, own = _placed(fitter, index, state, own, arc, "entry")
-        if own.exit > last + 1:
-            break
-        cost, own = _placed(fitter, index, state, own, arc, "exit")
-        if own == before:
-            break
-    return cost, own
-
-
-def _placed(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float, end: str) -> tuple[float, Nuisances]:
-    tried = [one for one in _places(own, arc, end) if one.entry < one.exit]
-    costs = 0.5 * squares_of(fitter, index, state, tried)
-    cost, best = float(costs.min()), tried[int(np.argmin(costs))]
-    name = MISSING[end]
-    step = 0.5 * arc / PARTS
-    for _ in range(HALVINGS if getattr(best, name) > 0.0 or arc == 1.0 else 0):
-        near = [one for by in (-step, step) if (one := end_moved(best, end, by)).entry < one.exit]
-        costs = 0.5 * squares_of(fitter, index, state, near)
-        if costs.min() < cost:
-            cost, best = float(costs.min()), near[int(np.argmin(costs))]
-        step *= 0.5
-    return cost, best
-
-
-def _places(own: Nuisances, arc: float, end: str) -> Iterator[Nuisances]:
-    """Whole passes beside the one that begins or ends the cut, and each with a part of its arc."""
-    for place in range(getattr(own, end) - REACH, getattr(own, end) + REACH + 1):
-        for part in range(PARTS):
-            missing = arc * part / PARTS if end == "entry" else 1.0 - arc * (PARTS - part) / PARTS
-            yield own.with_fields(**{end: place, MISSING[end]: missing if part else 0.0})

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from analysis.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit
-from analysis.nuisances import Nuisances, end_moved, turned_by
+from analysis.nuisances import MISSING, Nuisances, end_moved, end_moved_in_arc, turned_by
 from analysis.observed import Observed
 from analysis.prediction import Plant, predict
 from analysis.threads import threaded
@@ -28,6 +28,7 @@ COLLINEAR = 1e-10  # eigenvalue of the unknowns' correlations below which a comb
 SLOPE_STEP = 1e-4  # of a natural step, by which slopes are taken
 ANGLE_STEP = 0.1  # rad: a natural step of the mark angle
 LATE_STEP = 0.1  # of a pass: a natural step of the first touch
+PART_STEP = 0.1  # of an arc: a natural step of where a cut that begins or ends within one does so
 BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
 PACE = 4  # iterations over which the pace of a descent is measured,
 SPARE = 3.0  # and times that pace: what even so would not reach its goal in the iterations left is given up
@@ -58,10 +59,15 @@ def too_slow(costs: Sequence[float], iterations: int, goal: float) -> bool:
 
 
 class Fitter:
-    """Records, an engine, and the parameters that are free."""
+    """Records, an engine, and the parameters that are free.
 
-    def __init__(self, plant: Plant, records: Sequence[Observed], free: Sequence[Free]) -> None:
+    in_part: for every record the ends of its cut ("entry", "exit") whose place within a tooth's arc is unknown, too.
+    """
+
+    def __init__(self, plant: Plant, records: Sequence[Observed], free: Sequence[Free],
+                 in_part: Sequence[Sequence[str]] | None = None) -> None:  # fmt: skip
         self.plant, self.records = plant, tuple(records)
+        self.in_part = tuple(() for _ in records) if in_part is None else tuple(in_part)
         self.unknowns = tuple(free)
         self.free = tuple(one for one in free if not one.each_record)
         self.shifting = tuple(one for one in free if one.each_record)
@@ -76,7 +82,8 @@ class Fitter:
 
     def of_records(self, places: Sequence[int]) -> Fitter:
         """The same fit to the records at these places alone."""
-        return self.on([self.records[place] for place in places])
+        return Fitter(self.plant, [self.records[place] for place in places], self.unknowns,
+                      [self.in_part[place] for place in places])
 
     def on(self, records: Sequence[Observed]) -> Fitter:
         """The same fit to other records."""
@@ -99,7 +106,8 @@ class Fitter:
         angle = state.angle + (step[-1] * ANGLE_STEP if self.fits_angle else 0.0)
         return replace(state, model=state.model.with_values(values), angle=angle)
 
-    def _own_steps(self, record: Observed) -> list[dict[str, float]]:
+    def _own_steps(self, index: int) -> list[dict[str, float]]:
+        record = self.records[index]
         enters = record.cut is not None and not record.starts_in_cut
         own: list[dict[str, float]] = []
         for one in reversed(self.unknowns):  # the newest first, see with_slopes
@@ -107,6 +115,7 @@ class Fitter:
                 own.append({one.path: one.scale})
             elif one.gradual and enters and {"late_entry": LATE_STEP} not in own:
                 own.append({"late_entry": LATE_STEP})
+        own += [{end: PART_STEP} for end in self.in_part[index]]
         if not record.starts_in_cut:
             size = record.motion_size
             own += [{"displacement": size}, {"velocity": size * 2 * math.pi * 100.0}]
@@ -117,7 +126,7 @@ class Fitter:
         return own
 
     @staticmethod
-    def _nudged(nuisances: Nuisances, change: Mapping[str, float], amount: float) -> Nuisances:
+    def _nudged(nuisances: Nuisances, change: Mapping[str, float], amount: float, arc: float) -> Nuisances:
         values: dict[str, Any] = {}
         for key, size in change.items():
             if "." in key:
@@ -125,6 +134,9 @@ class Fitter:
             elif key == "late_entry":
                 nuisances = end_moved(nuisances, "entry", amount * size)
                 nuisances = replace(nuisances, entry=min(nuisances.entry, nuisances.exit - 1))
+            elif key in MISSING:
+                moved = end_moved_in_arc(nuisances, key, amount * size, arc)
+                nuisances = moved if moved.entry < moved.exit else nuisances
             else:
                 values[key] = getattr(nuisances, key) + amount * size
         if "speed" in values:  # records that fit no cut at all must not turn the spindle back
@@ -175,12 +187,12 @@ class Fitter:
 
         At hand: nudges, of the shared unknowns; first, what is predicted at the state, (1, channels, samples).
         """
-        record, own = self.records[index], self._own_steps(self.records[index])
-        nuisances = state.nuisances[index]
+        record, own = self.records[index], self._own_steps(index)
+        nuisances, arc = state.nuisances[index], state.share_in_arc(self.records[index].flutes)
         nudges = self._shared_nudges(state) if nudges is None else nudges
         signs = [sign for _, sign in nudges]
         variants = [(one.model, one.angle, nuisances) for one in (state, *(other for other, _ in nudges))]
-        variants += [(state.model, state.angle, self._nudged(nuisances, change, SLOPE_STEP)) for change in own]
+        variants += [(state.model, state.angle, self._nudged(nuisances, change, SLOPE_STEP, arc)) for change in own]
         rest = self._residuals(record, variants, first)
         slopes = (rest[1:] - rest[0]) / SLOPE_STEP
         slopes[: len(signs)] *= np.array(signs)[:, None]
@@ -248,10 +260,11 @@ class Fitter:
         signs = [sign for _, sign in nudges]
 
         def one(index: int) -> Linearised:
-            nuisances, own = state.nuisances[index], self._own_steps(self.records[index])
+            nuisances, own = state.nuisances[index], self._own_steps(index)
+            arc = state.share_in_arc(self.records[index].flutes)
             new = own[: len(own) - parts[index].own.shape[1]]
             variants = [(other.model, state.angle, nuisances) for other in (state, *(one for one, _ in nudges))]
-            variants += [(state.model, state.angle, self._nudged(nuisances, change, step)) for change in new]
+            variants += [(state.model, state.angle, self._nudged(nuisances, change, step, arc)) for change in new]
             rest = self._residuals(self.records[index], variants)
             shared = np.empty((rest.shape[1], len(self.names)))
             known = [place for place in range(len(self.names)) if place not in places]
@@ -306,9 +319,10 @@ class Fitter:
     def with_own(self, state: State, moves: Sequence[np.ndarray]) -> State:
         """The state after a step of the records' own unknowns."""
         changed = []
-        for record, nuisances, move in zip(self.records, state.nuisances, moves, strict=True):
-            for change, amount in zip(self._own_steps(record), move, strict=True):
-                nuisances = self._nudged(nuisances, change, float(amount))
+        for index, (nuisances, move) in enumerate(zip(state.nuisances, moves, strict=True)):
+            arc = state.share_in_arc(self.records[index].flutes)
+            for change, amount in zip(self._own_steps(index), move, strict=True):
+                nuisances = self._nudged(nuisances, change, float(amount), arc)
             changed.append(nuisances)
         return replace(state, nuisances=tuple(changed))
 
