@@ -56,6 +56,10 @@ class State:
         """The state of a fit of the records at these places alone."""
         return replace(self, nuisances=tuple(self.nuisances[place] for place in places))
 
+    def with_record(self, place: int, own: Nuisances) -> State:
+        """The state with the nuisances of one record replaced."""
+        return replace(self, nuisances=(*self.nuisances[:place], own, *self.nuisances[place + 1 :]))
+
     def with_whole_first_passes(self) -> State:
         """The state with no first pass cut in part."""
         return replace(self, nuisances=tuple(replace(one, late_entry=0.0) for one in self.nuisances))
@@ -84,11 +88,15 @@ class Products(NamedTuple):
 
 @dataclass(frozen=True)
 class Linearised:
-    """One record about a state: residual (values,), slopes by the shared (values, shared) and own (values, own) unknowns."""
+    """One record about a state: residual (values,), slopes by the shared (values, shared) and own (values, own) unknowns.
+
+    known: names of the own unknowns.
+    """
 
     residual: np.ndarray
     shared: np.ndarray
     own: np.ndarray
+    known: tuple[str, ...] = ()
 
     def without_own(self, residuals: np.ndarray) -> np.ndarray:
         """Residuals (..., values) less what the record's own unknowns can take of them."""

@@ -34,6 +34,10 @@ class Nuisances:
         """The same with fields of these names at these values."""
         return Nuisances(**{**vars(self), **values})
 
+    def ends_in_arc(self, gradual: bool = False) -> tuple[str, ...]:
+        """The ends of the cut that are within a tooth's arc. gradual: of an entry that is not sudden the place is another unknown."""
+        return tuple(end for end, name in MISSING.items() if getattr(self, name) > 0.0 and not (gradual and end == "entry"))
+
     def shifted(self, model: Model) -> Model:
         """The model with this record's own values of its effects' parameters."""
         values = {path: model.value(path) + by for path, by in self.shifts if path.partition(".")[0] in model.effects}

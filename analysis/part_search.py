@@ -15,24 +15,14 @@ from analysis.waveform import Fitter
 REACH = 2  # passes beside the entry and the exit that are tried
 PARTS = 8  # into which the arc is divided first,
 HALVINGS = 6  # and how often the best part is then halved
-PLAIN = 5.0  # in minus the log likelihood: what a place within the arc must save against a whole pass: its share of a BIC
-ENDS = ("entry", "exit")
-
-
-def in_part_of(fitter: Fitter, own: Nuisances) -> tuple[str, ...]:
-    """The ends of a cut that are within an arc; the first touch of a gradual entry is fitted with all else."""
-    return tuple(end for end in ENDS if getattr(own, MISSING[end]) > 0.0 and not (end == "entry" and fitter.gradual))
-
-
-def with_parts_known(fitter: Fitter, state: State) -> Fitter:
-    """The same fit with the ends that are within an arc unknown, too."""
-    return Fitter(fitter.plant, fitter.records, fitter.unknowns, [in_part_of(fitter, own) for own in state.nuisances])
+PLAIN = 2.0  # in minus the log likelihood: what a place within the arc must save against a whole pass; more would bend the rest
+ENDS = tuple(MISSING)
 
 
 def settled(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[float, Nuisances]:
     """(cost, nuisances) of one record with all its own unknowns refitted, ends within an arc among them."""
     alone = State(state.model, state.angle, (own,))
-    single = with_parts_known(fitter.of_records([index]), alone)
+    single = fitter.of_records([index])
     found = own_refit(single, alone, [0])
     return single.cost(found), found.nuisances[0]
 
@@ -46,20 +36,20 @@ def best_ends(fitter: Fitter, index: int, state: State, starts: list[Nuisances])
 
 def best_whole(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[float, Nuisances]:
     """(cost, nuisances) of one record with the whole passes beside its ends that explain it best, its own unknowns refitted."""
-    return min((settled(fitter, index, state, one) for one in _whole(own, in_part_of(fitter, own))), key=lambda pair: pair[0])
+    return min((settled(fitter, index, state, one) for one in whole_passes(own, own.ends_in_arc(fitter.gradual))), key=lambda pair: pair[0])
 
 
 def plainer(fitter: Fitter, index: int, state: State, own: Nuisances) -> Nuisances:
     """The nuisances of one record with each end at a whole pass that explains it as well as its place within an arc does."""
     cost, own = settled(fitter, index, state, own)
-    for end in in_part_of(fitter, own):
-        whole, tried = min((settled(fitter, index, state, one) for one in _whole(own, (end,))), key=lambda pair: pair[0])
+    for end in own.ends_in_arc(fitter.gradual):
+        whole, tried = min((settled(fitter, index, state, one) for one in whole_passes(own, (end,))), key=lambda pair: pair[0])
         if whole - cost < PLAIN:
             cost, own = whole, tried
     return own
 
 
-def _whole(own: Nuisances, ends: tuple[str, ...]) -> list[Nuisances]:
+def whole_passes(own: Nuisances, ends: tuple[str, ...]) -> list[Nuisances]:
     """The nuisances with these ends, now within an arc, at the whole passes to either side."""
     found = [own]
     for end in ends:

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from analysis.fit_state import State, WaveformFit
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed
-from analysis.part_search import best_ends, best_whole, in_part_of, plainer, with_parts_known
+from analysis.part_search import best_ends, best_whole, plainer, whole_passes
 from analysis.pass_search import squares_of
 from analysis.threads import threaded
 from analysis.waveform import Fitter
@@ -30,10 +31,14 @@ BOLD = 0.1  # and share of the record's excess that must go at fixed parameters;
 HOPE = 0.3  # share of all records' excess that must then go for trying to go on,
 SHARE = 0.6  # and of the record's that must be worth it in the end for the part to be believed
 USUAL = 0.5  # share of the cuts above which a weak first pass is no chance of where the work begins, but a slow entry,
-ALIKE = 0.15  # if what is missing of them is as much in all: standard deviation, in arcs
+ALIKE = 0.15  # if what is missing of them is as much in all: standard deviation, in arcs,
+EXPLAINED = 0.05  # and leaves more than this share of their excess
 NEARLY_WHOLE = 0.1  # of a pass before the next begins, where a tooth is always in the work: so little is no slow entry
 ROUNDS = 5  # of looking for parts and fitting again
+TURNS = (-0.16, 0.16)  # rad: where the tooth's angle, and with it the coefficients, may have a valley of their own
+DOUBT = 1.15  # of the noise's mean square, that it may truly be, as its samples differ from one to the next
 STEPS = 12  # iterations of a fit between them
+LAST = 60  # and of the last ones: the coefficients creep along with how much is missing of most cuts
 
 
 def with_parts_of_passes(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
@@ -44,14 +49,12 @@ def with_parts_of_passes(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     for _ in range(2):  # without the parts that are not believed, those left may not be either
         kept = _believed(fitter, bold.state)
         same = kept == bold.state.nuisances
-        if not any(in_part_of(fitter, own) for own in kept):
+        if not any(own.ends_in_arc(fitter.gradual) for own in kept):
             return fit
-        partly = with_parts_known(fitter, replace(bold.state, nuisances=kept))
-        bold = partly.fit(replace(bold.state, nuisances=kept), iterations=25)
+        bold = fitter.fit(replace(bold.state, nuisances=kept), iterations=LAST)
         if same:
             break
-    found = fitter.fit(bold.state, iterations=STEPS)
-    return found if found.cost < fit.cost else fit
+    return bold if bold.cost < fit.cost else fit
 
 
 def _bold(fitter: Fitter, fit: WaveformFit) -> WaveformFit | None:
@@ -62,11 +65,36 @@ def _bold(fitter: Fitter, fit: WaveformFit) -> WaveformFit | None:
         if nuisances == found.state.nuisances:
             break
         state = replace(found.state, nuisances=nuisances)
-        better = with_parts_known(fitter, state).fit(state, iterations=STEPS)
+        better = fitter.fit(state, iterations=STEPS)
         if not better.cost < found.cost - GAIN or not _excess(fitter, better) < (1.0 - HOPE) * excess:
             break
         found = better
-    return found if found is not fit else None
+    if found is fit:
+        return None
+    found = min((found, *_turned(fitter, found.state)), key=lambda one: one.cost)
+    return min((found, *_ended(fitter, found)), key=lambda one: one.cost)
+
+
+def _turned(fitter: Fitter, state: State) -> list[WaveformFit]:
+    """Fits from other tooth angles: whole passes had bent the shared one, and the ratio of the coefficients with it."""
+    if not fitter.fits_angle:
+        return []
+    return [fitter.fit(replace(state, angle=state.angle + by), iterations=STEPS) for by in TURNS]
+
+
+def _ended(fitter: Fitter, fit: WaveformFit) -> list[WaveformFit]:
+    """Fits with the ends of the cut that is explained worst at the whole passes beside them, if it is explained badly.
+
+    A pass wrong bends the natural frequency, and at that the right one looks worse.
+    """
+    left = fit.mean_squares / [_noise(*pair) for pair in zip(fitter.records, fit.residuals, strict=True)]
+    worst = int(np.argmax(left))
+    own = fit.state.nuisances[worst]
+    ends = own.ends_in_arc(fitter.gradual)
+    if left[worst] < MISFIT or not ends:
+        return []
+    tried = [one for end in ends for one in whole_passes(own, (end,))]
+    return [fitter.fit(fit.state.with_record(worst, one), iterations=STEPS) for one in tried]
 
 
 def _excess(fitter: Fitter, fit: WaveformFit) -> float:
@@ -76,13 +104,13 @@ def _excess(fitter: Fitter, fit: WaveformFit) -> float:
 
 def _in_part(fitter: Fitter, fit: WaveformFit) -> tuple[Nuisances, ...]:
     """The nuisances of every record with the best of whole and part passes, near what its marks say of its clock."""
-    left = fit.mean_squares
+    left, usual = fit.mean_squares, any(own.ends_in_arc(fitter.gradual) for own in fit.state.nuisances)
 
     def one(index: int) -> Nuisances:
         record, now = fitter.records[index], fit.state.nuisances[index]
         if record.cut is None or record.starts_in_cut or record.forces_only:
             return now
-        if left[index] < MISFIT and not _kicked(record, now, fit.residuals[index], fit.state.angle):
+        if not usual and left[index] < MISFIT and not _kicked(record, now, fit.residuals[index], fit.state.angle):
             return now
         clocks = [now] if record.clock_error is None else [now, replace(now, angle=0.0, speed=1.0)]
         cost, best = best_ends(fitter, index, fit.state, clocks)
@@ -92,32 +120,47 @@ def _in_part(fitter: Fitter, fit: WaveformFit) -> tuple[Nuisances, ...]:
     return threaded(one, range(len(fitter.records)))
 
 
+class _Judged(NamedTuple):
+    """One record: its nuisances with parts as far as they are believed, and what its best whole passes cost more than noise."""
+
+    own: Nuisances
+    excess: float
+    left: float
+
+
 def _believed(fitter: Fitter, state: State) -> tuple[Nuisances, ...]:
     """The nuisances of every record, with whole passes where parts of them are worth too little or are a slow entry."""
 
-    def one(index: int) -> Nuisances:
+    def one(index: int) -> _Judged:
         record, own = fitter.records[index], state.nuisances[index]
-        own = plainer(fitter, index, state, own) if in_part_of(fitter, own) else own
-        if not in_part_of(fitter, own):
-            return own
+        own = plainer(fitter, index, state, own) if own.ends_in_arc(fitter.gradual) else own
+        if not own.ends_in_arc(fitter.gradual):
+            return _Judged(own, 0.0, 0.0)
+        floor = 0.5 * record.size * _noise(record, fitter.residual_of(index, state))
         cost = 0.5 * float(squares_of(fitter, index, state, [own])[0])
         before, whole = best_whole(fitter, index, state, own)
-        return own if before - cost > max(GAIN, SHARE * (before - 0.5 * record.size)) else whole
+        worth = before - cost > max(GAIN, SHARE * (before - floor))
+        return _Judged(own if worth else whole, before - floor, cost - floor)
 
-    found = threaded(one, range(len(fitter.records)))
-    return found if fitter.gradual or not _slow_entry(fitter, state, found) else _without_late_entries(fitter, state, found)
+    judged = threaded(one, range(len(fitter.records)))
+    found = tuple(each.own for each in judged)
+    return found if fitter.gradual or not _slow_entry(fitter, state, judged) else _without_late_entries(fitter, state, found)
 
 
-def _slow_entry(fitter: Fitter, state: State, found: Sequence[Nuisances]) -> bool:
+def _noise(record: Observed, residual: np.ndarray) -> float:
+    """Mean square of the noise in a residual, in units of what it was taken for: that is off by some percent."""
+    steps = np.diff(record.on_samples(residual), axis=1)
+    return min(max(0.5 * float(np.mean(steps**2)), 1.0), DOUBT)
+
+
+def _slow_entry(fitter: Fitter, state: State, judged: Sequence[_Judged]) -> bool:
     """Whether the first passes of most cuts lack as much, and that does not explain them: the sign of an entry that is slow."""
     cuts = [place for place, record in enumerate(fitter.records) if record.cut is not None]
-    missing = {place: _missing(fitter.records[place], found[place], state) for place in cuts}
+    missing = {place: _missing(fitter.records[place], judged[place].own, state) for place in cuts}
     weak = [place for place in cuts if missing[place] > 0.0]
     if len(weak) <= USUAL * len(cuts) or np.std([missing[place] for place in weak]) > ALIKE:
         return False
-    left = fitter.residuals(replace(state, nuisances=tuple(found)), weak)
-    return any(float(np.mean(rest**2)) > MISFIT or _kicked(fitter.records[place], found[place], rest, state.angle)
-               for place, rest in zip(weak, left, strict=True))  # fmt: skip
+    return sum(max(judged[place].left, 0.0) for place in weak) > EXPLAINED * sum(judged[place].excess for place in weak)
 
 
 def _without_late_entries(fitter: Fitter, state: State, found: Sequence[Nuisances]) -> tuple[Nuisances, ...]:

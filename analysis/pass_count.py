@@ -42,7 +42,7 @@ def _tried(fitter: Fitter, fit: WaveformFit) -> Iterator[WaveformFit]:
     for index in fit.worst(DOUBTED):
         if float(np.mean(fit.residuals[index] ** 2)) < MISFIT:
             return
-        moved = [_with(fit.state, index, nuisances) for nuisances in _neighbours(fitter, fit.state, index)]
+        moved = [fit.state.with_record(index, nuisances) for nuisances in _neighbours(fitter, fit.state, index)]
         states = [own_refit(fitter, state, [index]) for state in moved]
         if states:
             best = min(states, key=lambda state: fitter.cost(state, [index]))
@@ -63,8 +63,3 @@ def _neighbours(fitter: Fitter, state: State, index: int) -> list[Nuisances]:
     alone = replace(state, nuisances=(own,))
     found += [one.nuisances[0] for one in (place_entries(single, alone), place_exits(single, alone))]
     return [one for one in found if one.entry < one.exit and one != own]
-
-
-def _with(state: State, index: int, nuisances: Nuisances) -> State:
-    others = state.nuisances
-    return replace(state, nuisances=(*others[:index], nuisances, *others[index + 1 :]))

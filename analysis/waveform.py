@@ -39,14 +39,19 @@ def _padded(rows: np.ndarray, count: int) -> np.ndarray:
     return np.vstack([rows, np.zeros((count, rows.shape[1]))]) if count else rows
 
 
-def _linearised(rest: np.ndarray, shared: np.ndarray, own: np.ndarray, held: np.ndarray) -> Linearised:
+def _linearised(rest: np.ndarray, shared: np.ndarray, own: np.ndarray, held: np.ndarray,
+                steps: Sequence[Mapping[str, float]]) -> Linearised:  # fmt: skip
     """A record about a state, its products summed at once: on the thread of the record, not in the step of them all.
 
-    held: what its marks say of it, which no shared unknown moves; `own` has rows for it.
+    held: what its marks say of it, which no shared unknown moves; `own` has rows for it. steps: of its own unknowns.
     """
-    found = Linearised(np.append(rest, held), _padded(shared, len(held)), own)
+    found = Linearised(np.append(rest, held), _padded(shared, len(held)), own, _names(steps))
     _ = found.products
     return found
+
+
+def _names(steps: Sequence[Mapping[str, float]]) -> tuple[str, ...]:
+    return tuple(name for step in steps for name in step)
 
 
 def too_slow(costs: Sequence[float], iterations: int, goal: float) -> bool:
@@ -59,15 +64,10 @@ def too_slow(costs: Sequence[float], iterations: int, goal: float) -> bool:
 
 
 class Fitter:
-    """Records, an engine, and the parameters that are free.
+    """Records, an engine, and the parameters that are free."""
 
-    in_part: for every record the ends of its cut ("entry", "exit") whose place within a tooth's arc is unknown, too.
-    """
-
-    def __init__(self, plant: Plant, records: Sequence[Observed], free: Sequence[Free],
-                 in_part: Sequence[Sequence[str]] | None = None) -> None:  # fmt: skip
+    def __init__(self, plant: Plant, records: Sequence[Observed], free: Sequence[Free]) -> None:
         self.plant, self.records = plant, tuple(records)
-        self.in_part = tuple(() for _ in records) if in_part is None else tuple(in_part)
         self.unknowns = tuple(free)
         self.free = tuple(one for one in free if not one.each_record)
         self.shifting = tuple(one for one in free if one.each_record)
@@ -82,8 +82,7 @@ class Fitter:
 
     def of_records(self, places: Sequence[int]) -> Fitter:
         """The same fit to the records at these places alone."""
-        return Fitter(self.plant, [self.records[place] for place in places], self.unknowns,
-                      [self.in_part[place] for place in places])
+        return self.on([self.records[place] for place in places])
 
     def on(self, records: Sequence[Observed]) -> Fitter:
         """The same fit to other records."""
@@ -106,16 +105,15 @@ class Fitter:
         angle = state.angle + (step[-1] * ANGLE_STEP if self.fits_angle else 0.0)
         return replace(state, model=state.model.with_values(values), angle=angle)
 
-    def _own_steps(self, index: int) -> list[dict[str, float]]:
-        record = self.records[index]
+    def _own_steps(self, record: Observed, nuisances: Nuisances) -> list[dict[str, float]]:
         enters = record.cut is not None and not record.starts_in_cut
         own: list[dict[str, float]] = []
-        for one in reversed(self.unknowns):  # the newest first, see with_slopes
+        for one in reversed(self.unknowns):
             if one.each_record:
                 own.append({one.path: one.scale})
             elif one.gradual and enters and {"late_entry": LATE_STEP} not in own:
                 own.append({"late_entry": LATE_STEP})
-        own += [{end: PART_STEP} for end in self.in_part[index]]
+        own += [{end: PART_STEP} for end in nuisances.ends_in_arc(self.gradual)]
         if not record.starts_in_cut:
             size = record.motion_size
             own += [{"displacement": size}, {"velocity": size * 2 * math.pi * 100.0}]
@@ -187,8 +185,8 @@ class Fitter:
 
         At hand: nudges, of the shared unknowns; first, what is predicted at the state, (1, channels, samples).
         """
-        record, own = self.records[index], self._own_steps(index)
-        nuisances, arc = state.nuisances[index], state.share_in_arc(self.records[index].flutes)
+        record, nuisances = self.records[index], state.nuisances[index]
+        own, arc = self._own_steps(record, nuisances), state.share_in_arc(record.flutes)
         nudges = self._shared_nudges(state) if nudges is None else nudges
         signs = [sign for _, sign in nudges]
         variants = [(one.model, one.angle, nuisances) for one in (state, *(other for other, _ in nudges))]
@@ -200,7 +198,7 @@ class Fitter:
         by_shared, by_own = slopes[: len(self.names)].T, slopes[len(self.names) :].T
         if len(held):
             by_own = np.vstack([by_own, np.eye(len(own))[len(own) - len(held) :]])
-        return _linearised(rest[0], by_shared, by_own, held)
+        return _linearised(rest[0], by_shared, by_own, held, own)
 
     def linearise_all(self, state: State, looked: Sequence[Looked] | None = None) -> tuple[Linearised, ...]:
         """Every record about a state, on threads (the engine lets go of the interpreter). looked: what is known of it there.
@@ -253,27 +251,29 @@ class Fitter:
     ) -> tuple[Linearised, ...]:
         """Residuals at a state, with slopes by the free parameters at `places` computed and all others taken from `parts`.
 
-        Own unknowns that `parts` do not know yet, an effect's shifts, are the first and are computed, too.
+        Own unknowns that `parts` do not know yet, an effect's shifts, are computed, too.
         """
 
         nudges = [self._shared_nudge(state, place, step) for place in places]
         signs = [sign for _, sign in nudges]
 
         def one(index: int) -> Linearised:
-            nuisances, own = state.nuisances[index], self._own_steps(index)
-            arc = state.share_in_arc(self.records[index].flutes)
-            new = own[: len(own) - parts[index].own.shape[1]]
+            record, nuisances, part = self.records[index], state.nuisances[index], parts[index]
+            own, arc = self._own_steps(record, nuisances), state.share_in_arc(record.flutes)
+            new = [change for change in own if not set(change) <= set(part.known)]
             variants = [(other.model, state.angle, nuisances) for other in (state, *(one for one, _ in nudges))]
             variants += [(state.model, state.angle, self._nudged(nuisances, change, step, arc)) for change in new]
-            rest = self._residuals(self.records[index], variants)
+            rest = self._residuals(record, variants)
             shared = np.empty((rest.shape[1], len(self.names)))
             known = [place for place in range(len(self.names)) if place not in places]
-            shared[:, known] = parts[index].shared[: rest.shape[1]]
+            shared[:, known] = part.shared[: rest.shape[1]]
             slopes = (rest[1:] - rest[0]) / step
             shared[:, list(places)] = (slopes[: len(signs)] * np.array(signs)[:, None]).T
-            held = self._held(self.records[index], nuisances)
-            by_own = np.hstack([_padded(slopes[len(signs) :].T, len(held)), parts[index].own])
-            return _linearised(rest[0], shared, by_own, held)
+            held = self._held(record, nuisances)
+            columns = dict(zip(part.known, part.own.T, strict=True))
+            columns |= dict(zip(_names(new), _padded(slopes[len(signs) :].T, len(held)).T, strict=True))
+            by_own = np.array([columns[name] for name in _names(own)]).reshape(-1, rest.shape[1] + len(held)).T
+            return _linearised(rest[0], shared, by_own, held, own)
 
         return threaded(one, range(len(self.records)))
 
@@ -319,9 +319,9 @@ class Fitter:
     def with_own(self, state: State, moves: Sequence[np.ndarray]) -> State:
         """The state after a step of the records' own unknowns."""
         changed = []
-        for index, (nuisances, move) in enumerate(zip(state.nuisances, moves, strict=True)):
-            arc = state.share_in_arc(self.records[index].flutes)
-            for change, amount in zip(self._own_steps(index), move, strict=True):
+        for record, nuisances, move in zip(self.records, state.nuisances, moves, strict=True):
+            arc = state.share_in_arc(record.flutes)
+            for change, amount in zip(self._own_steps(record, nuisances), move, strict=True):
                 nuisances = self._nudged(nuisances, change, float(amount), arc)
             changed.append(nuisances)
         return replace(state, nuisances=tuple(changed))
@@ -378,6 +378,9 @@ class Fitter:
             return self.linearise_all(state), True
         if near.anew and near.state is state:
             return near.parts, True
+        own = [_names(self._own_steps(*each)) for each in zip(self.records, state.nuisances, strict=True)]
+        if own != [part.known for part in near.parts]:
+            return self.linearise_all(state), True
         held = [self._held(record, own) for record, own in zip(self.records, state.nuisances, strict=True)]
         rests = [np.append(rest, own) for rest, own in zip(self.residuals(state), held, strict=True)]
         return tuple(replace(part, residual=rest) for part, rest in zip(near.parts, rests, strict=True)), False
