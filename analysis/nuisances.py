@@ -35,7 +35,7 @@ class Nuisances:
         return Nuisances(**{**vars(self), **values})
 
     def ends_in_arc(self, gradual: bool = False) -> tuple[str, ...]:
-        """The ends of the cut that are within a tooth's arc. gradual: of an entry that is not sudden the place is another unknown."""
+        """The ends of the cut that are within a tooth's arc; of an entry that is `gradual` the place is another unknown."""
         return tuple(end for end, name in MISSING.items() if getattr(self, name) > 0.0 and not (gradual and end == "entry"))
 
     def shifted(self, model: Model) -> Model:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from analysis.fit_state import State
+from analysis.fit_state import State, WaveformFit
 from analysis.held_out import own_refit
 from analysis.nuisances import MISSING, Nuisances, end_moved_in_arc
 from analysis.pass_search import squares_of
@@ -36,7 +36,8 @@ def best_ends(fitter: Fitter, index: int, state: State, starts: list[Nuisances])
 
 def best_whole(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[float, Nuisances]:
     """(cost, nuisances) of one record with the whole passes beside its ends that explain it best, its own unknowns refitted."""
-    return min((settled(fitter, index, state, one) for one in whole_passes(own, own.ends_in_arc(fitter.gradual))), key=lambda pair: pair[0])
+    tried = whole_passes(own, own.ends_in_arc(fitter.gradual))
+    return min((settled(fitter, index, state, one) for one in tried), key=lambda pair: pair[0])
 
 
 def plainer(fitter: Fitter, index: int, state: State, own: Nuisances) -> Nuisances:
@@ -58,14 +59,41 @@ def whole_passes(own: Nuisances, ends: tuple[str, ...]) -> list[Nuisances]:
     return [one for one in found if one.entry < one.exit]
 
 
-def _tried(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float, ends: tuple[str, ...]) -> tuple[float, Nuisances]:
+def best_moved(fitter: Fitter, fit: WaveformFit, index: int) -> tuple[float, Nuisances]:
+    """(cost, nuisances) of the best other place of either end of one record's cut, with all unknowns following it.
+
+    A pass wrong bends what all records share, and at that the right one looks worse. The cost, of all records, is taken as
+    quadratic in everything that is continuous.
+    """
+    own, part = fit.state.nuisances[index], fit.parts[index]
+    arc = fit.state.share_in_arc(fitter.records[index].flutes)
+    places = (one for end in _movable(fitter, index, fit.state, own) for one in _places(own, arc, end))
+    tried = [own, *(one for one in places if one.entry < one.exit)]
+    rests = part.without_own(fitter.residuals_of(index, [(fit.state.model, fit.state.angle, one) for one in tried]))
+    slopes = [each.without_own(each.shared.T).T for each in fit.parts]
+    pulls = (rests - rests[0]) @ slopes[index]
+    normal = np.sum([one.T @ one for one in slopes], axis=0)
+    followed = pulls @ np.linalg.pinv(normal, rcond=1e-12, hermitian=True)
+    squares = np.einsum("ij,ij->i", rests, rests)
+    costs = fit.cost + 0.5 * (squares - squares[0] - np.einsum("ij,ij->i", pulls, followed))
+    best = int(np.argmin(costs))
+    return float(costs[best]), tried[best]
+
+
+def _movable(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[str, ...]:
+    """The ends that may be looked for: not a gradual entry's, which is fitted, nor an exit beyond the record's end."""
+    beyond = own.exit > fitter.records[index].last_pass(state.angle, own) + 1
+    return tuple(end for end in ENDS if not (fitter.gradual if end == "entry" else beyond))
+
+
+def _tried(
+    fitter: Fitter, index: int, state: State, own: Nuisances, arc: float, ends: tuple[str, ...]
+) -> tuple[float, Nuisances]:
     """(cost, nuisances) of the best place of one end, then of the other, then of both once more."""
-    last = fitter.records[index].last_pass(state.angle, own)
-    movable = [end for end in ends if not (end == "entry" and fitter.gradual) and not (end == "exit" and own.exit > last + 1)]
-    cost = np.inf
+    movable, cost = _movable(fitter, index, state, own), np.inf
     for _ in range(2):
         before = own
-        for end in movable:
+        for end in (one for one in ends if one in movable):
             cost, own = _placed(fitter, index, state, own, arc, end)
         if own == before:
             break

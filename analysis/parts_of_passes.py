@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from analysis.fit_state import State, WaveformFit
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed
-from analysis.part_search import best_ends, best_whole, plainer, whole_passes
+from analysis.part_search import best_ends, best_moved, best_whole, plainer
 from analysis.pass_search import squares_of
 from analysis.threads import threaded
 from analysis.waveform import Fitter
@@ -34,6 +35,7 @@ USUAL = 0.5  # share of the cuts above which a weak first pass is no chance of w
 ALIKE = 0.15  # if what is missing of them is as much in all: standard deviation, in arcs,
 EXPLAINED = 0.05  # and leaves more than this share of their excess
 NEARLY_WHOLE = 0.1  # of a pass before the next begins, where a tooth is always in the work: so little is no slow entry
+MOVES = 4  # of the end of one cut, with all unknowns following
 ROUNDS = 5  # of looking for parts and fitting again
 TURNS = (-0.16, 0.16)  # rad: where the tooth's angle, and with it the coefficients, may have a valley of their own
 DOUBT = 1.15  # of the noise's mean square, that it may truly be, as its samples differ from one to the next
@@ -71,8 +73,7 @@ def _bold(fitter: Fitter, fit: WaveformFit) -> WaveformFit | None:
         found = better
     if found is fit:
         return None
-    found = min((found, *_turned(fitter, found.state)), key=lambda one: one.cost)
-    return min((found, *_ended(fitter, found)), key=lambda one: one.cost)
+    return _moved(fitter, min((found, *_turned(fitter, found.state)), key=lambda one: one.cost))
 
 
 def _turned(fitter: Fitter, state: State) -> list[WaveformFit]:
@@ -82,19 +83,19 @@ def _turned(fitter: Fitter, state: State) -> list[WaveformFit]:
     return [fitter.fit(replace(state, angle=state.angle + by), iterations=STEPS) for by in TURNS]
 
 
-def _ended(fitter: Fitter, fit: WaveformFit) -> list[WaveformFit]:
-    """Fits with the ends of the cut that is explained worst at the whole passes beside them, if it is explained badly.
-
-    A pass wrong bends the natural frequency, and at that the right one looks worse.
-    """
-    left = fit.mean_squares / [_noise(*pair) for pair in zip(fitter.records, fit.residuals, strict=True)]
-    worst = int(np.argmax(left))
-    own = fit.state.nuisances[worst]
-    ends = own.ends_in_arc(fitter.gradual)
-    if left[worst] < MISFIT or not ends:
-        return []
-    tried = [one for end in ends for one in whole_passes(own, (end,))]
-    return [fitter.fit(fit.state.with_record(worst, one), iterations=STEPS) for one in tried]
+def _moved(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
+    """The fit with the end of one cut after another elsewhere, all unknowns following, as long as that costs less."""
+    cuts = [place for place, one in enumerate(fitter.records) if not (one.cut is None or one.starts_in_cut or one.forces_only)]
+    for _ in range(MOVES):
+        tried = threaded(partial(best_moved, fitter, fit), cuts)
+        place, (cost, own) = min(zip(cuts, tried, strict=True), key=lambda pair: pair[1][0])
+        if not cost < fit.cost - GAIN:
+            break
+        moved = fitter.fit(fit.state.with_record(place, own), iterations=STEPS)
+        if not moved.cost < fit.cost - GAIN:
+            break
+        fit = moved
+    return fit
 
 
 def _excess(fitter: Fitter, fit: WaveformFit) -> float:

@@ -83,6 +83,31 @@ def test_a_campaign_of_such_cuts_is_fitted_down_to_its_noise(observed, monkeypat
     assert FITTED(records=observed)[1].mean_squares.max() > 2.0
 
 
+NEARLY_ALL = ((3810, 2.9, 0.0, 0.891), (2850, 2.9, 0.115, 0.915), (4300, 2.5, 0.124, 0.92), (2700, 1.5, 0.149, 0.0),
+              (4200, 1.5, 0.0, 0.87))  # rpm, mm, shares of the first and the last pass that are not cut
+
+
+@pytest.mark.parametrize("marks", [True, False])
+def test_where_nearly_all_cuts_begin_or_end_within_an_arc_each_place_is_found(marks):
+    """What each lacks bends the coefficients that all share, and at those the right parts of the others look wrong."""
+    records = []
+    for number, (rpm, depth, late, early) in enumerate(NEARLY_ALL):
+        def simulate(model, course, sampling, late=late, early=early):
+            return fast.simulate(model, replace(course, late_entry=late, early_exit=early), sampling, steps=610)
+
+        record = synthetic_record(simulate, TRUE, rpm, depth * 1e-3, 60 + number, course=(10, 40, 20))
+        without = replace(record, recording=replace(record.recording, marks=np.empty(0)))
+        records.append(observe(record if marks else without, BELIEVED))
+    _, fit = FITTED(records=records)
+    assert fit.mean_squares.max() < 1.1
+    for own, (*_, late, early) in zip(fit.state.nuisances, NEARLY_ALL, strict=True):
+        assert own.late_entry == pytest.approx(late, abs=0.004)
+        assert own.early_exit == pytest.approx(early, abs=0.004)
+    for name, spread in zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True):
+        if name != "mark_angle":
+            assert abs(fit.state.model.value(name) - TRUE.value(name)) < 4 * spread
+
+
 def test_whole_passes_stay_whole():
     records = [observe(synthetic_record(partial(fast.simulate, steps=61), TRUE, rpm, depth * 1e-3, 50 + number,
                                         course=(10, 40, 20)), BELIEVED) for number, (rpm, depth) in enumerate(TESTS)]
