@@ -7,6 +7,7 @@ after one that does not count (it may compile). Processor time is told beside th
 # ruff: noqa: E402 - the number of threads is read when numpy is imported
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import time
@@ -55,9 +56,21 @@ def row(hidden: tuple[str, ...]) -> tuple[str, ...]:
             "met" if clock < TARGET_S else "MISSED")
 
 
-def main(chosen: list[str]) -> None:
-    """Measure, print and write; the names of effects, joined by +, choose cases."""
-    cases = [tuple(name for name in one.split("+") if name != "nothing") for one in chosen] or list(CASES)
+def case_of(text: str) -> tuple[str, ...]:
+    """The effects named in "nothing" or "one+another"; argparse.ArgumentTypeError for one that no catalogue has."""
+    names = tuple(name for name in text.split("+") if name != "nothing")
+    known = catalogue(LAWS)
+    if unknown := [name for name in names if name not in known]:
+        raise argparse.ArgumentTypeError(f"no effect {unknown[0]!r}; there are {', '.join(sorted(known))}")
+    return names
+
+
+def main() -> None:
+    """Measure, print and, when no case was chosen, write."""
+    parser = argparse.ArgumentParser(description="How long a diagnosis takes; without a CASE the table is written anew.")
+    parser.add_argument("case", nargs="*", type=case_of, metavar="CASE", help="hidden: nothing, edge_force, one+another")
+    chosen = parser.parse_args().case
+    cases = chosen or list(CASES)
     load = os.getloadavg()[0]
     row(("edge_force",))
     rows = []
@@ -73,4 +86,4 @@ def main(chosen: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()
