@@ -34,6 +34,7 @@ HOPE = 0.2  # share of the gain the gate asks for that the first step of a candi
 GAIN = 0.01  # share of the held-out excess over the noise that an effect must take away
 CREEP = 15  # iterations of a law with a kink before its scales are looked for in other valleys
 HELPS = 0.95  # share of the cost that a candidate may leave for its scales to be looked for in other valleys too
+HALVES = 0.5  # share of the excess that a candidate may leave for parts of passes to be looked for at once, not if it is named
 # Error over noise floor below which a leader that leaves only noise may still be the wrong one: what a helix does grows with
 # the square of its angle, so that its own first step leads nowhere, and what is left of a faint effect passes for noise.
 FAINT = 1.3
@@ -93,8 +94,7 @@ def try_candidates(
     noise = pooled(current.errors)[1]
     near = _nothing_hidden(current, noise)
     entries = _first_steps(current, catalogue, origins, say, growing=not near)
-    floor = 0.5 * sum(one.count * float(np.sum((one.noise / one.scale) ** 2)) for one in current.fitter.records)
-    over = max(current.fit.cost - floor, 0.0)
+    floor, over = _of_noise(current.fitter), _beyond_noise(current.fitter, current.fit)
     hopeful = current.fit.cost - HOPE * GAIN * over
     wanted = COMPLETE**2 * floor if last else math.inf
     ruled_out: list[Candidate] = []
@@ -308,7 +308,7 @@ def _refitted(
         fit = rested(entry.fitter, fit, rounds=3, iterations=iterations)
     effects = (*current.effects, entry.name)
     fit = recounted(entry.fitter, entries_together(entry.fitter, fit))
-    if fit.cost < HELPS * current.fit.cost:
+    if _beyond_noise(entry.fitter, fit) < HALVES * _beyond_noise(entry.fitter, current.fit):
         fit = with_parts_of_passes(entry.fitter, fit)
     found = _candidate(current, entry.fitter, fit, effects)
     if fit.cost < HELPS * current.fit.cost:
@@ -317,6 +317,16 @@ def _refitted(
         if other.error_held_out <= found.error_held_out:  # a deeper valley that foretells less is one of this sample alone
             return other
     return found
+
+
+def _beyond_noise(fitter: Fitter, fit: WaveformFit) -> float:
+    """What a fit costs beyond the noise of the records."""
+    return max(fit.cost - _of_noise(fitter), 0.0)
+
+
+def _of_noise(fitter: Fitter) -> float:
+    """What the noise of the records costs, in units of their scale."""
+    return 0.5 * sum(one.count * float(np.sum((one.noise / one.scale) ** 2)) for one in fitter.records)
 
 
 def _candidate(current: Candidate, fitter: Fitter, fit: WaveformFit, effects: tuple[str, ...]) -> Candidate:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.nuisances import Nuisances
+from analysis.nuisances import Nuisances, end_moved_in_arc
 from testbed.machine import Model
 
 
@@ -63,6 +63,11 @@ class State:
     def with_whole_first_passes(self) -> State:
         """The state with no first pass cut in part."""
         return replace(self, nuisances=tuple(replace(one, late_entry=0.0) for one in self.nuisances))
+
+    def with_sudden_entries(self, flutes: int) -> State:
+        """The state with first passes that begin where gradual ones first touch the work: within an arc, or with the next."""
+        arc = self.share_in_arc(flutes)
+        return replace(self, nuisances=tuple(end_moved_in_arc(one, "entry", 0.0, arc) for one in self.nuisances))
 
     def without_effect(self, name: str) -> State:
         """The state whose model lacks one effect, all else as it is."""

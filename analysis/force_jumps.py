@@ -51,7 +51,7 @@ def _without_jumps(record: Observed, state: State, own: Nuisances) -> Observed:
 
 
 def _jumps(record: Observed, state: State, own: Nuisances) -> np.ndarray:
-    """Times (s) at which a tooth enters the work or leaves it."""
+    """Times (s) at which a tooth enters the work or leaves it, or is in it when the cut begins or ends."""
     cut, sampling = record.timeline(state.angle, own)
     durations = record.pass_durations(cut, sampling)
     if durations is None:
@@ -59,4 +59,7 @@ def _jumps(record: Observed, state: State, own: Nuisances) -> np.ndarray:
     starts = record.start - sampling.start + np.concatenate([[0.0], np.cumsum(durations)])
     passes = slice(cut.idle_passes, cut.idle_passes + cut.passes)
     entries = starts[:-1][passes]
-    return np.concatenate([entries, entries + state.passes_in_arc(record.flutes) * durations[passes]])
+    first, last = durations[passes][[0, -1]]
+    begun, ended = entries[0] + own.late_entry * first, entries[-1] + (1.0 - own.early_exit) * last
+    ends = [time for time, missing in ((begun, own.late_entry), (ended, own.early_exit)) if missing > 0.0]
+    return np.concatenate([entries, entries + state.passes_in_arc(record.flutes) * durations[passes], ends])

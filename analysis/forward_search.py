@@ -17,11 +17,12 @@ from analysis.candidate_round import CERTAIN, GAIN, candidate_of, certain_candid
 from analysis.diagnosis import ADEQUATE, COMPLETE, MANY, PARTIAL, Candidate, excess
 from analysis.effect_start import ANCHOR, Origin, origins_of, state_without
 from analysis.fine_steps import has_kinks
+from analysis.fit_state import WaveformFit
 from analysis.force_jumps import at_its_jumps
 from analysis.held_out import pooled
 from analysis.information import DELTA_BIC, bic, effective_size
 from analysis.mains import hum_of
-from analysis.parts_of_passes import with_parts_of_passes
+from analysis.parts_of_passes import as_believed, with_parts_of_passes
 from analysis.settled import settled
 from analysis.starts import polish
 from analysis.ties import tied_with, with_rivals
@@ -113,12 +114,26 @@ def _nesting_guard(current: Candidate, tried: Sequence[Candidate], catalogue: Ma
     assert current.fit is not None and current.fitter is not None
     best = current
     for one in sorted((one for one in tried if one.fit is not None), key=lambda one: one.error_fit)[:2]:
-        assert one.fit is not None
-        fit = current.fitter.fit(state_without(one.fit.state, one.effects[-1], catalogue), iterations=12)
-        assert best.fit is not None
-        if fit.cost < best.fit.cost * (1.0 - 1e-4):
-            best = candidate_of(current.fitter, fit, current.effects, best.fit, effective_size(fit))
+        for fit in _nested(current.fitter, one, catalogue):
+            assert best.fit is not None
+            if fit.cost < best.fit.cost * (1.0 - 1e-4):
+                best = candidate_of(current.fitter, fit, current.effects, best.fit, effective_size(fit))
     return best
+
+
+def _nested(fitter: Fitter, larger: Candidate, catalogue: Mapping[str, Effect]) -> list[WaveformFit]:
+    """Fits begun where a larger set ended, without its last effect.
+
+    A gradual entry has places of first touch, too: they may be all that it was good for, in cuts that begin within an arc.
+    """
+    assert larger.fit is not None
+    state, name = larger.fit.state, larger.effects[-1]
+    found = [fitter.fit(state_without(state, name, catalogue), iterations=12)]
+    if "engagement" in catalogue[name].hooks and not fitter.gradual:
+        sudden = state.without_effect(name).with_sudden_entries(fitter.records[0].flutes)
+        parts = as_believed(fitter, fitter.fit(sudden, iterations=12))
+        found += [] if parts is None else [parts]
+    return found
 
 
 def _backward(current: Candidate, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> Candidate:
@@ -259,7 +274,16 @@ def _named(first: Candidate, model: Model, catalogue: Mapping[str, Effect], nois
     """The candidate that is named, as the next round finds it: begun anew, unless it is from the believed machine already."""
     if look is None or not look.gave(first.effects):
         first = begun_anew(first, model, catalogue, noise, say)
-    return _weighed(_at_its_jumps(_backward(first, catalogue, say)))
+    return _weighed(_with_parts(_at_its_jumps(_backward(first, catalogue, say)), noise))
+
+
+def _with_parts(one: Candidate, noise: float) -> Candidate:
+    """The set, where it leaves more than noise, with cuts that begin or end within an arc looked for again."""
+    assert one.fit is not None and one.fitter is not None
+    if one.error_held_out <= ADEQUATE * noise:
+        return one
+    fit = with_parts_of_passes(one.fitter, one.fit)
+    return one if fit is one.fit else replace(candidate_of(one.fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
 
 
 def forward(

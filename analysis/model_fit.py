@@ -14,7 +14,7 @@ from analysis.length_cut import asks_length, carried_on, with_lengths_found
 from analysis.observed import Observed
 from analysis.prediction import Plant
 from analysis.scale_hops import hopped
-from analysis.starts import base_fit, structure_start
+from analysis.starts import base_fit, structure_start, with_courses
 from analysis.swing_start import swung_fit
 from analysis.waveform import Fitter
 from testbed.effect import Effect
@@ -55,4 +55,8 @@ def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
         fit = min(fit, grown(fitter, [believed, fit.state]), key=lambda one: one.cost)
     if fit.cost > goal:
         return fitter, fit
-    return at_its_jumps(fitter, hopped(fitter, kinked(model.effects, catalogue), fit))
+    fit = hopped(fitter, kinked(model.effects, catalogue), fit)
+    without, fit = at_its_jumps(fitter, fit)
+    if without is fitter:
+        return fitter, fit
+    return at_its_jumps(without, with_courses(without, fit))  # samples at jumps hid what entries and exits a pass off leave

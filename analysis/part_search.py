@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -14,9 +14,11 @@ from analysis.waveform import Fitter
 
 REACH = 2  # passes beside the entry and the exit that are tried
 PARTS = 8  # into which the arc is divided first,
-HALVINGS = 6  # and how often the best part is then halved
+VALLEYS = 3  # places that cost less than those beside them from which the best is looked for: an arc may hold several,
+HALVINGS = 6  # halving the step so often
 PLAIN = 2.0  # in minus the log likelihood: what a place within the arc must save against a whole pass; more would bend the rest
 ENDS = tuple(MISSING)
+CostsOf = Callable[[Sequence[Nuisances]], np.ndarray]
 
 
 def settled(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[float, Nuisances]:
@@ -28,23 +30,40 @@ def settled(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[f
 
 
 def best_ends(fitter: Fitter, index: int, state: State, starts: list[Nuisances]) -> tuple[float, Nuisances]:
-    """(cost, nuisances) of one record with its entry and its exit at their best places, whole passes or within an arc."""
+    """(cost, nuisances) of one record with its entry and its exit at their best places, whole passes or within an arc.
+
+    From each start, and with either end first, coarse places are tried; the best of all is then made exact.
+    """
     arc = state.share_in_arc(fitter.records[index].flutes)
-    tried = [_tried(fitter, index, state, own, arc, ends) for own in starts for ends in (ENDS, ENDS[::-1])]
-    return settled(fitter, index, state, min(tried, key=lambda pair: pair[0])[1])
+
+    def costs_of(tried: Sequence[Nuisances]) -> np.ndarray:
+        return 0.5 * squares_of(fitter, index, state, tried)
+
+    tried = []
+    for cost, own in zip(costs_of(starts), starts, strict=True):
+        movable = _movable(fitter, index, state, own)
+        for ends in (movable, movable[::-1]):
+            found = float(cost), own
+            for end in ends:
+                found = _placed(costs_of, found, arc, end, 0)
+            tried.append(found)
+    found = min(tried, key=_cost)
+    for end in _movable(fitter, index, state, found[1]):
+        found = _placed(costs_of, found, arc, end, VALLEYS)
+    return settled(fitter, index, state, found[1])
 
 
 def best_whole(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[float, Nuisances]:
     """(cost, nuisances) of one record with the whole passes beside its ends that explain it best, its own unknowns refitted."""
     tried = whole_passes(own, own.ends_in_arc(fitter.gradual))
-    return min((settled(fitter, index, state, one) for one in tried), key=lambda pair: pair[0])
+    return min((settled(fitter, index, state, one) for one in tried), key=_cost)
 
 
 def plainer(fitter: Fitter, index: int, state: State, own: Nuisances) -> Nuisances:
     """The nuisances of one record with each end at a whole pass that explains it as well as its place within an arc does."""
     cost, own = settled(fitter, index, state, own)
     for end in own.ends_in_arc(fitter.gradual):
-        whole, tried = min((settled(fitter, index, state, one) for one in whole_passes(own, (end,))), key=lambda pair: pair[0])
+        whole, tried = min((settled(fitter, index, state, one) for one in whole_passes(own, (end,))), key=_cost)
         if whole - cost < PLAIN:
             cost, own = whole, tried
     return own
@@ -67,17 +86,22 @@ def best_moved(fitter: Fitter, fit: WaveformFit, index: int) -> tuple[float, Nui
     """
     own, part = fit.state.nuisances[index], fit.parts[index]
     arc = fit.state.share_in_arc(fitter.records[index].flutes)
-    places = (one for end in _movable(fitter, index, fit.state, own) for one in _places(own, arc, end))
-    tried = [own, *(one for one in places if one.entry < one.exit)]
-    rests = part.without_own(fitter.residuals_of(index, [(fit.state.model, fit.state.angle, one) for one in tried]))
     slopes = [each.without_own(each.shared.T).T for each in fit.parts]
-    pulls = (rests - rests[0]) @ slopes[index]
-    normal = np.sum([one.T @ one for one in slopes], axis=0)
-    followed = pulls @ np.linalg.pinv(normal, rcond=1e-12, hermitian=True)
-    squares = np.einsum("ij,ij->i", rests, rests)
-    costs = fit.cost + 0.5 * (squares - squares[0] - np.einsum("ij,ij->i", pulls, followed))
-    best = int(np.argmin(costs))
-    return float(costs[best]), tried[best]
+    followed = np.linalg.pinv(np.sum([one.T @ one for one in slopes], axis=0), rcond=1e-12, hermitian=True)
+
+    def left(tried: Sequence[Nuisances]) -> np.ndarray:
+        return part.without_own(fitter.residuals_of(index, [(fit.state.model, fit.state.angle, one) for one in tried]))
+
+    now = left([own])[0]
+
+    def costs_of(tried: Sequence[Nuisances]) -> np.ndarray:
+        rests = left(tried)
+        pulls = (rests - now) @ slopes[index]
+        squares = np.einsum("ij,ij->i", rests, rests)
+        return fit.cost + 0.5 * (squares - now @ now - np.einsum("ij,ij->i", pulls, pulls @ followed))
+
+    places = [_placed(costs_of, (fit.cost, own), arc, end, VALLEYS) for end in _movable(fitter, index, fit.state, own)]
+    return min([(fit.cost, own), *places], key=_cost)
 
 
 def _movable(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[str, ...]:
@@ -86,32 +110,35 @@ def _movable(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[
     return tuple(end for end in ENDS if not (fitter.gradual if end == "entry" else beyond))
 
 
-def _tried(
-    fitter: Fitter, index: int, state: State, own: Nuisances, arc: float, ends: tuple[str, ...]
-) -> tuple[float, Nuisances]:
-    """(cost, nuisances) of the best place of one end, then of the other, then of both once more."""
-    movable, cost = _movable(fitter, index, state, own), np.inf
-    for _ in range(2):
-        before = own
-        for end in (one for one in ends if one in movable):
-            cost, own = _placed(fitter, index, state, own, arc, end)
-        if own == before:
-            break
-    return cost, own
+def _placed(costs_of: CostsOf, found: tuple[float, Nuisances], arc: float, end: str, valleys: int) -> tuple[float, Nuisances]:
+    """(cost, nuisances) of the best place of one end: where it was found, a coarse place, or the bottom of one of so many
+    valleys that those show."""
+    places = [one for one in _places(found[1], arc, end) if one.entry < one.exit]
+    if not places:
+        return found
+    costs = costs_of(places)
+    tried = [found, (float(costs.min()), places[int(np.argmin(costs))])]
+    for place in _valleys(costs)[:valleys]:
+        cost, best, step = float(costs[place]), places[place], 0.5 / PARTS
+        for _ in range(HALVINGS):
+            near = [one for by in (-step, step) if (one := end_moved_in_arc(best, end, by, arc)).entry < one.exit]
+            beside = costs_of(near)
+            if beside.min() < cost:
+                cost, best = float(beside.min()), near[int(np.argmin(beside))]
+            step *= 0.5
+        tried.append((cost, best))
+    return min(tried, key=_cost)
 
 
-def _placed(fitter: Fitter, index: int, state: State, own: Nuisances, arc: float, end: str) -> tuple[float, Nuisances]:
-    tried = [one for one in (own, *_places(own, arc, end)) if one.entry < one.exit]
-    costs = 0.5 * squares_of(fitter, index, state, tried)
-    cost, best = float(costs.min()), tried[int(np.argmin(costs))]
-    step = 0.5 / PARTS
-    for _ in range(HALVINGS):
-        near = [one for by in (-step, step) if (one := end_moved_in_arc(best, end, by, arc)).entry < one.exit]
-        costs = 0.5 * squares_of(fitter, index, state, near)
-        if costs.min() < cost:
-            cost, best = float(costs.min()), near[int(np.argmin(costs))]
-        step *= 0.5
-    return cost, best
+def _cost(pair: tuple[float, Nuisances]) -> float:
+    return pair[0]
+
+
+def _valleys(costs: np.ndarray) -> list[int]:
+    """Places that cost no more than those beside them, the cheapest first."""
+    walled = np.concatenate([[np.inf], costs, [np.inf]])
+    low = np.flatnonzero((costs <= walled[:-2]) & (costs <= walled[2:]))
+    return [int(place) for place in low[np.argsort(costs[low], kind="stable")]]
 
 
 def _places(own: Nuisances, arc: float, end: str) -> Iterator[Nuisances]:

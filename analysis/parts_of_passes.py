@@ -29,6 +29,7 @@ SLOW = 8  # means of the residual a pass: a kick is slow, and in single samples 
 MEDIAN = 0.455  # median over mean of squares that are the noise's
 GAIN = 20.0  # in minus the log likelihood, for a part of a pass to be tried,
 BOLD = 0.1  # and share of the record's excess that must go at fixed parameters;
+FIRST = 3  # records that are asked before all others
 HOPE = 0.3  # share of all records' excess that must then go for trying to go on,
 SHARE = 0.6  # and of the record's that must be worth it in the end for the part to be believed
 USUAL = 0.5  # share of the cuts above which a weak first pass is no chance of where the work begins, but a slow entry,
@@ -46,17 +47,21 @@ LAST = 60  # and of the last ones: the coefficients creep along with how much is
 def with_parts_of_passes(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     """The fit with first and last passes cut in part, where that explains a record far better than whole ones do."""
     bold = _bold(fitter, fit)
-    if bold is None:
-        return fit
+    found = None if bold is None else as_believed(fitter, bold)
+    return fit if found is None or not found.cost < fit.cost else found
+
+
+def as_believed(fitter: Fitter, bold: WaveformFit) -> WaveformFit | None:
+    """The fit with those of its parts of passes that are worth it, all else refitted; None where none is."""
     for _ in range(2):  # without the parts that are not believed, those left may not be either
         kept = _believed(fitter, bold.state)
         same = kept == bold.state.nuisances
         if not any(own.ends_in_arc(fitter.gradual) for own in kept):
-            return fit
+            return None
         bold = fitter.fit(replace(bold.state, nuisances=kept), iterations=LAST)
         if same:
             break
-    return bold if bold.cost < fit.cost else fit
+    return bold
 
 
 def _bold(fitter: Fitter, fit: WaveformFit) -> WaveformFit | None:
@@ -104,21 +109,33 @@ def _excess(fitter: Fitter, fit: WaveformFit) -> float:
 
 
 def _in_part(fitter: Fitter, fit: WaveformFit) -> tuple[Nuisances, ...]:
-    """The nuisances of every record with the best of whole and part passes, near what its marks say of its clock."""
+    """The nuisances of every record with the best of whole and part passes, near what its marks say of its clock.
+
+    The records explained worst are asked first: where no part helps them, none of the others is asked.
+    """
     left, usual = fit.mean_squares, any(own.ends_in_arc(fitter.gradual) for own in fit.state.nuisances)
+
+    def doubted(index: int) -> bool:
+        record, now = fitter.records[index], fit.state.nuisances[index]
+        if record.cut is None or record.starts_in_cut or record.forces_only:
+            return False
+        return usual or left[index] >= MISFIT or _kicked(record, now, fit.residuals[index], fit.state.angle)
 
     def one(index: int) -> Nuisances:
         record, now = fitter.records[index], fit.state.nuisances[index]
-        if record.cut is None or record.starts_in_cut or record.forces_only:
-            return now
-        if not usual and left[index] < MISFIT and not _kicked(record, now, fit.residuals[index], fit.state.angle):
-            return now
         clocks = [now] if record.clock_error is None else [now, replace(now, angle=0.0, speed=1.0)]
         cost, best = best_ends(fitter, index, fit.state, clocks)
         before = 0.5 * float(squares_of(fitter, index, fit.state, [now])[0])
         return best if before - cost > max(GAIN, BOLD * (before - 0.5 * record.size)) else now
 
-    return threaded(one, range(len(fitter.records)))
+    asked = [index for index in fit.worst(len(fitter.records)) if doubted(index)]
+    found = list(fit.state.nuisances)
+    for some in (asked[:FIRST], asked[FIRST:]):
+        for index, own in zip(some, threaded(one, some), strict=True):
+            found[index] = own
+        if tuple(found) == fit.state.nuisances:
+            break
+    return tuple(found)
 
 
 class _Judged(NamedTuple):

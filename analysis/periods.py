@@ -11,7 +11,7 @@ def period_changes(values: np.ndarray, turn: float) -> tuple[np.ndarray, np.ndar
     Samples between the grid are interpolated by four-point Lagrange weights, whose gain
     on white noise is divided out.
     """
-    count = int((len(values) - 3) // turn)
+    count = max(0, int((len(values) - 3) // turn))  # none in the scrap of a cut
     length = int(turn)
     rows, gains = np.empty((count, length)), np.empty(count)
     for index in range(count):

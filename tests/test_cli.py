@@ -219,7 +219,7 @@ def test_bad_input_is_answered_in_one_line(testbed, name):
     (["identify", "none.h5", "-m", "model.yaml"], "no such file"),
     (["identify", "none.h5", "-m", "none.yaml"], "none.yaml"),
     (["effects", "proces_damping"], "did you mean process_damping"), (["effects", "--effects", "none"], "not a folder"),
-    (["effects", "--new", "a b"], "no name"),
+    (["effects", "--new", "a b"], "no name"), (["effects", "--new", "x" * 300], "too long a name"),
 ])
 def test_a_bad_command_line_is_answered_in_one_line(testbed, arguments, said):
     before = sorted(Path().iterdir())

@@ -11,7 +11,9 @@ from direct import KN, KT, MODEL, WINDOW, cut, error, integrate
 from synthetic_campaign import synthetic_record
 
 from analysis.model_fit import model_fit
+from analysis.nuisances import Nuisances
 from analysis.observed import observe
+from analysis.part_search import VALLEYS, _placed
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.cut import Cut, Sampling, whole_cut_sampling
@@ -114,3 +116,16 @@ def test_whole_passes_stay_whole():
     _, fit = FITTED(records=records)
     assert all(own.late_entry == own.early_exit == 0.0 for own in fit.state.nuisances)
     assert np.isfinite(fit.covariance).all()
+
+
+def test_the_deepest_of_several_valleys_is_found_between_the_places_that_are_tried():
+    """A broad shallow valley lies on a place that is tried; a narrow deep one between two that both cost more."""
+    def costs_of(tried):
+        places = np.array([one.exit - one.early_exit for one in tried])
+        return 10.0 - 4.0 * np.exp(-(((places - 20.0) / 0.2) ** 2)) - 9.0 * np.exp(-(((places - 21.19) / 0.03) ** 2))
+
+    own = Nuisances(entry=3, exit=20)
+    cost, coarse = _placed(costs_of, (float(costs_of([own])[0]), own), 1.0, "exit", 0)
+    assert (coarse.exit, coarse.early_exit) == (20, 0.0) and cost == pytest.approx(6.0, abs=1e-3)
+    cost, found = _placed(costs_of, (cost, coarse), 1.0, "exit", VALLEYS)
+    assert found.exit - found.early_exit == pytest.approx(21.19, abs=0.005) and cost < 1.5

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic_cut import FREQUENCY, RHO, Truth, milling_record
@@ -66,6 +68,16 @@ def test_what_a_record_lacks_is_not_found(noise: float) -> None:
         {"displacement": only}, 12800.0, {"displacement": "m"}, "measured", conditions={"spindle_speed": 400.0}
     )
     assert "ring-down" not in _kinds(find_segments(silent)) and "entry" not in _kinds(find_segments(silent))
+
+
+def test_of_a_cut_any_scrap_may_be_left_at_the_records_start() -> None:
+    whole, truth = milling_record(noise=1e-6)
+    for left in np.linspace(0.0, 2.0, 41):  # revolutions of cutting
+        begin = round((_contact_ends(truth) - left * truth.period) * whole.sampling_rate)
+        channels = {name: values[begin:] for name, values in whole.channels.items()}
+        recording = replace(whole, channels=channels, marks=np.empty(0))
+        segments = find_segments(recording)
+        assert segments[-1].stop == pytest.approx(segments[0].start + len(recording) / recording.sampling_rate)
 
 
 def test_the_stable_cut_settles_and_the_quieter_sensor_sees_it_later() -> None:

@@ -120,9 +120,9 @@ def _write_template(name: str, answer: Answer) -> None:
         raise InputProblem(name, "is an effect of the catalogue", "choose another name")
     paths = Path(f"{name}.py"), Path(f"test_{name}.py")
     for path in paths:
+        check_place(path)
         if path.exists():
             raise InputProblem(path, "exists already", "choose another name, or remove it")
-        check_place(path)
     for path, text in zip(paths, (EFFECT, TEST), strict=True):
         write_text(path, text.replace("NAME", name).replace("TITLE", name.replace("_", " ").capitalize()))
     answer.say(f"{paths[0]}: a working effect; edit it, then give its folder as --effects {paths[0].resolve().parent}")

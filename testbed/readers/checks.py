@@ -15,7 +15,7 @@ from testbed.problem import InputProblem
 from testbed.recording import Recording
 
 _FEW_LEVELS = 16
-_FEW_BEATS = 3  # jumps or spikes of a force or an acceleration up to which they are no teeth's
+_FEW_BEATS = 3  # spikes of a force or an acceleration up to which they are no teeth's
 _MANY_JUMPS = 8
 _FEWEST = 32  # samples of a record; fewer tell nothing
 # beyond these a slip of the unit is likelier than such a machine (SI)
@@ -203,11 +203,9 @@ def channel_notes(name: str, values: np.ndarray, full_scale: float | None = None
         notes.append(f"channel {name}: {stuck} samples are clipped at {values.min():.6g} or {values.max():.6g}")
     beats = name.startswith(("acceleration", "force"))  # every tooth that enters or leaves makes these jump
 
-    def teeth(places: list[int]) -> bool:
-        return beats and len(places) > _FEW_BEATS
-
     lone = spikes(values)
-    if not teeth(lone) and 0 < len(lone) <= max(20, len(values) // 500):
+    teeth = beats and len(lone) > _FEW_BEATS
+    if not teeth and 0 < len(lone) <= max(20, len(values) // 500):
         notes.append(
             f"channel {name}: {len(lone)} lone spike{'s' * (len(lone) > 1)}, the first is sample {lone[0] + 1} "
             f"({values[lone[0]]:.6g})"
@@ -218,8 +216,8 @@ def channel_notes(name: str, values: np.ndarray, full_scale: float | None = None
             f"channel {name}: sample {broken[0] + 1} is {values[broken[0]]:.3g}, as if bytes of it were lost"
             + (f", and {len(broken) - 1} more" if len(broken) > 1 else "")
         )
-    off = jumps(values) if not name.startswith("spindle_angle") else []
-    if off and not teeth(off):
+    off = [] if beats or name.startswith("spindle_angle") else jumps(values)  # one that lacks samples looks like a tooth's
+    if off:
         notes.append(
             f"channel {name}: jumps at sample {off[0] + 1} ({values[off[0] - 1]:.6g} to {values[off[0]]:.6g})"
             + (f" and {len(off) - 1} more" if len(off) > 1 else "")
