@@ -230,7 +230,8 @@ def first_step(
                 state, _ = settle_passes(wider, state)
             tried.append((wider.cost(state, worst), state))
         plain, faint = sorted(tried[: len(points)], key=_cost), sorted(tried[len(points) :], key=_cost)
-        tried = [(wider.cost(state), state) for _, state in (*plain[:2], *faint[:1])]
+        likely = tried[:1] if recurring and plain[0] is not tried[0] else []  # explains most to first order, its line a bit off
+        tried = [(wider.cost(state), state) for _, state in (*plain[:2], *faint[:1], *likely)]
         for cost, state in tried:
             parts = wider.with_slopes(origin.parts, state, places)
             for damping in (1e-3, 1.0):
