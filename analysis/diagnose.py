@@ -177,6 +177,8 @@ def _search(
 ) -> Diagnosis:
     """The rounds of candidates from the base fit and, where much is left, from another beginning."""
     noise = pooled(base.errors)[1]
+    if slow := _too_slow(base):
+        return replace(verdict_of(base, base, [base], (), noise, ()), verdict="undecided", sentence=slow)
     contradicted = _contradicted(base, noise, say)
     if contradicted is not None:
         return contradicted
@@ -189,6 +191,15 @@ def _search(
     found = verdict_of(path.steps[0], path.end, path.steps, tuple(seen), noise, path.tied)
     found = with_form_asked(found, catalogue, say)
     return replace(found, sentence=f"{found.sentence} {path.hum}") if path.hum else found
+
+
+def _too_slow(base: Candidate) -> str:
+    """In words, which records of a motion were sampled too slowly for the structure's vibration to be told; empty if none."""
+    assert base.fitter is not None and base.fit is not None
+    fastest = base.fit.state.model.structure.natural_frequency
+    slow = [one.name for one in base.fitter.records if one.rate < 2.0 * fastest and not one.forces_only]
+    return (f"{', '.join(slow)}: sampled less than twice in a period of the natural frequency, {fastest:.4g} Hz; such records "
+            "can tell nothing of what the model lacks.") if slow else ""
 
 
 def _swung(base: Candidate, plant: Plant, model: Model, catalogue: Mapping[str, Effect],

@@ -20,7 +20,7 @@ from analysis.free_decay import spectral_peak
 from analysis.noise import noise_floor, rounding
 from analysis.nuisances import Nuisances
 from analysis.segments import Segment, find_segments
-from analysis.spindle_clock import along_marks, clock_error, clock_of, digital, smoothed
+from analysis.spindle_clock import along_marks, check_speed, clock_error, clock_of, digital, smoothed
 from testbed.cut import Cut, Sampling
 from testbed.machine import Cutter, Model
 
@@ -319,6 +319,7 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
         halfway = digital(marks, base.rate, record.recording.start)
         sample = 1.0 / base.rate if halfway else 0.0
         period, anchor, steady = clock_of(marks, sample)
+        check_speed(period, 2 * math.pi / cut.spindle_speed)
         slots = record.recording.pulses_per_revolution
         calm = marks if steady else None
         if flutes % slots:  # which pulse came first is open: the marks tell the speed alone

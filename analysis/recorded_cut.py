@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from analysis.floquet import EmpiricalMultipliers, TooFewPeriods, empirical_multipliers, passing_period, tooth_period
 from analysis.ring_down import ring_down
+from analysis.spindle_clock import check_speed
 from analysis.vibration_period import vibration_period
 from testbed.cut import Cut
 from testbed.machine import Model
@@ -15,9 +16,13 @@ from testbed.recording import Recording
 
 
 def at_measured_speed(cut: Cut, recording: Recording, flutes: int, channel: str = "displacement") -> Cut:
-    """The cut at the speed that the recording's marks show, or without marks its vibration; it need not be the one stated."""
+    """The cut at the speed that the recording's marks show, or without marks its vibration; it need not be the one stated.
+
+    ValueError where the marks' speed is another by far.
+    """
     if recording.marks.size >= 3:
         period = tooth_period(recording, flutes)
+        check_speed(flutes * period, 2.0 * math.pi / cut.spindle_speed)
     else:
         period = vibration_period(recording, cut.tooth_passing_period(flutes), flutes, *cut_bounds(recording, cut), channel)
     return replace(cut, spindle_speed=2.0 * math.pi / (flutes * period))

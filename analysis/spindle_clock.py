@@ -8,6 +8,7 @@ import numpy as np
 from scipy.interpolate import UnivariateSpline, make_interp_spline
 
 STEADY_CLOCK = 2e-4  # scatter of the revolutions, relative, up to which the speed is taken as constant
+ANOTHER = 1.9  # times the nominal speed, or as little of it, that no spindle runs at which is set to it
 CLOSE = 0.25  # of a revolution, within which the time between two marks is a whole number of them
 MARK_SHARE = 0.1  # of a sample: how well an edge between two samples is placed
 HALFWAY = 0.1  # of a sample, within which the edges of a digital line lie halfway between two samples,
@@ -28,6 +29,13 @@ def clock_of(marks: np.ndarray, sample: float = 0.0) -> tuple[float, float, bool
         slope, anchor = np.polyfit(turns[good], marks[good], 1)
     rest = marks - anchor - slope * turns
     return float(slope), float(anchor), float(np.median(np.abs(rest))) < max(STEADY_CLOCK * slope, 0.5 * sample)
+
+
+def check_speed(period: float, nominal: float) -> None:
+    """ValueError where marks show a period (s) that is another by far than the nominal one: it is the record that is wrong."""
+    if not 1.0 / ANOTHER < period / nominal < ANOTHER:
+        raise ValueError(f"its tachometer shows {60 / period:.1f} rpm where {60 / nominal:.1f} rpm is written down "
+                         "(sampling_rate, pulses_per_revolution, spindle_speed or the tachometer is wrong)")
 
 
 def turns_of(marks: np.ndarray) -> np.ndarray:

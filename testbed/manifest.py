@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, ConfigDict, Field
 from testbed.readers.source import Source, base_name
 from testbed.recording import CHANNEL_UNITS
 from testbed.units import UnitProblem, channel_unit, parse_quantity, refuse_decimal_comma, spelled
-from testbed.yaml_text import Document, Strict, above_zero, at_least_zero, did_you_mean, quantity
+from testbed.yaml_text import SAMPLING_RATE, Document, Strict, above_zero, at_least_zero, did_you_mean, quantity
 
 Kind = Literal["cut", "ring-down", "excited", "idle"]
 CHANNELS = (*CHANNEL_UNITS, "time")
@@ -102,7 +102,7 @@ class _Conditions(Strict):
     model_config = ConfigDict(populate_by_name=False)
 
     channels: Channels = Field(default_factory=dict)
-    sampling_rate: quantity("Hz", above_zero) | None = None  # type: ignore[valid-type]
+    sampling_rate: Annotated[float, SAMPLING_RATE] | None = None
     spindle_speed: quantity("rad/s", above_zero) | None = None  # type: ignore[valid-type]
     depth_of_cut: quantity("m", at_least_zero) | None = None  # type: ignore[valid-type]
     feed: Annotated[Feed, BeforeValidator(_feed)] | None = None

@@ -34,7 +34,18 @@ from testbed.scenario import Course, Engine, Scenario, whole_passes
 from testbed.sensors.chain import ChannelSensor, SensorChain
 from testbed.units import UnitProblem, parse_quantity
 from testbed.variables import Variable, value_at
-from testbed.yaml_text import Document, Path_, Strict, above_zero, at_least_zero, did_you_mean, in_unit, load, validate
+from testbed.yaml_text import (
+    SAMPLING_RATE,
+    Document,
+    Path_,
+    Strict,
+    above_zero,
+    at_least_zero,
+    did_you_mean,
+    in_unit,
+    load,
+    validate,
+)
 
 MAX_SAMPLES_A_RUN = 50_000_000
 MAX_SAMPLES = 40_000_000_000_000  # 80 TB of 16-bit counts
@@ -66,7 +77,7 @@ class _Channel(Strict):
 
 
 class _Sensors(Strict):
-    sampling_rate: Annotated[float, in_unit("Hz", above_zero)] = 12_800.0
+    sampling_rate: Annotated[float, SAMPLING_RATE] = 12_800.0
     mark_angle: Annotated[float, in_unit("rad")] = 0.0
     mark_jitter: Annotated[float, in_unit("s", at_least_zero)] = 0.0
     displacement: Any = None

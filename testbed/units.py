@@ -154,6 +154,15 @@ def parse_quantity(value: object, si: str) -> float:
     return float(match[1]) * factor_to(match[2], target)
 
 
+def parse_sampling_rate(value: object) -> float:
+    """A sampling rate written by a user, in Hz: as `parse_quantity`, but a speed of turning (rpm) is refused."""
+    rate = parse_quantity(value, "Hz")
+    match = _NUMBER.fullmatch(str(value))
+    if match is not None and unit_named(match[2]).si != "Hz":
+        raise UnitProblem(f"'{value}' is a speed of turning, no sampling rate", f"write {_example(value, 'Hz')}")
+    return rate
+
+
 def refuse_decimal_comma(value: object) -> None:
     """Raises UnitProblem for a number with a comma, such as `12,8 kHz`, and says how to write it."""
     match = _COMMA.fullmatch(value) if isinstance(value, str) else None

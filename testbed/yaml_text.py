@@ -14,7 +14,7 @@ from typing import Annotated, Any, TypeVar, get_args
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, model_validator
 
 from testbed.problem import InputProblem
-from testbed.units import UnitProblem, nearest, parse_quantity
+from testbed.units import UnitProblem, nearest, parse_quantity, parse_sampling_rate
 
 MAX_BYTES = 4_000_000
 MAX_NODES = 400_000
@@ -47,19 +47,26 @@ def quantity(si: str, check: Callable[[float], str | None] | None = None) -> Any
 def in_unit(si: str, check: Callable[[float], str | None] | None = None) -> BeforeValidator:
     """`Annotated[float, in_unit("m")]` is a text with a unit, read in the SI unit `si`; `check` says what is wrong."""
 
+    return BeforeValidator(_checked(lambda value: parse_quantity(value, si), check))
+
+
+def _checked(parse: Callable[[object], float], check: Callable[[float], str | None] | None) -> Callable[[object], float]:
     def read(value: object) -> float:
-        number = parse_quantity(value, si)
+        number = parse(value)
         wrong = check(number) if check else None
         if wrong:
             raise UnitProblem(f"'{value}' {wrong}", "correct the value")
         return number
 
-    return BeforeValidator(read)
+    return read
 
 
 def above_zero(number: float) -> str | None:
     """What is wrong with a number that must be above 0."""
     return None if number > 0 else "must be above 0"
+
+
+SAMPLING_RATE = BeforeValidator(_checked(parse_sampling_rate, above_zero))  # Annotated[float, SAMPLING_RATE], in Hz
 
 
 def at_least_zero(number: float) -> str | None:

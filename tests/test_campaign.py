@@ -116,6 +116,7 @@ def test_a_file_read_twice_gets_two_names(folder: Path) -> None:
         (("  displacement", "  displacment"), 4, "did you mean displacement"),
         (("unit: um", "units: um"), 4, "did you mean unit"),
         (("3810 rpm", "3810"), 7, "has no unit"),
+        (("12800 Hz", "12800 rpm"), 2, "no sampling rate"),
         (("2.9 mm", "2.9 kg"), 7, "does not convert"),
         ((", depth_of_cut: 2.9 mm", ""), 7, "a cut needs depth_of_cut"),
         (("0.1016 mm/tooth", "fast"), 7, "feed"),

@@ -27,6 +27,7 @@ def plant_of(catalogue: Any) -> Any:
 def observed_records(records: Sequence[Any], model: Any, path: object, model_file: object) -> list[Any]:
     """Records made ready for a fit of the model. InputProblem names the record that cannot be predicted, and why."""
     from analysis.observed import observe
+    from testbed.cli._measured import unfit
 
     chosen = [record for record in records if record.kind in PREDICTED]
     if not chosen:
@@ -41,8 +42,7 @@ def observed_records(records: Sequence[Any], model: Any, path: object, model_fil
         except InputProblem:
             raise
         except (ValueError, ArithmeticError) as problem:
-            raise InputProblem(path, f"record '{record.name}': {problem}",
-                               "look at it with testbed inspect, or take it out") from None
+            raise unfit(path, record.name, problem) from None
     return ready
 
 

@@ -79,11 +79,19 @@ def cut_tests(records: Sequence[Any], flutes: int, path: object) -> list[CutTest
         segments = find_segments(record.recording, kind="cut")
         times = entry_and_exit(segments)
         recording = replace(record.recording, conditions={**record.recording.conditions, **times})
-        cut = at_measured_speed(record.cut(flutes), recording, flutes, channel)
+        try:
+            cut = at_measured_speed(record.cut(flutes), recording, flutes, channel)
+        except ValueError as problem:
+            raise unfit(path, record.name, problem) from None
         tests.append(CutTest(record.name, recording, cut, tuple(segments), channel))
     if not tests:
         raise InputProblem(path, "holds no cut with a channel of motion", "record cuts, or use --method waveform")
     return tests
+
+
+def unfit(path: object, name: str, problem: Exception) -> InputProblem:
+    """What is to be said of a record that cannot be fitted."""
+    return InputProblem(path, f"record '{name}': {problem}", "look at it with testbed inspect, or take it out")
 
 
 def entry_and_exit(segments: Sequence[Any]) -> dict[str, float]:

@@ -54,11 +54,11 @@ def command(
     `testbed export` wrote. Nothing here is random: --seed changes nothing.
     """
     from analysis.inspection import inspect
-    from testbed.units import UnitProblem, parse_quantity
+    from testbed.units import UnitProblem, parse_sampling_rate
 
     answer = Answer(json_file, quiet)
     try:
-        sampling_rate = parse_quantity(rate, "Hz") if rate else None
+        sampling_rate = parse_sampling_rate(rate) if rate else None
     except UnitProblem as problem:
         raise InputProblem("--rate", problem.what, problem.do) from None
     if sampling_rate is not None and not 0.0 < sampling_rate <= FASTEST:

@@ -11,10 +11,12 @@ from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
 from analysis.compare import adequacy_tests, controlled
+from analysis.diagnose import diagnose
 from analysis.fit_state import State
 from analysis.held_out import RecordError, pooled, pooled_doubt
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, drift_basis, observe
+from analysis.recorded_cut import at_measured_speed
 from analysis.starts import base_fit, decay_start
 from analysis.waveform import Fitter
 from testbed.campaign import Record
@@ -52,6 +54,27 @@ def test_two_decays_of_different_modes_start_at_the_one_that_is_believed_in():
         started = decay_start(records, TRUE.with_values({"natural_frequency": believed}))
         expected = 146.42 if believed == 150.0 else 170.0
         assert started.structure.natural_frequency == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("pulses", (2, 60))
+def test_a_tachometer_that_shows_another_speed_by_far_is_refused(pulses):
+    """More pulses a revolution than written down, or another sampling rate: no fit could follow such a record."""
+    record = synthetic_campaign(partial(fast.simulate, steps=37), TRUE, seed=3, tests=((3500, 0.8),))[0]
+    marks = record.recording.marks[0] + np.arange(len(record.recording.marks)) * 60 / 3500 / pulses
+    wrong = replace(record, recording=replace(record.recording, marks=marks))
+    assert observe(record, BELIEVED).period == pytest.approx(60 / 3500, rel=1e-3)
+    with pytest.raises(ValueError, match=f"shows {pulses * 3500}.0 rpm where 3500.0 rpm is written down"):
+        observe(wrong, BELIEVED)
+    with pytest.raises(ValueError, match="written down"):
+        at_measured_speed(record.cut(1), wrong.recording, 1)
+
+
+def test_records_sampled_too_slowly_for_the_structure_can_tell_nothing():
+    record = ring_down(TRUE.with_effect("cubic_stiffness", coefficient=4e13), "displacement", 5e-7)
+    aliased = replace(record.recording, channels={"displacement": record.recording.channels["displacement"][::50]},
+                      sampling_rate=RATE / 50)
+    found = diagnose(PLANT, [observe(replace(record, recording=aliased), TRUE)], TRUE, catalogue())
+    assert (found.verdict, found.effects) == ("undecided", ()) and "less than twice in a period" in found.sentence
 
 
 def row(quantity, error, size, count=1000, noise=0.1):
