@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -102,8 +102,8 @@ def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], 
     assert bare.fitter is not None
     records = bare.fitter.records
 
-    def anew() -> tuple[Fitter, WaveformFit]:
-        return agreed(*model_fit(plant, records, with_examples(model, [effect.name], catalogue), catalogue))
+    def anew(turned: Container[str] = ()) -> tuple[Fitter, WaveformFit]:
+        return agreed(*model_fit(plant, records, with_examples(model, [effect.name], catalogue, turned), catalogue))
 
     if marks_show(effect, records):
         return anew()
@@ -113,6 +113,8 @@ def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], 
         return found
     say(f"fitting with {effect.name} from the believed machine")
     other = anew()
+    if misfit(*other)[1] > SOUND and effect.other_side() is not None:
+        other = min(other, anew([effect.name]), key=lambda one: misfit(*one)[0])
     return other if misfit(*other)[0] < likelihood else found
 
 

@@ -7,14 +7,14 @@ start from it into a valley from which no descent returns.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import replace
 
 from analysis.candidate_round import CREEP, candidate_of
 from analysis.diagnosis import ADEQUATE, Candidate
 from analysis.effect_start import ANCHOR, CORNER
 from analysis.fine_steps import has_kinks
-from analysis.fit_state import WaveformFit
+from analysis.fit_state import State, WaveformFit
 from analysis.information import DELTA_BIC
 from analysis.model_fit import model_fit
 from analysis.observed import Observed
@@ -26,30 +26,36 @@ from testbed.machine import Model
 
 CLEAN = 1.01  # error over noise floor up to which nothing is left that another valley could explain
 FAR_OFF = 2.0  # times the cost of the fit at hand, or of the noise if that alone will do, above which a new one is given up
+WITHOUT_PARTS = 20.0  # the same of one that takes for whole the passes that are not
 MUCH_CHEAPER = 0.7  # times the cost that the new fit must have where it, too, leaves more than noise
 
 
 def from_believed(
     plant: Plant, records: Sequence[Observed], model: Model, names: Sequence[str], catalogue: Mapping[str, Effect],
-    goal: float = math.inf,
+    goal: float = math.inf, turned: Container[str] = (),
 ) -> Candidate:  # fmt: skip
     """The effects of these names, each from its example, fitted from the believed `model`; its gain in BIC counts as none.
 
-    goal: the cost above which the fit is of no use, and is given up.
+    goal: the cost above which the fit is of no use, and is given up. turned: see `with_examples`.
     """
-    believed = with_examples(model, names, catalogue)
+    believed = with_examples(model, names, catalogue, turned)
     return candidate_of(*model_fit(plant, records, believed, catalogue, goal=goal), tuple(names), None, 1.0)
 
 
-def explaining(records: Sequence[Observed]) -> float:
-    """The cost from which a fit is given up that is of use only if it leaves but noise."""
-    return FAR_OFF * 0.5 * sum(record.size for record in records)
+def explaining(records: Sequence[Observed], state: State) -> float:
+    """The cost from which a fit is given up that is of use only if it leaves but noise.
+
+    state: of a fit at hand. Where it has cuts that begin or end within an arc, a fit from the beginning finds those last.
+    """
+    in_arc = any(own.ends_in_arc() for own in state.nuisances)
+    return (WITHOUT_PARTS if in_arc else FAR_OFF) * 0.5 * sum(record.size for record in records)
 
 
-def with_examples(model: Model, names: Sequence[str], catalogue: Mapping[str, Effect]) -> Model:
-    """The model with the effects of these names as strong as their examples."""
+def with_examples(model: Model, names: Sequence[str], catalogue: Mapping[str, Effect], turned: Container[str] = ()) -> Model:
+    """The model with the effects of these names as strong as their examples; those `turned` on the other side of neutral."""
     for name in names:
-        model = model.with_effect(name, **catalogue[name].example())
+        other = catalogue[name].other_side() if name in turned else None
+        model = model.with_effect(name, **(other or catalogue[name].example()))
     return model
 
 
@@ -98,12 +104,18 @@ def _cut_anew(first: Candidate, model: Model, say: Callable[[str], None]) -> Can
 
 
 def _believed_but_last(one: Candidate, model: Model, catalogue: Mapping[str, Effect]) -> Model:
-    """The believed `model` with the set's effects as they were found, but for the last, which starts at its example."""
+    """The believed `model` with the set's effects as they were found, but for the last, which starts at its example.
+
+    On the side of neutral on which it was found.
+    """
     assert one.fit is not None
     *others, last = one.effects
     for name in others:
         model = model.with_effect(name, **one.fit.state.model.effects[name])
-    return with_examples(model, [last], catalogue)
+    switch = next((each for each in catalogue[last].parameters if each.vanishes), None)
+    found = 0.0 if switch is None else one.fit.state.model.effects[last][switch.name] - switch.neutral
+    turned = [last] if switch is not None and found * (switch.example - switch.neutral) < 0.0 else []
+    return with_examples(model, [last], catalogue, turned)
 
 
 def switched_on_too(
@@ -117,7 +129,7 @@ def switched_on_too(
     assert current.fit is not None and current.fitter is not None
     fit, fitter = current.fit, current.fitter
     records = [replace(record, weight=None) for record in fitter.records]
-    goal = explaining(records)
+    goal = explaining(records, fit.state)
     for name, _ in switchable(fitter, fit.state, catalogue):
         say(f"fitting {current.effects[-1]} with {name} from the believed machine")
         believed = _believed_but_last(current, model, catalogue).with_effect(name)

@@ -35,6 +35,7 @@ class BelievedLook:
         self._costs: dict[tuple[str, ...], float] = {}
         self._fits: dict[tuple[str, ...], Candidate] = {}
         self._alone: tuple[Candidate, ...] | None = None
+        self._turned: set[str] = set()  # effects that explain more on the other side of neutral than their example is on
 
     @cached_property
     def every(self) -> tuple[str, ...]:
@@ -74,12 +75,19 @@ class BelievedLook:
     def _begun(self, names: Sequence[str]) -> tuple[Model, list[Free]]:
         """The believed machine with these effects, its structure as free decays show it; and what is unknown of it."""
         free = all_free(self.records, with_examples(self.model, names, self.catalogue), self.catalogue)
-        return with_examples(self._started, names, self.catalogue), free
+        return with_examples(self._started, names, self.catalogue, self._turned), free
 
     def _glanced(self, name: str) -> float:
-        """The cost of a short fit."""
+        """The cost of a short fit, on the side of neutral on which it is less."""
         self.say(f"{name} from the believed machine")
-        return glance(self.plant, self.records, *self._begun([name]))
+        cost = glance(self.plant, self.records, *self._begun([name]))
+        if self.catalogue[name].other_side() is None:
+            return cost
+        self._turned.add(name)
+        other = glance(self.plant, self.records, *self._begun([name]))
+        if not other < cost:
+            self._turned.discard(name)
+        return min(cost, other)
 
     def opened(self, *names: str) -> float:
         """The cost of a fit of these effects to the openings, from several starts."""
@@ -105,7 +113,7 @@ class BelievedLook:
         """The same, or None where the fit was given up above its goal."""
         if names not in self._fits:
             self.say(f"fitting {' and '.join(names)} from the believed machine")
-            found = from_believed(self.plant, self.records, self.model, names, self.catalogue, goal)
+            found = from_believed(self.plant, self.records, self.model, names, self.catalogue, goal, self._turned)
             if found.fit is None or found.fit.cost > goal:
                 return None
             self._fits[names] = found
@@ -123,7 +131,8 @@ class BelievedLook:
 
     def _complete(self) -> tuple[Candidate, ...]:
         first, *others = self._likely
-        goal, close = explaining(self.records), RIVAL * self.opened(first)
+        assert self.base.fit is not None
+        goal, close = explaining(self.records, self.base.fit.state), RIVAL * self.opened(first)
         found = self._fitted((first,), goal)
         if found is None or found.error_where_known > COMPLETE * pooled(self.base.errors)[1]:
             return ()

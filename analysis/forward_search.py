@@ -33,6 +33,7 @@ from testbed.machine import Model
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
 FAINT = 5e-3  # share of it below which what the found effects leave may be the form of their laws, not another effect,
 TAKEN = 0.6  # unless that takes away this share of what is left
+OWN_FORM = 1e-3  # share of the named effects' gain in BIC, and of what they explain: a law is good to three per cent of itself
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
 HOPEFUL = 2.0  # error over noise floor above which the last effect that may be added is not: too much would still be missing
 COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
@@ -193,22 +194,22 @@ def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Eff
     origins = origins_of(current.fitter.plant, model, current.fitter, current.fit, anchored=False)
     found = certain_candidates(current, catalogue, origins, say)
     seen = tuple(map(_told, found))
-    hum = next(filter(None, (hum_of(one, current, catalogue) for one in _certain(found, current, noise))), "")
+    hum = next(filter(None, (hum_of(one, current, catalogue) for one in _certain(found, current, steps[0], noise))), "")
     found = [one for one in found if not hum_of(one, current, catalogue)] if hum else found
-    refitted = _nesting_guard(current, _certain(found, current, noise), catalogue)
+    refitted = _nesting_guard(current, _certain(found, current, steps[0], noise), catalogue)
     if refitted is not current:  # the set itself, begun where an effect more ended, explains as much without it
         refitted = replace(refitted, delta_bic=current.delta_bic)
         found = sorted((against(one, refitted) for one in found), key=lambda one: -one.delta_bic)
         end = refitted if current is end else settled(refitted, catalogue)
         current, steps = refitted, [*steps[:-1], end]
-    passing = _certain(found, current, noise)
+    passing = _certain(found, current, steps[0], noise)
     tied = tuple(one.effects[-1] for one in passing if tied_with(passing[0], one, current, noise))  # the first with itself
     if not passing or (len(tied) > 1 and current.effects):  # which of them it is, so faint, is not asked beside what is known
         return Path(tuple(steps), seen, (), hum)
     best = settled(passing[0], catalogue)
     if current is not end:  # it may have made up for the error of the steps
         best = against(best, end)
-        if best.delta_bic <= CERTAIN or best.error_held_out >= end.error_held_out:
+        if best.delta_bic <= CERTAIN or best.error_where_known >= end.error_where_known:
             return Path(tuple(steps), seen, (), hum)
     return Path((*steps, best), seen, tied if len(tied) > 1 else (), hum)
 
@@ -222,11 +223,15 @@ def below_a_guess(one: Candidate, noise: float) -> bool:
     return one.error_where_known < GUESSED * noise and all(record.noise_basis != "idle" for record in one.fitter.records)
 
 
-def _certain(found: Sequence[Candidate], current: Candidate, noise: float) -> list[Candidate]:
-    """Those that many samples make certain and that take away most of what the current set leaves."""
-    left = (1.0 - TAKEN) * excess(current.error_held_out, noise)
-    return [one for one in found if one.delta_bic > CERTAIN and excess(one.error_held_out, noise) <= left
-            and one.error_held_out < current.error_held_out]
+def _certain(found: Sequence[Candidate], current: Candidate, base: Candidate, noise: float) -> list[Candidate]:
+    """Those that many samples make certain and that take away most of what the current set leaves.
+
+    Beside effects that are named already, what is small against their gain in BIC may be the form of their laws.
+    """
+    left = (1.0 - TAKEN) * excess(current.error_where_known, noise)
+    least = CERTAIN if not current.effects else max(CERTAIN, OWN_FORM * against(current, base).delta_bic)
+    return [one for one in found if one.delta_bic > least and excess(one.error_where_known, noise) <= left
+            and one.error_where_known < current.error_where_known]
 
 
 def _with_search_steps(one: Candidate, base: Candidate, noise: float) -> Candidate:

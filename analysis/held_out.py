@@ -17,6 +17,7 @@ from analysis.observed import Observed
 from analysis.waveform import Fitter
 
 SUSPECT = 2.0  # squared error over that in sample, from which a record left out is looked at with a fit of its own
+NOTABLE = 1.2  # the same, from which it matters whether the others agree with the joint fit
 SHORTER = (1.0, 0.3, 0.1)  # shares of a step that are tried until one helps
 REFIT = 4  # iterations of that fit
 AGREE = 0.999  # probability that noise alone lets other records prefer their own parameters by less than they do
@@ -143,11 +144,15 @@ def held_out_errors(fitter: Fitter, fit: WaveformFit) -> list[RecordError]:
     errors: dict[int, RecordError] = {}
     for group in groups:
         others = [index for index in range(len(fitter.records)) if index not in group]
-        rests, agree = _predicted(fitter, _stepped(fitter, fit, others), group), False
+        state, agree = _stepped(fitter, fit, others)
+        rests = _predicted(fitter, state, group)
         inside = sum(float(fit.residuals[index] @ fit.residuals[index]) for index in group)
-        if not sum(float(rest @ rest) for rest in rests) < SUSPECT * inside:
+        outside = sum(float(rest @ rest) for rest in rests)
+        if not outside < SUSPECT * inside:
             state, agree = _refitted(fitter, fit, others)
             rests = _predicted(fitter, state, group)
+        elif outside < NOTABLE * inside:
+            agree = False  # what was left out is foretold: that error is told
         for index, rest in zip(group, rests, strict=True):
             record = fitter.records[index]
             in_fit = record_error(record, fit.residuals[index]).squares if agree else None
@@ -161,22 +166,34 @@ def _predicted(fitter: Fitter, state: State, group: Sequence[int]) -> list[np.nd
     return [fitter.residual_of(index, state) for index in group]
 
 
-def _stepped(fitter: Fitter, fit: WaveformFit, others: Sequence[int]) -> State:
-    """The state without the group by one Gauss-Newton step from the joint optimum, with the slopes at hand."""
+def _stepped(fitter: Fitter, fit: WaveformFit, others: Sequence[int]) -> tuple[State, bool]:
+    """The state without the group by one Gauss-Newton step from the joint optimum, with the slopes at hand.
+
+    And whether the joint one suits the records left, as far as that step goes: see `_agree`.
+    """
     move, _ = fitter.step(fit.parts, 1e-9, used=others)
     known = fitter.cost(fit.state, others)
     share = 1.0
-    while share > 0.1 and not fitter.cost(fitter.moved(fit.state, share * move), others) <= 1.05 * known:
+    while share > 0.1:
+        moved = fitter.moved(fit.state, share * move)
+        cost = fitter.cost(moved, others)
+        if cost <= 1.05 * known:
+            return moved, _agree(known - cost, fit.variance, len(fitter.names))
         share *= 0.5  # where the records left are not linear over so long a step
-    return fitter.moved(fit.state, share * move) if share > 0.1 else fit.state
+    return fit.state, False
 
 
 def _refitted(fitter: Fitter, fit: WaveformFit, others: Sequence[int]) -> tuple[State, bool]:
-    """The state without the group by a fit of the records left, where one step led astray; whether the joint one suits them.
-
-    It does where their own optimum explains them no better than noise alone lets it (likelihood ratio).
-    """
+    """The state without the group by a fit of the records left, where one step led astray; whether the joint one suits them."""
     left, joint = fitter.of_records(others), fit.state.of_records(others)
     found = left.fit(joint, iterations=REFIT)
-    gain = 2.0 * (left.cost(joint) - found.cost) / max(1.0, found.variance)
-    return replace(found.state, nuisances=fit.state.nuisances), gain <= chi2.ppf(AGREE, len(fitter.names))
+    agree = _agree(left.cost(joint) - found.cost, found.variance, len(fitter.names))
+    return replace(found.state, nuisances=fit.state.nuisances), agree
+
+
+def _agree(saved: float, variance: float, parameters: int) -> bool:
+    """Whether records agree with parameters that are not their own optimum, which would save so much of their cost.
+
+    They do where it explains them no better than noise alone lets it (likelihood ratio).
+    """
+    return 2.0 * saved / max(1.0, variance) <= float(chi2.ppf(AGREE, parameters))

@@ -176,6 +176,16 @@ class Effect:
         """Parameter values at which the effect is plain to see."""
         return {parameter.name: parameter.example for parameter in self.parameters}
 
+    def other_side(self) -> dict[str, float] | None:
+        """The example with what switches the effect as far on the other side of neutral; None where a bound forbids that."""
+        found = self.example()
+        for one in self.parameters:
+            if one.vanishes:
+                found[one.name] = 2.0 * one.neutral - one.example
+                if not one.bounds[0] <= found[one.name] <= one.bounds[1]:
+                    return None
+        return found if found != self.example() else None
+
     def neutral(self) -> dict[str, float]:
         """Parameter values at which the effect vanishes exactly."""
         return {parameter.name: parameter.neutral for parameter in self.parameters}

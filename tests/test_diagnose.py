@@ -9,11 +9,12 @@ from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
 from analysis.begun_anew import begun_anew
-from analysis.candidate_round import candidate_of
+from analysis.candidate_round import _at_a_bound, candidate_of
 from analysis.diagnose import diagnose
 from analysis.diagnosis import Candidate, as_json, verdict_of
 from analysis.effect_start import all_free
-from analysis.forward_search import below_a_guess, worth_naming
+from analysis.fit_state import Free
+from analysis.forward_search import _certain, below_a_guess, worth_naming
 from analysis.held_out import pooled
 from analysis.observed import observe
 from analysis.starts import base_fit
@@ -116,3 +117,20 @@ def test_of_the_little_that_two_effects_leave_a_third_must_take_half(left, worth
 def test_below_a_noise_that_was_only_guessed_no_gain_makes_a_further_effect_certain(left, basis, below):
     fitter = SimpleNamespace(records=[SimpleNamespace(noise_basis=basis)] * 2)
     assert below_a_guess(Candidate(("cubic_stiffness",), {}, left, left, 75.0, True, fitter=fitter), 1.0) is below
+
+
+@pytest.mark.parametrize(("gain", "beside", "certain"), [(127.0, 0.0, True), (127.0, 3e5, False), (400.0, 3e5, True)])
+def test_beside_a_strong_effect_a_small_gain_may_be_the_form_of_its_law(gain, beside, certain):
+    named = ("speed_droop",) if beside else ()
+    base, current, other = (Candidate(effects, {}, error, error, delta, True) for effects, error, delta in
+                            (((), 9.0, 0.0), (named, 1.003, beside), ((*named, "process_damping"), 1.0, gain)))
+    assert bool(_certain([other], current, base, 1.0)) is certain
+
+
+@pytest.mark.parametrize(("value", "bound"), [(5.5e8, False), (5.5e5, True)])
+def test_a_machine_at_the_bound_of_what_is_searched_is_noticed(value, bound):
+    free = [Free("tangential_coefficient", 1e7, (5.5e5, 5.5e11)), Free("edge_force.normal", 1e4, (0.0, 1e6))]
+    model = TRUE.with_values({"tangential_coefficient": value}).with_effect("edge_force", tangential=1e4, normal=0.0)
+    one = Candidate(("edge_force",), {}, 1.0, 1.0, 0.0, True, fit=SimpleNamespace(state=SimpleNamespace(model=model)),
+                    fitter=SimpleNamespace(free=free))
+    assert _at_a_bound(one) is bound

@@ -186,6 +186,17 @@ def slope_of(name: str, state: str, **given: float) -> float:
 OSCILLATORS = [(name, *pair) for name in NAMES for pair in EFFECTS[name].oscillators]
 
 
+def test_an_effect_that_goes_both_ways_has_an_example_on_the_other_side():
+    known = catalogue()
+    sides = {name: effect.other_side() for name, effect in known.items()}
+    assert sides["immersion_error"] == {"error": -0.15} and sides["helix"] == {"angle": -0.5}
+    assert sides["dry_friction"] is None and sides["runout"] is None and sides["contact_loss"] is None
+    for name, values in sides.items():
+        for one in known[name].parameters if values else ():
+            moved = known[name].example()[one.name] + values[one.name] - 2 * one.neutral
+            assert abs(moved) < 1e-12 * abs(values[one.name]) if one.vanishes else values[one.name] == one.example
+
+
 def test_what_is_said_to_be_an_oscillator_is_one():
     """Left to itself its rate is linear in its two states, and nothing else moves it."""
     assert OSCILLATORS

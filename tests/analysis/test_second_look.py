@@ -1,5 +1,6 @@
 """A search that began with the wrong effect is begun again; one that left only noise is not. The data have other steps."""
 
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -55,6 +56,21 @@ def test_where_no_first_step_leads_to_much_the_believed_machine_is_asked(observe
     assert not any("anew" in line for line in said)  # it is from there already
     complete = look.alone()[0].error_where_known <= ADEQUATE * noise
     assert complete != any(line.endswith("from far") for line in said)  # only what leaves nothing spares the others' trials
+
+
+def test_an_effect_is_looked_for_on_both_sides_of_neutral_and_though_a_cut_ends_within_an_arc():
+    """The believed immersion is too large; its example is too small. A fit from the beginning takes all passes for whole."""
+    def simulate(model, cut, sampling):
+        ended = replace(cut, early_exit=0.93) if cut.axial_depth_of_cut > 2.5e-3 else cut
+        return fast.simulate(model, ended, sampling, steps=370)
+
+    records = synthetic_campaign(simulate, TRUE.with_effect("immersion_error", error=-0.25), seed=6, noise=1e-6,
+                                 tests=((3500, 0.8), (2850, 2.9), (3900, 2.2), (2600, 1.2)), course=(10, 40, 15), rate=6400.0)
+    known = {name: KNOWN[name] for name in ("edge_force", "immersion_error")}
+    base = fitted([observe(record, BELIEVED) for record in records])
+    look = BelievedLook(base, BELIEVED, known, lambda line: None)
+    assert look.leader == "immersion_error" and [one.effects for one in look.alone()] == [("immersion_error",)]
+    assert look.alone()[0].parameters["immersion_error.error"] == pytest.approx(-0.25, abs=0.015)
 
 
 def test_what_the_believed_machine_cannot_explain_is_asked_once(observed):
