@@ -260,7 +260,7 @@ def observe(record: Any, model: Model) -> Observed:
         raise ValueError(f"record {record.name} has no channel that a model predicts")
     segments = find_segments(recording, kind=record.kind)
     data = np.array([recording.channels[name] for name in names], dtype=float)
-    first, last = _used(record.kind, segments, recording, names[0])
+    first, last = _used(record.kind, segments, recording, names[0], model.structure.natural_frequency)
     data = data[:, first:last]
     floors = [noise_floor(recording, segments, name) for name in names]
     noise = np.array([max(floor.rms, rounding(row), UNRESOLVED * float(np.std(row)), 1e-300)
@@ -296,10 +296,11 @@ def observe(record: Any, model: Model) -> Observed:
     return ready
 
 
-def _used(kind: str, segments: Sequence[Segment], recording: Any, name: str) -> tuple[int, int]:
+def _used(kind: str, segments: Sequence[Segment], recording: Any, name: str, frequency: float) -> tuple[int, int]:
     """The samples of a record that are predicted: all, but a free decay only from its first large swing on.
 
-    Before that, something pushed the structure or held it: a single sample of that weighs more than all the noise.
+    Before that, something pushed the structure or held it: a single sample of that weighs more than all the noise. A velocity
+    or an acceleration swings most while it is still pushed: of those, half a period more is left out. frequency: Hz, believed.
     """
     count = len(recording)
     for segment in segments:
@@ -307,7 +308,10 @@ def _used(kind: str, segments: Sequence[Segment], recording: Any, name: str) -> 
             first = max(0, min(count - 64, round((segment.start - recording.start) * recording.sampling_rate)))
             values = np.asarray(recording.channels[name], dtype=float)
             opening = np.abs(values[first : first + max(SWING, (count - first) // 50)] - float(np.median(values)))
-            return max(0, min(count - 64, first + int(np.argmax(opening)))), count
+            first += int(np.argmax(opening))
+            if DERIVATIVES.get(name, 0) > 0:
+                first += math.ceil(0.5 * recording.sampling_rate / frequency)
+            return max(0, min(count - 64, first)), count
     return 0, count
 
 

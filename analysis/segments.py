@@ -19,6 +19,7 @@ from testbed.readers.tachometer import speed as marks_speed
 from testbed.recording import Recording
 
 Kind = Literal["idle", "entry", "steady", "exit", "ring-down"]
+_STILL, _STILL_SAMPLES = 0.1, 16  # share of a swing that is none, and samples in which that is seen
 _ABRUPT = 2.5  # growth of the level within two revolutions that ends idling
 _RESOLVED = 2e-3  # of the range: what is smaller than this is not looked for
 _FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
@@ -244,13 +245,19 @@ def _settled(values: np.ndarray, turn: float, white: float) -> tuple[int, int]:
     return (int(first * turn) if first else 0), leaving
 
 
+def _still(values: np.ndarray, swing: float) -> bool:
+    """Whether samples before a blow show none of its swing: idling too short to be told otherwise."""
+    return len(values) >= _STILL_SAMPLES and float(np.abs(values).max()) < _STILL * swing
+
+
 def _tap(values: np.ndarray, turn: int) -> list[tuple[Kind, int, int]]:
     """Segments of a tap test: quiet, the free decay from its largest swing, quiet again."""
     white = white_noise(values)
     line = np.median(values)
     largest = int(np.argmax(np.abs(values - line)))
     before = _idle_end(values, turn, white) if largest > 8 * turn else 0
-    first = min(before, largest) if before else (0 if largest < 4 * turn else largest)
+    ringing = largest < 4 * turn and not _still(values[: largest // 2] - line, abs(float(values[largest] - line)))
+    first = min(before, largest) if before else (0 if ringing else largest)
     idle_level = float(np.median(_levels(values[:first], turn).level)) if first > 2 * turn else white
     stop = _faded(values, turn, max(idle_level, white))
     return [("idle", 0, first), ("ring-down", first, max(stop, first)), ("idle", max(stop, first), len(values))]

@@ -111,6 +111,17 @@ def test_a_tap_is_quiet_then_rings() -> None:
     assert _kinds(find_segments(recording, kind="idle")) == ["idle"]
 
 
+def test_a_tap_after_a_short_idling_begins_with_the_blow_and_a_decay_with_the_record() -> None:
+    time = np.arange(8000) / 5000.0
+    decay = 3e-5 * np.exp(-15 * time) * np.sin(2 * np.pi * 95 * time)
+    noise = 1e-7 * np.random.default_rng(4).standard_normal(8000)
+    late = Recording({"displacement": np.roll(decay, 280) * (time > 0.055) + noise}, 5000.0, {"displacement": "m"}, "measured")
+    ring = next(one for one in find_segments(late, kind="ring-down") if one.kind == "ring-down")
+    assert 0.05 < ring.start < 0.065  # idling for a few periods only
+    early = Recording({"displacement": decay + noise}, 5000.0, {"displacement": "m"}, "measured")
+    assert find_segments(early, kind="ring-down")[0].kind == "ring-down"
+
+
 def test_the_main_channel_is_the_one_that_moves() -> None:
     channels = {name: np.zeros(3) for name in ("tachometer", "force_y", "acceleration")}
     assert main_channel(Recording(channels, 1.0, dict.fromkeys(channels, "1"), "measured")) == "acceleration"

@@ -56,6 +56,20 @@ def test_two_decays_of_different_modes_start_at_the_one_that_is_believed_in():
         assert started.structure.natural_frequency == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.parametrize(("channel", "noise"), (("displacement", 1e-7), ("velocity", 1e-4), ("acceleration", 0.1)))
+@pytest.mark.parametrize("lasts", (0.1, 0.35))
+def test_a_free_decay_is_predicted_from_where_nothing_pushes_any_more(channel, noise, lasts):
+    """While a blow lasts, for a share of a period, the acceleration has its largest swing, but the displacement has not."""
+    period, count = 1.0 / TRUE.structure.natural_frequency, 6000
+    blow = (np.arange(count) / RATE - 0.1) / (lasts * period)
+    force = np.where((blow > 0) & (blow < 1), 400 * np.sin(math.pi * blow), 0.0)
+    values = PLANT.predict_driven([TRUE], [(0.0, 0.0)], force, RATE, (channel,))[0, 0]
+    values += noise * np.random.default_rng(2).standard_normal(count)
+    recording = Recording({channel: values}, RATE, {channel: CHANNEL_UNITS[channel]}, "measured")
+    record = observe(Record("tap", "ring-down", recording, {}), TRUE)
+    assert force[round(record.start * RATE) + 1 :].max() == 0.0 and record.start < 0.1 + 1.5 * period
+
+
 @pytest.mark.parametrize("pulses", (2, 60))
 def test_a_tachometer_that_shows_another_speed_by_far_is_refused(pulses):
     """More pulses a revolution than written down, or another sampling rate: no fit could follow such a record."""
