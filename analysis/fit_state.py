@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.nuisances import Nuisances, end_moved_in_arc
+from analysis.observed import Observed
 from testbed.machine import Model
 
 
@@ -43,14 +44,18 @@ class State:
         """The state with one parameter of the model at another value."""
         return replace(self, model=self.model.with_values({path: value}))
 
-    def passes_in_arc(self, flutes: int) -> float:
-        """How many passes long a tooth is in the work: the angle of engagement over the pitch."""
-        assert self.model.cutting is not None
-        return self.model.cutting.engagement_angle * flutes / (2.0 * math.pi)
+    def passes_in_arc(self, record: Observed) -> float:
+        """How many passes of a cut long a tooth is in the work, its helix and an error of the immersion counted."""
+        cutter, cutting, effects = self.model.cutter, self.model.cutting, self.model.effects
+        assert cutter is not None and cutting is not None and record.cut is not None
+        wound = cutter.helix_angle + effects.get("helix", {}).get("angle", 0.0)
+        lag = 2.0 * record.cut.axial_depth_of_cut * abs(math.tan(wound)) / cutter.diameter
+        engaged = cutting.engagement_angle * (1.0 + effects.get("immersion_error", {}).get("error", 0.0))
+        return (min(engaged, math.pi) + lag) / cutter.pitch
 
-    def share_in_arc(self, flutes: int) -> float:
+    def share_in_arc(self, record: Observed) -> float:
         """Share of a pass in which a tooth is in the work, 1 where one always is, or where nothing cuts."""
-        return 1.0 if self.model.cutting is None else min(1.0, self.passes_in_arc(flutes))
+        return 1.0 if record.cut is None or self.model.cutting is None else min(1.0, self.passes_in_arc(record))
 
     def of_records(self, places: Sequence[int]) -> State:
         """The state of a fit of the records at these places alone."""
@@ -64,10 +69,10 @@ class State:
         """The state with no first pass cut in part."""
         return replace(self, nuisances=tuple(replace(one, late_entry=0.0) for one in self.nuisances))
 
-    def with_sudden_entries(self, flutes: int) -> State:
+    def with_sudden_entries(self, records: Sequence[Observed]) -> State:
         """The state with first passes that begin where gradual ones first touch the work: within an arc, or with the next."""
-        arc = self.share_in_arc(flutes)
-        return replace(self, nuisances=tuple(end_moved_in_arc(one, "entry", 0.0, arc) for one in self.nuisances))
+        return replace(self, nuisances=tuple(end_moved_in_arc(own, "entry", 0.0, self.share_in_arc(record))
+                                             for own, record in zip(self.nuisances, records, strict=True)))
 
     def without_effect(self, name: str) -> State:
         """The state whose model lacks one effect, all else as it is."""

@@ -62,4 +62,4 @@ def _jumps(record: Observed, state: State, own: Nuisances) -> np.ndarray:
     first, last = durations[passes][[0, -1]]
     begun, ended = entries[0] + own.late_entry * first, entries[-1] + (1.0 - own.early_exit) * last
     ends = [time for time, missing in ((begun, own.late_entry), (ended, own.early_exit)) if missing > 0.0]
-    return np.concatenate([entries, entries + state.passes_in_arc(record.flutes) * durations[passes], ends])
+    return np.concatenate([entries, entries + state.passes_in_arc(record) * durations[passes], ends])

@@ -131,7 +131,7 @@ def _nested(fitter: Fitter, larger: Candidate, catalogue: Mapping[str, Effect]) 
     state, name = larger.fit.state, larger.effects[-1]
     found = [fitter.fit(state_without(state, name, catalogue), iterations=12)]
     if "engagement" in catalogue[name].hooks and not fitter.gradual:
-        sudden = state.without_effect(name).with_sudden_entries(fitter.records[0].flutes)
+        sudden = state.without_effect(name).with_sudden_entries(fitter.records)
         parts = as_believed(fitter, fitter.fit(sudden, iterations=12))
         found += [] if parts is None else [parts]
     return found

@@ -34,7 +34,7 @@ def best_ends(fitter: Fitter, index: int, state: State, starts: list[Nuisances])
 
     From each start, and with either end first, coarse places are tried; the best of all is then made exact.
     """
-    arc = state.share_in_arc(fitter.records[index].flutes)
+    arc = state.share_in_arc(fitter.records[index])
 
     def costs_of(tried: Sequence[Nuisances]) -> np.ndarray:
         return 0.5 * squares_of(fitter, index, state, tried)
@@ -85,7 +85,7 @@ def best_moved(fitter: Fitter, fit: WaveformFit, index: int) -> tuple[float, Nui
     quadratic in everything that is continuous.
     """
     own, part = fit.state.nuisances[index], fit.parts[index]
-    arc = fit.state.share_in_arc(fitter.records[index].flutes)
+    arc = fit.state.share_in_arc(fitter.records[index])
     slopes = [each.without_own(each.shared.T).T for each in fit.parts]
     followed = np.linalg.pinv(np.sum([one.T @ one for one in slopes], axis=0), rcond=1e-12, hermitian=True)
 

@@ -195,7 +195,7 @@ def _without_late_entries(fitter: Fitter, state: State, found: Sequence[Nuisance
 
 def _missing(record: Observed, own: Nuisances, state: State) -> float:
     """Share of the arc that the first pass lacks; 0 where the cut begins just before a pass, among teeth on their way out."""
-    arc = state.share_in_arc(record.flutes)
+    arc = state.share_in_arc(record)
     return 0.0 if arc == 1.0 and own.late_entry > 1.0 - NEARLY_WHOLE else own.late_entry / arc
 
 

@@ -186,7 +186,7 @@ class Fitter:
         At hand: nudges, of the shared unknowns; first, what is predicted at the state, (1, channels, samples).
         """
         record, nuisances = self.records[index], state.nuisances[index]
-        own, arc = self._own_steps(record, nuisances), state.share_in_arc(record.flutes)
+        own, arc = self._own_steps(record, nuisances), state.share_in_arc(record)
         nudges = self._shared_nudges(state) if nudges is None else nudges
         signs = [sign for _, sign in nudges]
         variants = [(one.model, one.angle, nuisances) for one in (state, *(other for other, _ in nudges))]
@@ -259,7 +259,7 @@ class Fitter:
 
         def one(index: int) -> Linearised:
             record, nuisances, part = self.records[index], state.nuisances[index], parts[index]
-            own, arc = self._own_steps(record, nuisances), state.share_in_arc(record.flutes)
+            own, arc = self._own_steps(record, nuisances), state.share_in_arc(record)
             new = [change for change in own if not set(change) <= set(part.known)]
             variants = [(other.model, state.angle, nuisances) for other in (state, *(one for one, _ in nudges))]
             variants += [(state.model, state.angle, self._nudged(nuisances, change, step, arc)) for change in new]
@@ -320,7 +320,7 @@ class Fitter:
         """The state after a step of the records' own unknowns."""
         changed = []
         for record, nuisances, move in zip(self.records, state.nuisances, moves, strict=True):
-            arc = state.share_in_arc(record.flutes)
+            arc = state.share_in_arc(record)
             for change, amount in zip(self._own_steps(record, nuisances), move, strict=True):
                 nuisances = self._nudged(nuisances, change, float(amount), arc)
             changed.append(nuisances)

@@ -110,6 +110,22 @@ def test_where_nearly_all_cuts_begin_or_end_within_an_arc_each_place_is_found(ma
             assert abs(fit.state.model.value(name) - TRUE.value(name)) < 4 * spread
 
 
+def test_a_helix_makes_the_arc_longer_in_which_a_cut_may_begin():
+    """Begun when the edge's lower end has left the work and its upper end has not entered it yet."""
+    wound = replace(TRUE, cutter=replace(TRUE.cutter, helix_angle=0.7))
+    records = []
+    for number, ((rpm, depth), late) in enumerate(zip(TESTS, (0.0, 0.175, 0.0), strict=True)):
+        def simulate(model, course, sampling, late=late):
+            return fast.simulate(model, replace(course, late_entry=late), sampling, steps=610)
+
+        records.append(synthetic_record(simulate, wound, rpm, depth * 1e-3, 70 + number, course=(10, 40, 20)))
+    believed = replace(BELIEVED, cutter=wound.cutter)
+    fitter, fit = model_fit(plant_of(catalogue()), [observe(record, believed) for record in records], believed, catalogue())
+    assert 0.162 < 0.175 < fit.state.share_in_arc(fitter.records[1]) < 0.2
+    assert fit.mean_squares.max() < 1.05
+    assert [own.late_entry for own in fit.state.nuisances] == pytest.approx([0.0, 0.175, 0.0], abs=0.004)
+
+
 def test_whole_passes_stay_whole():
     records = [observe(synthetic_record(partial(fast.simulate, steps=61), TRUE, rpm, depth * 1e-3, 50 + number,
                                         course=(10, 40, 20)), BELIEVED) for number, (rpm, depth) in enumerate(TESTS)]
