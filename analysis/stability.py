@@ -21,8 +21,14 @@ from testbed.machine import Model
 
 StabilityClass = Literal["stable", "neimark_sacker", "flip", "saddle_node"]
 CLASSES: tuple[StabilityClass, ...] = ("stable", "neimark_sacker", "flip", "saddle_node")
+_SAID = {"neimark_sacker": "Neimark-Sacker", "saddle_node": "saddle-node"}
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _ETA, _GAUSS = 0.5 * (_POINTS + 1.0), 0.5 * _WEIGHTS
+
+
+def said_class(name: str) -> str:
+    """A class, or another outcome of a cut, as it is written for people."""
+    return _SAID.get(name, name.replace("_", " "))
 
 
 def classify(multipliers: np.ndarray) -> StabilityClass:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from analysis.chart_border import refined
 from analysis.collocation import collocation_multipliers
 from analysis.delay_equation import milling_equation
 from analysis.plots import ChartTest, plot_chart, plot_multipliers, plot_once_per_period, save
@@ -84,10 +85,79 @@ def test_a_cell_of_forty_thousand_is_what_it_is_in_a_small_chart():
 def test_pictures_are_written_as_png_and_svg(tmp_path):
     chart = stability_chart(machine(), SPEEDS[::20], DEPTHS[::20])
     test = ChartTest(SPEEDS[10], 2e-3, "flip", "C")
-    figures = {"chart": plot_chart(chart, [test]), "multipliers": plot_multipliers({"a": np.array([0.5 + 0.5j])}),
+    figures = {"chart": plot_chart(chart, [test]),
+               "multipliers": plot_multipliers({"a": (np.array([0.5 + 0.5j]), np.array([]))}),
                "samples": plot_once_per_period(np.arange(5.0), np.arange(5.0), np.arange(2.0), np.arange(2.0))}
     for name, figure in figures.items():
         png, svg = save(figure, tmp_path / "deep" / name)
         assert png.read_bytes()[:4] == b"\x89PNG" and b"<svg" in svg.read_bytes()[:2000]
     drawn = plot_chart(chart, [test]).axes[0]
     assert drawn.lines[0].get_xydata()[0] == pytest.approx([SPEEDS[10] * 30 / math.pi, 2.0])
+
+
+def fill(speeds, depths):
+    return stability_chart(machine(), speeds, depths)
+
+
+def test_borders_are_refined_to_what_the_whole_chart_would_be_at_a_fifth_of_its_work():
+    rough, computed = fill(SPEEDS[::5], DEPTHS[::10]), []
+
+    def counted(speeds, depths):
+        computed.append(speeds.size * depths.size)
+        return fill(speeds, depths)
+
+    fine = refined(rough, counted)
+    whole = fill(fine.spindle_speeds, fine.axial_depths)
+    assert fine.classes.size > 200 * rough.classes.size and sum(computed) < 0.2 * fine.classes.size
+    assert np.mean(fine.classes != whole.classes) < 1e-4
+    near = np.ix_(*(np.abs(new[:, None] - old).argmin(axis=1) for new, old in (
+        (fine.axial_depths, rough.axial_depths), (fine.spindle_speeds, rough.spindle_speeds))))
+    assert np.mean(rough.classes[near] != whole.classes) > 0.01  # what the chart's own cells make of it
+    assert np.array_equal(fine.classes == 0, fine.spectral_radius < 1.0)  # the line lies where the colour changes
+
+
+@pytest.mark.parametrize("shape", [(1, 5), (5, 1)])
+def test_a_line_of_cells_is_not_refined(shape):
+    chart = fill(SPEEDS[: shape[0]], DEPTHS[: shape[1]])
+    assert refined(chart, fill) is chart
+
+
+def boxes(figure):
+    """(axes, legend, labels, marks), each as boxes in pixels."""
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    marks = [axes.transData.transform(line.get_xydata()[0]) for line in axes.lines]
+    return (axes.get_window_extent(), axes.get_legend().get_window_extent(),
+            {text.get_text(): text.get_window_extent() for text in axes.texts}, marks)
+
+
+def test_the_legend_stands_beside_the_chart_and_labels_clear_of_each_other():
+    chart = fill(SPEEDS[::4], DEPTHS[::4])
+    near = [ChartTest(SPEEDS[100] * (1 + 0.004 * k), 2e-3, "neimark_sacker", f"run {k}") for k in range(4)]
+    figure = plot_chart(chart, [*near, ChartTest(SPEEDS[20], 2e-3, "undecided", "E")], "E: another")
+    axes, legend, labels, marks = boxes(figure)
+    assert legend.x0 >= axes.x1
+    assert len(labels) == 5
+    for name, box in labels.items():
+        assert not any(box.overlaps(other) for another, other in labels.items() if another != name), name
+        assert not any(box.contains(*mark) for mark in marks), name
+        assert axes.x0 <= box.x0 and box.x1 <= axes.x1
+    assert all(text.get_path_effects() for text in figure.axes[0].texts)
+    said = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert {"Neimark-Sacker", "test: Neimark-Sacker", "test: undecided", "E: another"} <= set(said)
+    assert not any("neimark" in text for text in said)
+
+
+def test_a_label_without_room_is_left_out():
+    many = [ChartTest(SPEEDS[100], 2e-3, "stable", f"run {number}") for number in range(40)]
+    labels = boxes(plot_chart(fill(SPEEDS[::20], DEPTHS[::20]), many))[2]
+    assert 2 <= len(labels) <= 8
+
+
+def test_multipliers_tell_the_test_by_colour_and_measured_from_model_by_shape():
+    pairs = {"3810 rpm": (np.array([0.5 + 0.5j]), np.array([0.6 + 0.5j])), "2850 rpm": (np.array([0.1]), np.array([0.2]))}
+    axes = plot_multipliers(pairs).axes[0]
+    drawn = {line.get_xydata()[0, 0]: (line.get_marker(), line.get_color()) for line in axes.lines[3:]}  # circle, two axes
+    assert [drawn[place][0] for place in (0.5, 0.6, 0.1, 0.2)] == ["o", "x", "o", "x"]
+    assert drawn[0.5][1] == drawn[0.6][1] != drawn[0.1][1] == drawn[0.2][1]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["measured", "model", "3810 rpm", "2850 rpm"]

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from analysis.stability import said_class
+
 COLUMN, PAGE = 3.4, 6.9  # inches: one column of the journal, two
 BLUE, ORANGE, GREEN, RED, GREY, PURPLE = "#1f5fa8", "#d9822b", "#2f8f5b", "#b8322a", "#7a7a7a", "#7b4fa3"
 OUTCOME_COLOURS = {"stable": GREEN, "neimark_sacker": BLUE, "flip": ORANGE, "saddle_node": PURPLE, "borderline": GREY}
-NAMES = {"neimark_sacker": "Neimark-Sacker", "saddle_node": "saddle-node"}
 _RC: Any = {"font.size": 8.0, "axes.titlesize": 8.0, "axes.labelsize": 8.0, "xtick.labelsize": 7.0, "ytick.labelsize": 7.0,
        "legend.fontsize": 7.0, "legend.frameon": False, "axes.linewidth": 0.6, "lines.linewidth": 0.9,
        "lines.markersize": 3.0, "xtick.major.width": 0.6, "ytick.major.width": 0.6, "axes.spines.top": False,
@@ -79,4 +80,4 @@ def shown(value: complex, digits: int = 4) -> str:
 
 def named(outcome: str) -> str:
     """A class as one writes it."""
-    return NAMES.get(outcome, outcome.replace("_", " "))
+    return said_class(outcome)

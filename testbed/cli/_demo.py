@@ -115,14 +115,18 @@ def identified(path: Path, show: Callable[[int, int], None]) -> Scored:
 
 
 def chart(path: Path, spindle_speeds: tuple[float, float], deepest: float) -> Any:
-    """The stability chart of the machine that a data set was cut on; speeds rad/s, depth m."""
+    """The stability chart, borders refined, of the machine that a data set was cut on; speeds rad/s, depth m."""
+    from functools import partial
+
     import numpy as np
 
+    from analysis.chart_border import refined
     from analysis.stability import stability_chart
     from testbed.data_set import read_data_set
 
-    return stability_chart(read_data_set(path).true_model(), np.linspace(*spindle_speeds, SPEED_CELLS),
-                           np.linspace(deepest / DEPTH_CELLS, deepest, DEPTH_CELLS), elements=6)
+    fill = partial(stability_chart, read_data_set(path).true_model(), elements=6)
+    depths = np.linspace(deepest / DEPTH_CELLS, deepest, DEPTH_CELLS)
+    return refined(fill(np.linspace(*spindle_speeds, SPEED_CELLS), depths), fill)
 
 
 def tap_test_folder() -> Path | None:

@@ -50,7 +50,7 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     unknown = int(np.count_nonzero(np.isnan(chart.largest)))
     if unknown:
         answer.say(f"{unknown} cells have no multipliers (no periodic motion was found); they are left blank")
-    for path in save(plot_chart(chart, tests), folder / "stability_chart"):
+    for path in save(plot_chart(_drawn(chart, model), tests), folder / "stability_chart"):
         answer.say(f"written: {path}")
     answer.finish({"spindle_speed": speeds, "axial_depth_of_cut": depths, "largest_multiplier": chart.largest,
                    "class": [[CLASSES[cell] if cell >= 0 else None for cell in row] for row in chart.classes.tolist()],
@@ -61,6 +61,15 @@ def _linear(model: Any, speeds: Any, depths: Any) -> Any:
     from analysis.stability import stability_chart
 
     return stability_chart(model, speeds, depths, elements=ELEMENTS)
+
+
+def _drawn(chart: Any, model: Any) -> Any:
+    """The chart for a picture, its borders finer than its cells; with effects, where a cell costs much, as it is."""
+    from functools import partial
+
+    from analysis.chart_border import refined
+
+    return chart if model.effects else refined(chart, partial(_linear, model))
 
 
 def _with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: bool) -> Any:

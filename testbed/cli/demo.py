@@ -15,7 +15,6 @@ from testbed.cli._options import shared
 from testbed.cli._places import output_folder
 
 STEPS = 7
-NAMES = {"neimark_sacker": "Neimark-Sacker"}
 SPAN, DEEPEST = (2500.0, 4500.0), 4.0  # of the chart: rpm, mm
 
 
@@ -83,12 +82,6 @@ class _Demo:
     def _picture(self, figure: Any, name: str, says: str) -> None:
         from analysis.plots import save
 
-        legend = figure.axes[0].get_legend()
-        if legend is not None:  # beside the axes, where it hides no test
-            legend.set_loc("upper left")
-            legend.set_bbox_to_anchor((1.01, 1.0))
-            width, height = figure.get_size_inches()
-            figure.set_size_inches(width + 2.0, height)
         path = save(figure, self.folder / name)[0]
         self.pictures.append(path)
         self.page.picture(path, says)
@@ -151,7 +144,8 @@ class _Demo:
         self._say(f"{SPEED_CELLS} x {DEPTH_CELLS} cells in {time.perf_counter() - began:.1f} s")
         overlay = [ChartTest(cut.spindle_speed, cut.axial_depth_of_cut, cut.simulated, cut.name)
                    for cut in (*self.cuts, *self.tests)]
-        self._picture(plot_chart(found, overlay), "stability_chart", "stability chart with tests")
+        drawn = plot_chart(found, overlay, "A to E: the published tests")
+        self._picture(drawn, "stability_chart", "stability chart with tests")
 
     def identification(self) -> None:
         """The paper's identification on three stable cuts, scored."""
@@ -167,11 +161,8 @@ class _Demo:
         one = found.scores[0]
         self._say(f"{one.count - one.failures} of {one.count} campaigns identified, noise {one.noise * 1e6:g} um, "
                   "started from the paper's guess (930 rad/s, Gamma1 5.0e8) by way of the ring-down")
-        sets = {}
-        for test in found.first.tests:
-            label = _rpm(test["spindle_speed"])
-            sets[f"{label}, measured"], sets[f"{label}, model"] = test["measured"], test["model"]
-        self._picture(plot_multipliers(sets), "multipliers", "measured and model multipliers")
+        pairs = {_rpm(test["spindle_speed"]): (test["measured"], test["model"]) for test in found.first.tests}
+        self._picture(plot_multipliers(pairs), "multipliers", "measured and model multipliers")
         self.result["identification"] = {"parameters": found.first.parameters, "tests": found.first.tests,
                                          "scores": found.scores, **found.first.quality}
 
@@ -265,7 +256,9 @@ def _truth_row(row: Any) -> tuple[str, ...]:
 
 
 def _name(verdict: str) -> str:
-    return NAMES.get(verdict, verdict.replace("_", " "))
+    from analysis.stability import said_class
+
+    return said_class(verdict)
 
 
 def _rpm(speed: float) -> str:
