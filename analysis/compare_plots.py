@@ -17,9 +17,11 @@ from analysis.force_state import ForceState
 from analysis.information import Z_95
 from analysis.inspection_plot import SEGMENT_COLOURS, envelope
 from analysis.lines import amplitude_spectrum
-from analysis.residual_views import CALIBRATED, MapUnits, by_angle, drawn_units, map_holds, on_chart
+from analysis.residual_views import CALIBRATED, MapUnits, by_angle, drawn_unit, drawn_units, map_holds, on_chart
 
 KINDS = tuple(SEGMENT_COLOURS)
+SYMBOLS = {"natural_frequency": "$f_n$", "damping_ratio": "$\\zeta$", "tangential_coefficient": "$K_t$",
+           "normal_coefficient": "$K_n$"}
 
 
 def save(found: Comparison, folder: Path, tested: Constancy | None = None, states: Sequence[ForceState] = (),
@@ -30,8 +32,8 @@ def save(found: Comparison, folder: Path, tested: Constancy | None = None, state
 
     pictures: dict[str, Callable[[Any], None]] = {
         "residual_by_record": lambda figure: by_record(figure, found),
-        "worst_record": lambda figure: worst_record(figure, found),
-        "residual_spectrum": lambda figure: spectrum(figure, found)}
+        "worst_record": lambda figure: worst_record(figure, found, units or {}),
+        "residual_spectrum": lambda figure: spectrum(figure, found, units or {})}
     records = found.fitter.records
     if any(record.cut is not None for record in records):
         pictures["residual_by_tooth_angle"] = lambda figure: by_tooth_angle(figure, found)
@@ -80,27 +82,37 @@ def by_record(figure: Any, found: Comparison) -> None:
     axis.legend(fontsize=8, ncols=6)
 
 
-def worst_record(figure: Any, found: Comparison) -> None:
-    """Measured, predicted and their difference over time."""
+def worst_record(figure: Any, found: Comparison, units: Mapping[str, str]) -> None:
+    """Measured, predicted and their difference over time, of the first channel; units: SI or own, by channel."""
+    from matplotlib.patches import Patch
+
     index = _worst(found)
     record, rest = found.fitter.records[index], found.errors[index].residual[0]
+    factor, unit = drawn_unit(record.channels[0], units)
     time = record.start + np.arange(record.samples) / record.rate
-    measured = record.data[0] - record.drift @ (record.drift.T @ record.data[0])
+    measured = (record.data[0] - record.drift @ (record.drift.T @ record.data[0])) * factor
+    rest = rest * factor
     above, below = figure.subplots(2, 1, sharex=True)
     above.plot(*envelope(time, measured), linewidth=0.6, color="#333333", label="measured")
     above.plot(*envelope(time, measured - rest), linewidth=0.6, color="#1f77b4", alpha=0.7, label="predicted")
-    below.plot(*envelope(time, rest), linewidth=0.6, color="#d62728")
+    below.plot(*envelope(time, rest), linewidth=0.6, color="#d62728", label="residual")
     for level in (-2, 2):
-        below.axhline(level * record.noise[0], color="#888888", linewidth=0.6, linestyle="--")
+        below.axhline(level * record.noise[0] * factor, color="#333333", linewidth=0.8, linestyle="--",
+                      label="twice the noise" if level > 0 else None)
     for segment in record.segments:
         for axis in (above, below):
             axis.axvspan(segment.start, segment.stop, color=SEGMENT_COLOURS[segment.kind], alpha=0.5, linewidth=0)
     how = "held out of" if found.records[index].held_out else "in"
     above.set_title(f"How far is {record.name} from its prediction? (the worst record, {how} the fit)")
-    above.set_ylabel(f"{record.channels[0]} [SI]")
-    below.set_ylabel("measured - predicted\n(dashed: 2 x noise)")
+    above.set_ylabel(f"{record.channels[0]} [{unit}]")
+    below.set_ylabel(f"residual [{unit}]")
     below.set_xlabel("time [s]")
-    above.legend(loc="upper right", fontsize=8)
+    shaded = [kind for kind in KINDS if any(segment.kind == kind for segment in record.segments)]
+    handles = [*above.get_legend_handles_labels()[0], *below.get_legend_handles_labels()[0],
+               *(Patch(color=SEGMENT_COLOURS[kind], alpha=0.5, label=kind) for kind in shaded)]
+    legend = figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=8)
+    for handle in legend.legend_handles[:3]:  # lines that are drawn thin
+        handle.set_linewidth(1.5)
 
 
 def by_tooth_angle(figure: Any, found: Comparison) -> None:
@@ -137,28 +149,39 @@ def misfit_on_chart(figure: Any, found: Comparison) -> None:
 
 def by_test(figure: Any, tested: Constancy) -> None:
     """Base parameters fitted test by test with 95 % intervals, each against the condition it follows best."""
-    axes = figure.subplots(1, len(tested.parameters), squeeze=False)[0]
+    columns = 2 if len(tested.parameters) > 1 else 1
+    rows = -(-len(tested.parameters) // columns)
+    figure.set_size_inches(10, 1 + 3.2 * rows)
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axis in axes[len(tested.parameters):]:
+        axis.remove()
+    for axis, parameter in zip(axes, tested.parameters, strict=False):
+        _tests_of(axis, tested, parameter)
+    figure.suptitle("Are the machine's constants constant, fitted test by test?\n"
+                    "(95 % intervals; each constant against the condition that it follows best)")
+
+
+def _tests_of(axis: Any, tested: Constancy, parameter: str) -> None:
     factors = dict(zip(COVARIATES, ((30 / np.pi, "rpm"), (1e3, "mm"), (1e3, "mm"), (1e6, "um s/rad")), strict=True))
-    for axis, parameter in zip(axes, tested.parameters, strict=True):
-        own = [trend for trend in tested.trends if trend.parameter == parameter]
-        best = min(own, key=lambda trend: trend.p_value, default=None)
-        tests = [test for test in tested.tests if parameter in test.parameters
-                 and (best is None or best.covariate in test.conditions)]
-        estimates = [test.parameters[parameter] for test in tests]
-        scale, unit = (1e-6, "N/mm^2") if estimates[0].unit == "N/m^2" else (1.0, estimates[0].unit)
-        value = np.array([one.value for one in estimates]) * scale
-        half = np.array([0.5 * (one.high - one.low) for one in estimates]) * scale
+    own = [trend for trend in tested.trends if trend.parameter == parameter]
+    best = min(own, key=lambda trend: trend.p_value, default=None)
+    tests = [test for test in tested.tests if parameter in test.parameters
+             and (best is None or best.covariate in test.conditions)]
+    estimates = [test.parameters[parameter] for test in tests]
+    scale, unit = (1e-6, "N/mm^2") if estimates[0].unit == "N/m^2" else (1.0, estimates[0].unit)
+    value, low, high = np.array([(one.value, one.low, one.high) for one in estimates]).T * scale
+    if best is None:
         place = np.arange(len(tests), dtype=float)
-        if best is not None:
-            factor, name = factors[best.covariate]
-            place = np.array([test.conditions[best.covariate] for test in tests]) * factor
-            axis.set_xlabel(f"{best.covariate} [{name}]")
-        axis.errorbar(place, value, half, fmt="o", markersize=4, capsize=3, color="#1f77b4")
-        axis.set_title(parameter + ("\ndrifts" if tested.drift(parameter) else ""), fontsize=10)
-        axis.set_ylabel(f"[{unit}]")
-        axis.ticklabel_format(useOffset=False)
-        axis.tick_params(axis="x", labelrotation=30)
-    figure.suptitle("Are the machine's constants constant, fitted test by test? (95 % intervals)")
+        axis.set_xticks(place, [test.name for test in tests])
+        axis.set_xlabel("test")
+    else:
+        factor, name = factors[best.covariate]
+        place = np.array([test.conditions[best.covariate] for test in tests]) * factor
+        axis.set_xlabel(f"{best.covariate} [{name}]")
+    axis.errorbar(place, value, [value - low, high - value], fmt="o", markersize=4, capsize=3, color="#1f77b4")
+    axis.set_title(f"{parameter}: {tested.short(parameter)}", fontsize=10)
+    axis.set_ylabel(f"{SYMBOLS[parameter]} [{unit}]")
+    axis.ticklabel_format(axis="y", useOffset=False)
 
 
 def by_amplitude(figure: Any, decays: Sequence[AmplitudeDependence], units: Mapping[str, str]) -> None:
@@ -189,7 +212,7 @@ def force_state_map(figure: Any, states: Sequence[ForceState], shown: MapUnits =
     """The missing force over displacement and velocity; out of the cut, where it is one of the motion alone, before in the
     cut, each with a scale of colour of its own, since an error of the chip force is often the larger by far."""
     states = sorted(states, key=lambda one: "while a tooth cuts" in one.name)
-    axes = figure.subplots(1, len(states), squeeze=False)[0]
+    axes = figure.subplots(1, len(states), squeeze=False, gridspec_kw={"wspace": 0.1})[0]  # a scale of colour is between
     across, up, colour = shown
     for axis, one in zip(axes, states, strict=True):
         reach = (float(np.percentile(np.abs(one.force), 99)) or 1.0) * colour[0]
@@ -202,13 +225,18 @@ def force_state_map(figure: Any, states: Sequence[ForceState], shown: MapUnits =
     figure.suptitle("What does the missing force depend on: displacement or velocity?")
 
 
-def spectrum(figure: Any, found: Comparison) -> None:
-    """Amplitude spectrum of the worst record's residual, tooth-passing harmonics and natural frequency marked."""
+def spectrum(figure: Any, found: Comparison, units: Mapping[str, str]) -> None:
+    """Amplitude spectrum of the worst record's residual, tooth-passing harmonics and natural frequency marked.
+
+    units: SI or own, by channel.
+    """
     axis = figure.subplots()
     index = _worst(found)
     record = found.fitter.records[index]
-    frequencies, amplitude = amplitude_spectrum(found.errors[index].residual[0], record.rate)
-    axis.semilogy(*envelope(frequencies[1:], np.maximum(amplitude[1:], 1e-300)), linewidth=0.6, color="#333333")
+    factor, unit = drawn_unit(record.channels[0], units)
+    frequencies, amplitude = amplitude_spectrum(found.errors[index].residual[0] * factor, record.rate)
+    axis.semilogy(*envelope(frequencies[1:], np.maximum(amplitude[1:], 1e-300)), linewidth=0.6, color="#333333",
+                  label="residual")
     natural = found.fit.state.model.structure.natural_frequency
     highest = min(frequencies[-1], 8 * natural)
     axis.axvline(natural, color="#1f77b4", linewidth=1, label="natural frequency")
@@ -219,6 +247,6 @@ def spectrum(figure: Any, found: Comparison) -> None:
                          label="tooth passing and harmonics" if order == 1 else None)
     axis.set_xlim(0, highest)
     axis.set_xlabel("frequency [Hz]")
-    axis.set_ylabel(f"residual {record.channels[0]} [SI]")
+    axis.set_ylabel(f"residual of {record.channels[0]}, amplitude [{unit}]")
     axis.set_title(f"At which frequencies does the model miss {record.name}?")
-    axis.legend(fontsize=8)
+    axis.legend(loc="upper right", fontsize=8)

@@ -93,13 +93,38 @@ class Constancy:
             )
         if parameter not in self.scatter:
             return "one test alone cannot say"
-        spread = self.spread[parameter]
+        spread, chance = self.spread[parameter], said_p(self.scatter[parameter])
         why = "with no trend" if len(tests) >= LEAST else f"and {len(tests)} tests are too few for a trend"
-        if self.scatter[parameter] < LEVEL / len(self.parameters) and spread > matters(parameter):
-            return f"scatters by {spread:.1%}, more than its intervals ({said_p(self.scatter[parameter])}), {why}"
+        if self._beyond(parameter):
+            if spread > matters(parameter):
+                return f"scatters by {spread:.1%}, more than its intervals ({chance}), {why}"
+            return f"differs by {spread:.2%} from test to test: more than its intervals ({chance}), but too little to matter"
+        if self._apart(parameter):
+            return f"differs by no more than chance allows ({chance}), though intervals exclude each other: by {spread:.2%}"
         if spread > 3.0 * matters(parameter):
             return f"differs by no more than its intervals, which are wide: the tests scatter by {spread:.1%}"
         return f"is constant: the tests scatter by {spread:.2%}"
+
+    def short(self, parameter: str) -> str:
+        """The verdict in a few words, for the title of a picture."""
+        if self.drift(parameter) is not None:
+            return "drifts"
+        if parameter not in self.scatter:
+            return "one test"
+        if self._beyond(parameter):
+            return "scatters" if self.spread[parameter] > matters(parameter) else "differs too little to matter"
+        if self._apart(parameter):
+            return "differs as chance may have it"
+        return "uncertain" if self.spread[parameter] > 3.0 * matters(parameter) else "constant"
+
+    def _beyond(self, parameter: str) -> bool:
+        """Whether the tests differ by more than their intervals, all parameters' chances together."""
+        return self.scatter[parameter] < LEVEL / len(self.parameters)
+
+    def _apart(self, parameter: str) -> bool:
+        """Whether two tests have intervals that exclude each other."""
+        some = [test.parameters[parameter] for test in self.tests if parameter in test.parameters]
+        return max(one.low for one in some) > min(one.high for one in some)
 
 
 def said_p(p_value: float) -> str:

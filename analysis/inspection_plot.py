@@ -29,7 +29,7 @@ _LINE_COLOURS = {
     "natural": "#1f77b4",
     "other": "#d62728",
 }
-_SHOWN = {"m": (1e6, "um"), "s": (1.0, "s")}
+_SHOWN = {"m": (1e6, "um"), "m/s": (1e3, "mm/s"), "s": (1.0, "s")}
 _POINTS = 4000
 
 

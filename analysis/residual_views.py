@@ -32,6 +32,11 @@ def shown_unit(unit: str) -> tuple[float, str]:
     return _SHOWN.get(unit, (1.0, unit))
 
 
+def drawn_unit(channel: str, units: Mapping[str, str]) -> tuple[float, str]:
+    """(factor, name) of the unit in which a channel is drawn. units: SI or own; a channel not in it is calibrated."""
+    return shown_unit(units.get(channel, CHANNEL_UNITS.get(channel.split("_")[0], "")))
+
+
 def drawn_units(decays: Sequence[AmplitudeDependence], units: Mapping[str, str]) -> tuple[list[float], list[str], str]:
     """How amplitudes are drawn: each decay's factor and label, which names its unit where they differ, and the axis's unit.
 

@@ -6,8 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import report_pages as pages
+from matplotlib.figure import Figure
 
 from analysis.compare import Adequacy, controlled
+from analysis.compare_plots import by_test, spectrum, worst_record
+from analysis.constancy import Constancy, TestFit
+from analysis.identify import Estimate
 from testbed.cli import main
 from testbed.engines import fast
 from testbed.workshop import write_campaign
@@ -69,6 +74,42 @@ def test_pictures_are_drawn(answer):
     assert {f"{name}.{ending}" for name in ("residual_by_record", "worst_record", "residual_by_tooth_angle",
                                             "residual_spectrum", "misfit_on_chart", "constancy", "amplitude_dependence")
             for ending in ("png", "svg")} | {"report.html"} == names
+
+
+@pytest.mark.parametrize(("units", "unit", "factor"), [({"displacement": "m"}, "µm", 1e6), ({"displacement": "V"}, "V", 1.0),
+                                                       ({}, "µm", 1e6)])
+def test_the_worst_record_is_drawn_in_the_channel_s_own_unit(units, unit, factor):
+    found = pages.comparison()
+    worst = max(range(len(found.records)), key=lambda place: found.records[place].chi_square)
+    figure, lines = Figure(), Figure()
+    worst_record(figure, found, units)
+    spectrum(lines, found, units)
+    above, below = figure.axes
+    assert above.get_ylabel() == f"displacement [{unit}]" and below.get_ylabel() == f"residual [{unit}]"
+    rest = found.errors[worst].residual[0]
+    assert np.abs(below.lines[0].get_ydata()).max() == pytest.approx(factor * np.abs(rest).max())
+    assert lines.axes[0].get_ylabel().endswith(f"[{unit}]")
+    assert lines.axes[0].lines[0].get_ydata().max() < factor * np.abs(rest).max()
+    said = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert {"measured", "predicted", "residual", "twice the noise"} < said
+    assert said >= {segment.kind for segment in found.fitter.records[worst].segments}
+
+
+def test_constants_are_drawn_within_their_bounds_and_every_axis_is_named():
+    def test(number, low, value, high, conditions):
+        return TestFit(f"cut {number}", conditions, {"tangential_coefficient": Estimate(value, low, high, "N/m^2"),
+                                                     "natural_frequency": Estimate(100.0, 99.0, 101.5, "Hz")}, True)
+
+    tests = tuple(test(number, 0.0, 1e6, 70e6, {}) for number in range(2))  # at the lower bound: nothing lies below it
+    figure = Figure()
+    by_test(figure, Constancy(tests, (), dict.fromkeys(("tangential_coefficient", "natural_frequency"), 0.5),
+                              dict.fromkeys(("tangential_coefficient", "natural_frequency"), 1e-5)))
+    frequency, coefficient = figure.axes
+    ends = np.concatenate([path.vertices for path in coefficient.collections[0].get_paths()])[:, 1]
+    assert (ends.min(), ends.max()) == (0.0, pytest.approx(70.0))  # N/mm^2
+    assert [axis.get_xlabel() for axis in figure.axes] == ["test", "test"]
+    assert [label.get_text() for label in coefficient.get_xticklabels()] == ["cut 0", "cut 1"]
+    assert (frequency.get_ylabel(), coefficient.get_ylabel()) == ("$f_n$ [Hz]", "$K_t$ [N/mm^2]")
 
 
 def test_false_discoveries_are_controlled():

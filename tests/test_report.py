@@ -14,10 +14,13 @@ from campaign_files import BELIEVED, TRUE
 from matplotlib.figure import Figure
 
 from analysis.compare_plots import force_state_map
+from analysis.constancy import TestFit, judged
 from analysis.diagnosis import as_json
 from analysis.diagnosis import verdict_of as verdict_over
 from analysis.force_state import ForceState
+from analysis.identify import Estimate
 from analysis.report.compare_page import compare_page, verdict_of
+from analysis.report.constants import add_constancy
 from analysis.report.force_map import add_force_map, force_map_says
 from analysis.report.packed import packed, thinned
 from analysis.report.page import Page, Panel, heat_colour
@@ -99,6 +102,17 @@ def test_rows_that_pictures_share_are_carried_once():
     data = json.loads(re.search(r'id="pictures">(.*?)</script>', page.html(), re.DOTALL).group(1))
     assert len(data["rows"]) == 1
     assert [picture["panels"][""]["traces"][0]["y"]["row"] for picture in data["pictures"]] == [0, 0]
+
+
+def test_intervals_of_constants_are_drawn_as_they_are():
+    frequency = Estimate(100.0, 99.0, 101.5, "Hz")
+    found = {"tangential_coefficient": Estimate(1e6, 0.0, 7e7, "N/m^2"), "natural_frequency": frequency}
+    tests = [TestFit(f"cut {number}", {}, found, True) for number in range(2)]
+    page = Page("constants")
+    add_constancy(page, judged(tests), {})
+    bars = page.pictures[0]["panels"]["1|0"]["traces"][0]["error_y"]
+    assert bars["array"] == [69.0, 69.0] and bars["arrayminus"] == [1.0, 1.0] and bars["symmetric"] is False  # N/mm^2
+    assert "f_n [Hz]" in page.html()
 
 
 def test_what_users_wrote_is_escaped():

@@ -18,7 +18,7 @@ from analysis.report.page import Page, Panel
 from analysis.residual_views import drawn_units
 
 COLOURS = ("#3b82c4", "#d1495b", "#2a9d6f", "#e08e2b", "#8b6fc0", "#5b9aa0", "#b5651d", "#c45ab3")
-SYMBOLS = {"natural_frequency": "ω_n", "damping_ratio": "ζ", "tangential_coefficient": "K_t", "normal_coefficient": "K_n"}
+SYMBOLS = {"natural_frequency": "f_n", "damping_ratio": "ζ", "tangential_coefficient": "K_t", "normal_coefficient": "K_n"}
 _COVARIATE_UNITS = {
     "spindle speed": (30 / math.pi, "rpm"),
     "depth of cut": (1e3, "mm"),
@@ -37,10 +37,12 @@ def add_constancy(page: Page, found: Constancy, joint: Mapping[str, Estimate]) -
         page.answer("No: " + "; ".join(f"{name} {found.verdict(name)}" for name in drifting) + ".")
     else:
         loose = [name for name in found.parameters if "scatters by" in found.verdict(name)]
+        slight = [name for name in found.parameters if "too little to matter" in found.verdict(name)]
         page.answer(
             f"Not all: {', '.join(loose)} differ from test to test by more than their intervals, without following a condition."
             if loose
-            else "Nothing drifts with speed, depth or feed."
+            else "Nothing drifts with speed, depth or feed"
+            + (f"; {', '.join(slight)} differ by more than their intervals, but too little to matter." if slight else ".")
         )
     page.table(("parameter", "verdict"), [(f"{name} ({SYMBOLS[name]})", found.verdict(name)) for name in found.parameters])
     varied = [
@@ -76,7 +78,7 @@ def _constancy_panel(found: Constancy, parameter: str, covariate: str, joint: Ma
     unit = tests[0].parameters[parameter].unit
     factor, name = (1e-6, "N/mm²") if unit == "N/m^2" else (1.0, unit)
     values = np.array([test.parameters[parameter].value for test in tests]) * factor
-    half = np.array([0.5 * (test.parameters[parameter].high - test.parameters[parameter].low) for test in tests]) * factor
+    low, high = np.array([(test.parameters[parameter].low, test.parameters[parameter].high) for test in tests]).T * factor
     scale, x_unit = _COVARIATE_UNITS.get(covariate, (1.0, ""))
     place: list[Any] = [test.name for test in tests]
     if covariate != "record":
@@ -92,7 +94,15 @@ def _constancy_panel(found: Constancy, parameter: str, covariate: str, joint: Ma
             "text": [test.name for test in tests],
             "hovertemplate": "%{text}: %{y}<extra></extra>",
             "marker": {"size": 9, "color": COLOURS[0]},
-            "error_y": {"type": "data", "array": listed(half), "color": COLOURS[0], "thickness": 1.5, "width": 4},
+            "error_y": {
+                "type": "data",
+                "symmetric": False,
+                "array": listed(high - values),
+                "arrayminus": listed(values - low),
+                "color": COLOURS[0],
+                "thickness": 1.5,
+                "width": 4,
+            },
         }
     ]
     if parameter in joint and covariate != "record":

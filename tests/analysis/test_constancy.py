@@ -63,7 +63,21 @@ def test_chance_is_rarely_called_a_trend():
     assert alarms <= 20  # 10 expected at the most
     still = judged(fitted_at(100.0 + 0.01 * np.arange(8), np.full(8, 1e-6), np.arange(1.0, 9.0)))
     assert still.drift("tangential_coefficient") is None  # certain, and too small to matter
-    assert still.verdict("tangential_coefficient").startswith("is constant")
+    assert "too little to matter" in still.verdict("tangential_coefficient")
+
+
+def test_nothing_is_called_constant_whose_intervals_exclude_each_other():
+    random = np.random.default_rng(11)
+    said = set()
+    for _ in range(300):
+        values = 100.0 + random.choice([0.01, 0.3, 3.0]) * random.standard_normal(20)
+        tests = fitted_at(values, np.full(20, 0.3), np.arange(20.0))
+        found, estimates = judged(tests), [test.parameters["tangential_coefficient"] for test in tests]
+        apart = max(one.low for one in estimates) > min(one.high for one in estimates)
+        verdict, short = found.verdict("tangential_coefficient"), found.short("tangential_coefficient")
+        assert not (apart and ("is constant" in verdict or "no more than its intervals" in verdict or short == "constant"))
+        said.add(short)
+    assert {"constant", "scatters", "differs as chance may have it"} <= said
 
 
 def test_few_tests_scatter_but_show_no_trend():
