@@ -9,7 +9,7 @@ from typing import Any
 
 from analysis.begun_anew import with_examples
 from analysis.candidate_round import candidate_of, with_effect
-from analysis.compare import estimates
+from analysis.compare import at_bound, estimates
 from analysis.diagnosis import ADEQUATE, Candidate, judged_on
 from analysis.effect_start import ANCHOR, applicable, extended, origins_of, state_without
 from analysis.fine_steps import finely, has_kinks
@@ -39,7 +39,7 @@ class Addition:
     """The model with the effect, held-out errors without and with it, parameters with intervals, and warnings.
 
     fit: with the effect; bare: the fit before, without it, on the same records. unheard: names of records without a say in
-    the fit with the effect.
+    the fit with the effect. at_bound: parameters that ended where the range searched ends.
     """
 
     effect: str
@@ -56,6 +56,7 @@ class Addition:
     fit: WaveformFit
     bare: WaveformFit
     unheard: tuple[str, ...] = ()
+    at_bound: tuple[str, ...] = ()
 
     def heard(self) -> tuple[float, float, float]:
         """(error before, error after, noise floor) over the records that had a say in the fit."""
@@ -89,7 +90,7 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     found = estimates(wider, with_it, catalogue)
     result = Addition(effect.name, with_it.state.model, pooled(before)[0], pooled(after)[0], pooled(after)[1],
                       before, tuple(after), holds_out(records), found, with_it.converged, (), with_it, fit,
-                      tuple(record.name for record in wider.records if not record.heard))
+                      tuple(record.name for record in wider.records if not record.heard), at_bound(wider.free, found))
     return replace(result, warnings=(*_warnings(result, wider, catalogue), *length_note(records, wider.records)))
 
 
@@ -188,5 +189,5 @@ def as_json(result: Addition) -> dict[str, Any]:
                      "held_out": result.held_out}
                     for one, other in zip(result.records_before, result.records_after, strict=True)],
         "parameters": {path: vars(one) for path, one in result.parameters.items()},
-        "converged": result.converged, "warnings": list(result.warnings),
+        "converged": result.converged, "at_bound": list(result.at_bound), "warnings": list(result.warnings),
     }

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import stats
 
 from analysis.diagnosis import FAINT_REST
-from analysis.fit_state import WaveformFit
+from analysis.fit_state import Free, WaveformFit
 from analysis.held_out import RecordError, held_out_errors, holds_out, pooled, record_error
 from analysis.identify import Estimate
 from analysis.information import Z_95, autocorrelation, effective_size, independent
@@ -35,6 +35,8 @@ LAGS = 20  # autocorrelations that the Ljung-Box test looks at
 SECTORS = 36  # of the tooth's turn, for the test against its angle
 FALSE_DISCOVERIES = 0.05  # share of false alarms among the tests that fail (Benjamini and Hochberg 1995)
 TRIVIAL = 0.02  # of the noise: what the rms may exceed it by before it counts
+AT_BOUND = 1e-6  # of a bound: what is closer lies at it
+NO_INTERVAL = 1e-9  # of a value: a narrower interval is none
 DIRECTED = 1.5  # rad: half an interval of an angle from which the direction is unknown
 
 
@@ -103,6 +105,25 @@ class Comparison:
     def slight(self) -> bool:
         """Whether what is left beyond the noise is so little that the error hardly shows it."""
         return not self.adequate and self.error <= FAINT_REST * self.noise_floor
+
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Parameters that ended where the range searched ends: these records do not determine them with this model."""
+        return at_bound(self.fitter.free, self.parameters)
+
+
+def at_bound(free: Sequence[Free], found: Mapping[str, Estimate]) -> tuple[str, ...]:
+    """Those of the parameters that lie at an end of the range searched, or have no interval."""
+    bounds = {one.path: one.bounds for one in free}
+    return tuple(path for path, one in found.items() if one.high - one.low <= NO_INTERVAL * abs(one.value)
+                 or any(math.isclose(one.value, end, rel_tol=AT_BOUND) for end in bounds.get(path, ())))
+
+
+def said_at_bound(paths: Sequence[str]) -> str:
+    """In words, what it means that parameters lie at a bound."""
+    which = "it" if len(paths) == 1 else "them"
+    return f"{', '.join(paths)} at the end of the range searched: these records do not determine {which} with this model"
 
 
 def unit_of(path: str, catalogue: Mapping[str, Effect]) -> str:
@@ -266,7 +287,7 @@ def as_json(result: Comparison) -> dict[str, Any]:
 
     return {
         "error": result.error, "noise_floor": result.noise_floor, "adequate": result.adequate,
-        "converged": result.fit.converged,
+        "converged": result.fit.converged, "at_bound": list(result.at_bound),
         "records": [{
             "name": one.name, "kind": one.kind, "channels": list(one.channels), "error": one.error,
             "error_fit": one.error_fit, "noise_floor": one.noise_floor, "held_out": one.held_out,

@@ -111,6 +111,11 @@ def judged_on(held_out: bool) -> str:
     return "on records left out of the fit" if held_out else "in the fit (one condition only, nothing held out)"
 
 
+def unaided(model: Model) -> str:
+    """What the step before anything is added is called: the believed model, refitted."""
+    return f"refitted, with {' + '.join(model.effects)}" if model.effects else "refitted, no effect"
+
+
 def excess(error: float, noise: float) -> float:
     """Squared error beyond the noise's."""
     return max(error**2 - noise**2, 0.0)

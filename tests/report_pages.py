@@ -18,7 +18,7 @@ from analysis.fit_state import State
 from analysis.held_out import errors_in_fit, held_out_errors, pooled
 from analysis.observed import observe
 from analysis.report.compare_page import compare_page
-from analysis.report.page import Page
+from analysis.report.page import Page, Panel
 from analysis.report.story_page import addition_page, diagnosis_page
 from analysis.starts import free_parameters, polish
 from analysis.waveform import Fitter
@@ -98,6 +98,16 @@ def addition() -> Addition:
 def failing_page() -> Page:
     """compare's page where something is missing."""
     return compare_page(comparison(), BELIEVED, CATALOGUE, UNITS)
+
+
+def sealed() -> Page:
+    """A page with what is wider than a phone: a word of 64 letters, a command, a table."""
+    page = Page("Sealed")
+    page.text("the truth is sealed in demo/workshop/truth.json, SHA-256 " + "3b988efd" * 8)
+    page.code("testbed add chip_force_exponent -m demo/workshop/model.yaml -c demo/workshop/campaign.yaml -o better.yaml")
+    page.table(("parameter", "believed", "found", "truth"), [("tangential_coefficient", *["627.69 N/mm^2"] * 3)])
+    page.figure(Panel([{"type": "scatter", "x": [1.0, 2.0], "y": [1.0, 2.0]}]))
+    return page
 
 
 @cache

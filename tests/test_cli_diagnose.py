@@ -111,6 +111,7 @@ def test_diagnose_names_what_is_hidden(diagnosed):
     frequency = said["base_parameters"]["natural_frequency"]
     assert frequency["before"] == 148.0 and frequency["unit"] == "Hz"
     assert abs(frequency["after"] - TRUE.structure.natural_frequency) < 0.05
+    assert re.search(r"^0 +refitted, no effect +0\.\d+", text, re.MULTILINE) and "as believed" not in text
     assert "missing effect: process_damping" in text and "testbed add process_damping -m " in text
 
 

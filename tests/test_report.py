@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -13,15 +14,17 @@ import report_pages as pages
 from campaign_files import BELIEVED, TRUE
 from matplotlib.figure import Figure
 
+from analysis.compare import as_json as comparison_json
 from analysis.compare_plots import force_state_map
 from analysis.constancy import TestFit, judged
-from analysis.diagnosis import as_json
+from analysis.diagnosis import as_json, unaided
 from analysis.diagnosis import verdict_of as verdict_over
 from analysis.force_state import ForceState
 from analysis.identify import Estimate
 from analysis.report.compare_page import compare_page, verdict_of
 from analysis.report.constants import add_constancy
 from analysis.report.force_map import add_force_map, force_map_says
+from analysis.report.machine import said_change
 from analysis.report.packed import packed, thinned
 from analysis.report.page import Page, Panel, heat_colour
 from analysis.report.story_page import addition_page, diagnosis_page
@@ -113,6 +116,64 @@ def test_intervals_of_constants_are_drawn_as_they_are():
     bars = page.pictures[0]["panels"]["1|0"]["traces"][0]["error_y"]
     assert bars["array"] == [69.0, 69.0] and bars["arrayminus"] == [1.0, 1.0] and bars["symmetric"] is False  # N/mm^2
     assert "f_n [Hz]" in page.html()
+
+
+def stuck_at_its_bound():
+    """A comparison of which the tangential coefficient ended where the range searched ends."""
+    found, path = pages.comparison(), "tangential_coefficient"
+    low = next(one.bounds[0] for one in found.fitter.free if one.path == path)
+    return replace(found, parameters={**found.parameters, path: replace(found.parameters[path], value=low, low=low)})
+
+
+def test_a_parameter_at_its_bound_is_told_on_the_page_and_in_the_json():
+    found = stuck_at_its_bound()
+    assert found.at_bound == ("tangential_coefficient",) and pages.comparison().at_bound == ()
+    assert comparison_json(found)["at_bound"] == ["tangential_coefficient"]
+    assert comparison_json(pages.comparison())["at_bound"] == []
+    text = compare_page(found, BELIEVED, pages.CATALOGUE, pages.UNITS).html()
+    assert text.count("tangential_coefficient at the end of the range searched") == 2 and "(at a bound)" in text
+    assert "tangential_coefficient moved most, by -99.9%." in text  # a fall to a thousandth is more than any rise
+    assert "The fit settled, with tangential_coefficient" in text and "The fit settled.<" not in text
+    assert "at a bound" not in pages.failing_page().html() and "The fit settled.<" in pages.failing_page().html()
+
+
+def test_a_parameter_of_an_effect_added_is_told_at_its_bound():
+    text = addition_page(replace(pages.addition(), at_bound=("damping_ratio",)), pages.records(), BELIEVED, pages.UNITS).html()
+    assert "The fit settled, with damping_ratio at the end of the range searched" in text and "(at a bound)" in text
+
+
+@pytest.mark.parametrize(("change", "said"), [
+    (0.25, "+25.0%"), (-0.999, "-99.9%"), (9.9, "+990.0%"), (20.0, "more than ten times"),
+    (900.668, "more than a hundred times"), (math.nan, "-")])
+def test_a_change_beyond_percentages_is_told_in_words(change, said):
+    assert said_change(change) == said
+
+
+def test_the_step_before_anything_is_added_is_the_model_refitted():
+    assert unaided(BELIEVED) == "refitted, no effect" and unaided(pages.HIDDEN) == "refitted, with process_damping"
+    for page in (pages.story(), pages.added()):
+        bars = page.pictures[0]["panels"][""]["traces"][0]
+        assert [name.split("<br>")[0] for name in bars["x"]] == ["refitted, no effect", f"+ {pages.EFFECT}"]
+        assert [name.split("<br>")[1] for name in bars["x"]] == [f"{error:.4f}" for error in bars["y"]]
+
+
+def test_axes_name_what_they_show_and_candidates_have_units():
+    axes = [panel["layout"] for page in (pages.failing_page(), pages.story()) for picture in page.pictures
+            for panel in picture["panels"].values() if panel["layout"].get("yaxis2", {}).get("title")]
+    assert len(axes) > 6
+    assert {one["yaxis"]["title"]["text"] for one in axes} == {"displacement [µm]"}
+    assert {one["yaxis2"]["title"]["text"] for one in axes} == {"residual [µm]"}
+    assert re.search(r"process_damping\.coefficient = [\d.e+]+ N/m<", pages.story().html())
+
+
+def test_no_line_crosses_the_number_of_a_bar():
+    bars = next(picture["panels"][""] for picture in pages.story().pictures
+                if picture["panels"].get("", {}).get("layout", {}).get("annotations"))
+    numbers = bars["layout"]["annotations"]
+    assert [one["text"] for one in numbers] == [f"{value:.4f}" for value in bars["traces"][0]["x"]]
+    assert [one["y"] for one in numbers] == bars["traces"][0]["y"]
+    assert all(one["xref"] == "paper" and one["x"] == 1.0 and one["xanchor"] == "left" for one in numbers)
+    assert "text" not in bars["traces"][0]
 
 
 def test_what_users_wrote_is_escaped():

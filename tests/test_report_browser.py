@@ -89,14 +89,14 @@ def test_a_request_and_an_error_would_be_seen(tmp_path):
 
 def test_the_pages_fit_a_phone(tmp_path):
     frames = ""
-    for name in ("failing_page", "story"):
+    for name in ("failing_page", "story", "sealed"):
         (tmp_path / f"{name}.html").write_text(with_script(getattr(pages, name)()), encoding="utf-8")
         frames += f'<iframe src="{name}.html" width="390" height="800" style="border:0"></iframe>'
     outer = tmp_path / "phones.html"
     outer.write_text(f"<!doctype html><body>{frames}<script>const all = []; addEventListener('message', (event) => {{"
                      "all.push(event.data); document.documentElement.dataset.report = JSON.stringify(all);});</script></body>")
     found = reported(opened(outer))
-    assert len(found) == 2
+    assert len(found) == 3
     for one in found:
         assert one["wide"] <= one["room"] <= 390  # nothing sticks out sideways
         assert 250 < one["widest"] <= 390 and one["errors"] == ""

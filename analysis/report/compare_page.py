@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from analysis.amplitude import free_decays
-from analysis.compare import Comparison
+from analysis.compare import Comparison, said_at_bound
 from analysis.constancy import Constancy, constancy
 from analysis.diagnosis import judged_on
 from analysis.report.chart import add_chart
@@ -70,7 +70,7 @@ def compare_page(
             ("records beyond their noise", f"{len(failing)} of {len(records)}"),
         )
     )
-    for note in notes:
+    for note in (*notes, *((said_at_bound(found.at_bound),) if found.at_bound else ())):
         page.text(note, small=True)
     chosen = worst_first(looks(records, units), errors)
     add_records(page, found.records, found.tests)
@@ -83,6 +83,6 @@ def compare_page(
         add_chart(page, records, errors, fit.state.model)
     add_constancy(page, tested or constancy(found.fitter, fit, catalogue), found.parameters)
     add_amplitude(page, free_decays(records), units)
-    add_parameters(page, found.parameters, believed, fit.converged)
+    add_parameters(page, found.parameters, believed, fit.converged, found.at_bound)
     add_nuisances(page, found.records, found.nuisances, units)
     return page

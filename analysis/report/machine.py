@@ -6,12 +6,15 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from analysis.compare import said_at_bound
 from analysis.identify import Estimate
 from analysis.report.page import Page
 from analysis.residual_views import shown_unit
 from testbed.machine import Model
 from testbed.units import format_quantity
 
+MOST_CHANGE = 10.0  # relative change up to which it is told as a percentage
+AT_BOUND = " (at a bound)"
 _USUAL = {"rad/s": "rpm", "N/m^2": "N/mm^2", "rad": "deg"}
 
 
@@ -30,8 +33,31 @@ def interval(one: Estimate) -> str:
     return f"{shown(one.low, one.unit, digits)} to {shown(one.high, one.unit, digits)}"
 
 
-def add_parameters(page: Page, found: Mapping[str, Estimate], believed: Model, converged: bool) -> None:
-    """Believed and found, with intervals."""
+def said_change(change: float, digits: int = 1) -> str:
+    """A relative change for people: where a percentage would say nothing, in words."""
+    if not math.isfinite(change):
+        return "-"
+    if abs(change) <= MOST_CHANGE:
+        return f"{change:+.{digits}%}"
+    return "more than ten times" if abs(change) <= 100.0 else "more than a hundred times"
+
+
+def far(change: float) -> float:
+    """How far a parameter moved, a fall to a tenth as far as a rise to ten times; relative change."""
+    return abs(math.log1p(change)) if change > -1.0 else math.inf
+
+
+def settled(converged: bool, stuck: Sequence[str]) -> str:
+    """Whether the fit settled, and where."""
+    if not converged:
+        return "The fit did not settle: these are the values of its last step."
+    return f"The fit settled, with {said_at_bound(stuck)}." if stuck else "The fit settled."
+
+
+def add_parameters(
+    page: Page, found: Mapping[str, Estimate], believed: Model, converged: bool, stuck: Sequence[str] = ()
+) -> None:
+    """Believed and found, with intervals. stuck: parameters at a bound of the range searched."""
     page.heading("What became of the believed parameters?")
     rows, moved = [], []
     for path, one in found.items():
@@ -41,22 +67,19 @@ def add_parameters(page: Page, found: Mapping[str, Estimate], believed: Model, c
             before = None
         change = one.value / before - 1.0 if before else math.nan
         if math.isfinite(change):
-            moved.append((abs(change), path, change))
+            moved.append((far(change), path, change))
         rows.append(
             (
                 path,
                 shown(before, one.unit),
                 shown(one.value, one.unit),
-                f"{change:+.2%}" if math.isfinite(change) else "-",
-                interval(one),
+                said_change(change, 2),
+                interval(one) + (AT_BOUND if path in stuck else ""),
             )
         )
     if moved:
         _, path, change = max(moved)
-        page.answer(
-            f"{path} moved most, by {change:+.1%}"
-            + (". The fit settled." if converged else ". The fit did not settle: these are the values of its last step.")
-        )
+        page.answer(f"{path} moved most, by {said_change(change)}. {settled(converged, stuck)}")
     page.table(("parameter", "believed", "found", "change", "95 % interval"), rows)
 
 

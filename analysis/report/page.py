@@ -91,9 +91,10 @@ class Page:
         self.parts.append(f"<pre>{escape(text)}</pre>")
 
     def table(self, titles: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-        """A table with a head; it scrolls by itself on a narrow screen."""
-        head = "".join(f"<th>{escape(title)}</th>" for title in titles)
-        body = "".join("<tr>" + "".join(map(_cell, row)) + "</tr>" for row in rows)
+        """A table with a head; it scrolls by itself on a narrow screen. A column that holds long words is set as text."""
+        long = [any(_is_long(row[column]) for row in rows) for column in range(len(titles))]
+        head = "".join(f"<th{' class=long' * words}>{escape(title)}</th>" for title, words in zip(titles, long, strict=True))
+        body = "".join("<tr>" + "".join(map(_cell, row, long)) + "</tr>" for row in rows)
         self.parts.append(f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>')
 
     def picture(self, path: Path, says: str) -> None:
@@ -211,11 +212,16 @@ def _shared(value: Any, rows: dict[str, tuple[int, Any]]) -> Any:
     return [_shared(item, rows) for item in value] if isinstance(value, (list, tuple)) else value
 
 
-def _cell(value: object) -> str:
+def _cell(value: object, words: bool) -> str:
     if isinstance(value, Cell):
         return f'<td class="heat" style="background:{heat_colour(value.heat)}">{escape(value.text)}</td>'
     text = escape(str(value))
-    return f'<td class="long">{text}</td>' if len(text) > 36 else f"<td>{text}</td>"
+    return f'<td class="long">{text}</td>' if words else f"<td>{text}</td>"
+
+
+def _is_long(value: object) -> bool:
+    """Whether a cell holds words that are to be broken into lines."""
+    return not isinstance(value, Cell) and len(str(value)) > 36
 
 
 def _select(name: str, options: Sequence[str]) -> str:

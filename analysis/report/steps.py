@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from analysis.compare import unit_of
 from analysis.diagnosis import Candidate, Diagnosis, judged_on
 from analysis.report.constants import COLOURS
+from analysis.report.machine import shown
 from analysis.report.packed import listed
 from analysis.report.page import Page, Panel
 from analysis.report.ticked import named
 from analysis.report.waveforms import LEFT
+from testbed.effect import Effect
 
 Step = tuple[str, float, float]  # what was done, error, noise floor
 
@@ -29,15 +33,12 @@ def add_steps(page: Page, steps: Sequence[Step], held_out: bool) -> None:
             f"From {first[1]:.4f} to {last[1]:.4f} in {len(steps) - 1} step{'s' if len(steps) > 2 else ''}: from "
             f"{first[1] / first[2]:.2f} to {last[1] / last[2]:.2f} times the noise floor."
         )
-    names = [name for name, _, _ in steps]
+    names = [f"{name}<br>{error:.4f}" for name, error, _ in steps]  # below its bar no line crosses a number
     values = np.array([error for _, error, _ in steps])
     bars = {
         "type": "bar",
         "x": names,
         "y": listed(values),
-        "text": [f"{value:.4f}" for value in values],
-        "textposition": "outside",
-        "cliponaxis": False,
         "showlegend": False,
         "marker": {"color": [LEFT] + ["#3b82c4"] * (len(steps) - 1)},
     }
@@ -56,7 +57,7 @@ def add_steps(page: Page, steps: Sequence[Step], held_out: bool) -> None:
     page.figure(Panel([bars, noise], layout | {"xaxis": {"type": "category"}}), "error after each step")
 
 
-def add_candidates(page: Page, found: Diagnosis) -> None:
+def add_candidates(page: Page, found: Diagnosis, catalogue: Mapping[str, Effect]) -> None:
     """All sets fitted, ranked by their error on records held out, or in the fit where nothing could be."""
     page.heading("Which effects were tried, and which explains the records best?")
     fitted = [one for one in found.candidates if one.fit is not None]
@@ -84,7 +85,9 @@ def add_candidates(page: Page, found: Diagnosis) -> None:
                     f"{one.error_fit:.4f}",
                     f"{one.delta_bic:.1f}",
                     "yes" if one.converged else "no",
-                    ", ".join(f"{path} = {value:.4g}" for path, value in one.parameters.items()),
+                    ", ".join(
+                        f"{path} = {shown(value, unit_of(path, catalogue), 4)}" for path, value in one.parameters.items()
+                    ),
                 )
                 for one in fitted
             ],
@@ -106,7 +109,6 @@ def _candidate_bars(page: Page, found: Diagnosis, fitted: Sequence[Candidate]) -
         "x": listed(values),
         "y": names,
         "showlegend": False,
-        "text": [f"{one.error_held_out:.4f}" for one in fitted],
         "marker": {"color": [COLOURS[2] if set(one.effects) == set(found.effects) else "#8fa3b8" for one in fitted]},
     }
     marks = (("noise floor", found.noise_floor, "@ink", "dot"), ("without any effect", found.baseline, LEFT, "solid"))
@@ -123,7 +125,14 @@ def _candidate_bars(page: Page, found: Diagnosis, fitted: Sequence[Candidate]) -
         "height": 150 + 34 * len(names),
         "xaxis": {"title": {"text": f"error {judged_on(found.held_out)}"}, "rangemode": "tozero"},
         "yaxis": {"type": "category"},
-        "margin": {"l": 130},
+        "margin": {"l": 130, "r": 60},
         "shapes": shapes,
+        "annotations": [_beside(name, value) for name, value in zip(names, values, strict=True)],
     }
     page.figure(Panel([bars, *lines], layout), "error of each set of effects")
+
+
+def _beside(name: str, error: float) -> dict[str, Any]:
+    """A bar's number to the right of all bars and lines."""
+    place = {"xref": "paper", "x": 1.0, "xanchor": "left", "xshift": 6, "yref": "y", "y": name}
+    return place | {"text": f"{error:.4f}", "showarrow": False}

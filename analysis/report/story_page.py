@@ -7,25 +7,37 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from analysis.add_effect import Addition
-from analysis.compare import estimates
-from analysis.diagnosis import Diagnosis, judged_on
+from analysis.compare import at_bound, estimates
+from analysis.diagnosis import Diagnosis, judged_on, unaided
 from analysis.held_out import RecordError, pooled
 from analysis.identify import Estimate
 from analysis.observed import Observed
 from analysis.report.compare_page import ForceMap
 from analysis.report.force_map import add_force_map
-from analysis.report.machine import interval, shown
+from analysis.report.machine import AT_BOUND, far, interval, said_change, settled, shown
 from analysis.report.page import Page
 from analysis.report.steps import Step, add_candidates, add_steps
-from analysis.report.ticked import add_before_after, add_ticks, leading, named, points_for
+from analysis.report.ticked import add_before_after, add_ticks, leading, points_for
 from analysis.report.waveforms import looks, worst_first
 from analysis.residual_views import map_units
 from testbed.effect import Effect
 from testbed.machine import Model
 
+LEAST_CHANGE = 5e-4  # relative change that is told
 
-def add_changes(page: Page, believed: Model, bare: Model | None, after: Mapping[str, Estimate], converged: bool) -> None:
-    """What each fitted parameter became: believed, refitted without, and with the effects, with intervals."""
+
+def add_changes(
+    page: Page,
+    believed: Model,
+    bare: Model | None,
+    after: Mapping[str, Estimate],
+    converged: bool,
+    stuck: Sequence[str] = (),
+) -> None:
+    """What each fitted parameter became: believed, refitted without, and with the effects, with intervals.
+
+    stuck: parameters at a bound of the range searched.
+    """
     page.heading("What did each fitted parameter become?")
 
     def of(model: Model | None, path: str) -> float | None:
@@ -37,9 +49,10 @@ def add_changes(page: Page, believed: Model, bare: Model | None, after: Mapping[
     rows = []
     for path, one in after.items():
         middle = [shown(of(bare, path), one.unit)] if bare is not None else []
-        rows.append((path, shown(of(believed, path), one.unit), *middle, shown(one.value, one.unit), interval(one)))
+        ends = interval(one) + (AT_BOUND if path in stuck else "")
+        rows.append((path, shown(of(believed, path), one.unit), *middle, shown(one.value, one.unit), ends))
     moved = [
-        (abs(change), path, change)
+        (far(change), path, change)
         for path, one in after.items()
         if bare is not None and (old := of(bare, path)) and math.isfinite(change := one.value / old - 1.0)
     ]
@@ -47,8 +60,12 @@ def add_changes(page: Page, believed: Model, bare: Model | None, after: Mapping[
     text = f"New: {', '.join(f'{path} = {shown(after[path].value, after[path].unit, 4)}' for path in new)}. " if new else ""
     if moved and new:
         _, path, change = max(moved)
-        text += f"With the effect in place {path} moved most, by {change:+.1%} from where it had been bent without it. "
-    page.answer(text + ("The fit settled." if converged else "The fit did not settle: these are the values of its last step."))
+        text += (
+            f"With the effect in place {path} moved most, by {said_change(change)} from where it had been bent without it. "
+            if abs(change) >= LEAST_CHANGE
+            else "With the effect in place no other parameter moved. "
+        )
+    page.answer(text + settled(converged, stuck))
     titles = (
         "parameter",
         "believed",
@@ -105,11 +122,12 @@ def diagnosis_page(
         page.text(note, small=True)
     if not found.held_out:
         page.text("One operating condition only, so nothing was held out: every error is that in the fit.", small=True)
+    first = unaided(believed)
     own_steps = [
-        ("refitted" if not one.effects else f"+ {one.effects[-1]}", one.error_held_out, pooled(one.errors)[1])
+        (first if not one.effects else f"+ {one.effects[-1]}", one.error_held_out, pooled(one.errors)[1])
         for one in found.steps
     ]
-    add_steps(page, steps or own_steps or [("refitted", found.baseline, found.noise_floor)], found.held_out)
+    add_steps(page, steps or own_steps or [(first, found.baseline, found.noise_floor)], found.held_out)
     best, base = found.best, found.base
     if best.fit is not None and best.fitter is not None:
         records: Sequence[Observed] = best.fitter.records
@@ -120,12 +138,13 @@ def diagnosis_page(
         chosen = worst_first(looks(records, units), base.errors)
         key = frozenset(best.effects)
         add_ticks(page, chosen, sets, key)
-        add_candidates(page, found)
+        add_candidates(page, found, catalogue)
         if key and base.fit is not None:
             points, states = points_for(chosen, leading(sets, key)), (base.fit.state, best.fit.state)
             add_before_after(page, chosen, base.errors, sets[key], states, points, key)
         bare = base.fit.state.model if base.fit is not None and key else None
-        add_changes(page, believed, bare, estimates(best.fitter, best.fit, catalogue), best.fit.converged)
+        found_values = estimates(best.fitter, best.fit, catalogue)
+        add_changes(page, believed, bare, found_values, best.fit.converged, at_bound(best.fitter.free, found_values))
     for one_name, x, v, force in force_maps:
         add_force_map(page, one_name, x, v, force, shown=map_units(units))
     tied = found.effects if found.verdict == "undecided" else ()
@@ -162,8 +181,7 @@ def addition_page(
     )
     for note in (*notes, *(f"Warning: {warning}" for warning in found.warnings)):
         page.text(note, small=True)
-    before = named(tuple(believed.effects)) if believed.effects else "refitted"
-    steps = [(before, found.before, found.noise_floor), (f"+ {found.effect}", found.after, found.noise_floor)]
+    steps = [(unaided(believed), found.before, found.noise_floor), (f"+ {found.effect}", found.after, found.noise_floor)]
     add_steps(page, steps, found.held_out)
     sets = {frozenset[str](): found.records_before, frozenset({found.effect}): found.records_after}
     chosen = worst_first(looks(records, units), found.records_before)
@@ -178,12 +196,12 @@ def addition_page(
         frozenset({found.effect}),
     )
     rows = [
-        (one.name, f"{one.error:.4f}", f"{two.error:.4f}", f"{two.error / one.error - 1:+.1%}", f"{two.noise_floor:.4f}")
+        (one.name, f"{one.error:.4f}", f"{two.error:.4f}", said_change(two.error / one.error - 1), f"{two.noise_floor:.4f}")
         for one, two in zip(found.records_before, found.records_after, strict=True)
     ]
     page.heading("On which records does the error fall?")
     fallen = sum(two.error < one.error for one, two in zip(found.records_before, found.records_after, strict=True))
     page.answer(f"On {fallen} of {len(rows)}.")
     page.table(("record", "error before", "error after", "change", "noise floor"), rows)
-    add_changes(page, believed, found.bare.state.model, found.parameters, found.converged)
+    add_changes(page, believed, found.bare.state.model, found.parameters, found.converged, found.at_bound)
     return page

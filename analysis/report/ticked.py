@@ -73,10 +73,10 @@ def _ticked_panel(
     rows = [
         ("measured", measured, MEASURED, "y"),
         ("predicted", measured - rest, PREDICTED, "y"),
-        ("left", rest, LEFT, "y2"),
+        ("residual", rest, LEFT, "y2"),
     ]
     if effects:
-        rows.insert(2, ("left without the effects", bare.residual[look.row] * look.factor, BEFORE, "y2"))
+        rows.insert(2, ("residual without the effects", bare.residual[look.row] * look.factor, BEFORE, "y2"))
     traces = []
     for name, values, colour, axis in rows:
         time, row = thinned(values, look.record.start, look.record.rate, points)
@@ -85,8 +85,8 @@ def _ticked_panel(
     reach = 1.05 * float(np.abs(bare.residual[look.row]).max()) * look.factor
     layout = {
         "shapes": shading(look, look.record.start, end),
-        "yaxis": {"title": {"text": f"[{look.unit}]"}},
-        "yaxis2": {"title": {"text": f"left [{look.unit}]"}, "range": [-reach, reach]},
+        "yaxis": {"title": {"text": f"{look.channel} [{look.unit}]"}},
+        "yaxis2": {"title": {"text": f"residual [{look.unit}]"}, "range": [-reach, reach]},
     }
     change = f" ({own.error / bare.error - 1:+.0%} against {bare.error:.4f} without)" if effects else ""
     all_now, floor = pooled(errors)

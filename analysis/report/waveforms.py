@@ -37,6 +37,11 @@ class Look:
     unit: str
     label: str
 
+    @property
+    def channel(self) -> str:
+        """What was measured."""
+        return self.record.channels[self.row]
+
 
 def looks(records: Sequence[Observed], units: Mapping[str, str]) -> list[Look]:
     """Every channel of every record. units: SI or own, by channel."""
@@ -96,7 +101,7 @@ def _lines(look: Look, rest: np.ndarray, part: tuple[int, int] | None, points: i
     for name, values, colour, below in (
         ("measured", measured, MEASURED, ""),
         ("predicted", measured - rest, PREDICTED, ""),
-        ("measured - predicted", rest, LEFT, "2"),
+        ("residual (measured - predicted)", rest, LEFT, "2"),
     ):
         time, row = thinned(values[first:last], start, look.record.rate, points if part is None else last - first)
         width = 2.2 if part and name == "measured" else 1.2
@@ -190,8 +195,8 @@ def add_waveforms(page: Page, found: Sequence[Look], errors: Sequence[RecordErro
             ]
             layout = {
                 "shapes": [*shading(look, first, last), *bars],
-                "yaxis": {"title": {"text": f"[{look.unit}]"}},
-                "yaxis2": {"title": {"text": f"left [{look.unit}]"}},
+                "yaxis": {"title": {"text": f"{look.channel} [{look.unit}]"}},
+                "yaxis2": {"title": {"text": f"residual [{look.unit}]"}},
             }
             panels[row, column] = Panel(_lines(look, error.residual[look.row], part, points), layout, _says(look, error))
     shared = {

@@ -184,19 +184,21 @@ def open_truth(sealed: Sealed, loop: Loop) -> Revealed:
 
 def add_story(page: Any, loop: Loop) -> None:
     """The error falling, the candidates, effects to tick, and what was left before and after, on the demo's page."""
+    from analysis.diagnosis import unaided
     from analysis.held_out import pooled
     from analysis.report.steps import add_candidates, add_steps
     from analysis.report.ticked import add_before_after, add_ticks, leading, points_for
     from analysis.report.waveforms import looks, worst_first
+    from testbed.catalogue import catalogue
 
     found, error = loop.diagnosis, loop.error
     page.tiles((("error before", f"{error['before']:.4f}"), ("error after", f"{error['after']:.4f}"),
                 ("noise floor", f"{error['noise_floor']:.4f}"),
                 ("error / noise floor, now", f"{error['after'] / error['noise_floor']:.2f}")))
-    steps = [("refitted" if not one.effects else f"+ {one.effects[-1]}", one.error_held_out, pooled(one.errors)[1])
+    steps = [(unaided(loop.believed) if not one.effects else f"+ {one.effects[-1]}", one.error_held_out, pooled(one.errors)[1])
              for one in found.steps]
     add_steps(page, steps, found.held_out)
-    add_candidates(page, found)
+    add_candidates(page, found, catalogue())
     if not found.best.effects:
         return
     sets: dict[frozenset[str], Any] = {}

@@ -67,6 +67,8 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
 
 
 def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
+    from analysis.compare import said_at_bound
+
     for note in notes:
         answer.say(note)
     answer.table(("record", "error", "noise floor", "in units of the noise", "left beyond the noise"),
@@ -78,11 +80,8 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
     answer.say()
     answer.table(("parameter", "believed", "found", "low", "high"),
                  [(path, shown(before.value(path), one.unit), *interval_shown(one)) for path, one in found.parameters.items()])
-    bounds = {one.path: one.bounds for one in found.fitter.free}
-    stuck = [path for path, one in found.parameters.items() if one.high - one.low <= 1e-9 * abs(one.value)
-             or any(math.isclose(one.value, end, rel_tol=1e-6) for end in bounds.get(path, ()))]
-    if stuck:
-        answer.say(f"{', '.join(stuck)} at the end of the range searched: these records do not determine it with this model")
+    if found.at_bound:
+        answer.say(said_at_bound(found.at_bound))
     _nuisances(answer, found)
     if not found.fit.converged:
         answer.say("the fit did not converge: the figures above are those of its last step")

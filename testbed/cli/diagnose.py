@@ -38,7 +38,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     An honest "these records cannot tell" is an answer too. Only --false-alarms draws random numbers, from --seed.
     """
     from analysis.diagnose import diagnose
-    from analysis.diagnosis import as_json
+    from analysis.diagnosis import as_json, unaided
     from analysis.length_cut import length_note
     from analysis.other_way import other_way_note
     from testbed.catalogue import DECOYS
@@ -63,7 +63,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         answer.say(note)
     said = as_json(found, model) | {"notes": notes}
     next_step = next_command(found, campaign, model_file, bool(propose))
-    _say(answer, found, said)
+    _say(answer, found, said, unaided(model))
     if found.form is not None:
         answer.say(f"with that law, model.yaml has: {effect_text(catalogue[found.form.effect], found.form.parameters)}")
     if next_step:
@@ -163,7 +163,8 @@ def _without(before: Any, step: Any) -> str:
     return f" (no longer {', '.join(dropped)})" if dropped else ""
 
 
-def _say(answer: Answer, found: Any, said: Any) -> None:
+def _say(answer: Answer, found: Any, said: Any, first: str) -> None:
+    """first: what the step before anything is added is called."""
     answer.say(f"{found.verdict.replace('_', ' ')}: {', '.join(found.effects)}" if found.effects
                else found.verdict.replace("_", " "))
     answer.say(found.sentence)
@@ -189,7 +190,7 @@ def _say(answer: Answer, found: Any, said: Any) -> None:
     if len(found.steps) > 1:
         answer.say()
         answer.table(("step", "effects", error, "noise floor"),
-                     [(str(number), " + ".join(step.effects) + _without(before, step) or "as believed",
+                     [(str(number), " + ".join(step.effects) + _without(before, step) or first,
                        f"{step.error_held_out:.4f}", f"{found.noise_floor:.4f}")
                       for number, (before, step) in enumerate(zip((found.steps[0], *found.steps), found.steps, strict=False))])
     if found.next_test is not None:

@@ -126,7 +126,7 @@ def hardware() -> tuple[list[Claim], list[tuple[str, ...]]]:
         records = list(load_campaign(MANIFESTS / f"{name}.yaml", MEASUREMENTS).records)
         found = told(records, model, **({"most": MANY} if name == "milling_force" else {}))  # as by --until-adequate
         for step in found.steps:
-            rows.append((name, " + ".join(step.effects) or "as believed", f"{step.error_held_out:.4f}",
+            rows.append((name, " + ".join(step.effects) or "refitted, no effect", f"{step.error_held_out:.4f}",
                          ", ".join(f"{one.name} {one.error:.4f}" for one in step.errors)))
         last = {one.name: one.error for one in found.best.errors}
         if name == "silverbox":
