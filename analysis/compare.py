@@ -240,6 +240,17 @@ def tooth_angle(record: Observed, angle: float, own: Nuisances) -> np.ndarray:
     return (turns * 2 * math.pi) % (2 * math.pi / record.flutes)
 
 
+_LEFT = {"rms": "too large", "autocorrelation": "not random", "tooth angle": "recurring with the tooth"}
+LEFT_EXPLAINED = ("what is left is more than noise where it is larger than that, not random (a sample foretells the next), "
+                  "or recurring with the angle of the tooth")
+
+
+def said_left(tests: Sequence[Adequacy], record: str) -> str:
+    """In words, what a record's residual is, by the tests that fail."""
+    failing = [test.test.partition(", ") for test in tests if test.record == record and test.fails]
+    return ", ".join(_LEFT[name] + (f" in {channel}" if channel else "") for name, _, channel in failing) or "noise"
+
+
 def adequacy_tests(record: Observed, error: RecordError, angle: float, own: Nuisances) -> list[Adequacy]:
     """Every channel's rms against its noise (an F test), Ljung-Box on the effective sample size, dependence on tooth angle.
 

@@ -13,6 +13,7 @@ import pytest
 
 from testbed.catalogue import catalogue
 from testbed.cli import ORDER, main
+from testbed.cli._answer import Answer
 from testbed.data_set import read_data_set
 from testbed.model_file import read_model
 from tests.shell import Shell
@@ -147,6 +148,27 @@ def test_effects(testbed):
     card = testbed.json("effects", "process_damping")
     assert card["parameters"][0]["unit"] == "N/m" and card["source"]
     assert "edge_position" in testbed.json("effects", "--hooks")
+
+
+def test_tables_set_words_to_the_left_and_numbers_to_the_right(capsys):
+    Answer(None, False).table(("test", "speed", "verdict", "low", "unit"),
+                              [("run 0", "3810 rpm", "stable", "-1e+06 to 1", "1"), ("2", "-", "no", "unknown", "N/m"),
+                               ("run 11", "99 rpm", "9 of 10 agree, the rest do not", ".5", "1/s")])
+    assert capsys.readouterr().out.splitlines() == [
+        "test       speed  verdict                                 low  unit",
+        "run 0   3810 rpm  stable                          -1e+06 to 1  1",
+        "2              -  no                                  unknown  N/m",
+        "run 11    99 rpm  9 of 10 agree, the rest do not           .5  1/s"]
+
+
+def test_the_catalogue_and_its_hooks_are_set_as_text(testbed):
+    assert testbed("effects") == 0
+    titles = {effect.title for effect in catalogue().values()}
+    begins = {line.index(title) for line in testbed.out.splitlines() for title in titles if line.endswith(f"  {title}")}
+    assert len(begins) == 1
+    assert testbed("effects", "--hooks") == 0
+    assert "sensed_velocity may ask for nothing but the effect's parameters and states\n" in testbed.out
+    assert "chip may ask for: penetration, and the effect's parameters and states\n" in testbed.out
 
 
 def test_a_new_effect_is_a_file_that_works(testbed):

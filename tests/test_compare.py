@@ -9,11 +9,13 @@ import pytest
 import report_pages as pages
 from matplotlib.figure import Figure
 
-from analysis.compare import Adequacy, controlled
+from analysis.compare import LEFT_EXPLAINED, Adequacy, controlled, said_left
 from analysis.compare_plots import by_test, spectrum, worst_record
 from analysis.constancy import Constancy, TestFit
 from analysis.identify import Estimate
+from testbed.cli import compare as compared
 from testbed.cli import main
+from testbed.cli._answer import Answer
 from testbed.engines import fast
 from testbed.workshop import write_campaign
 from tests.campaign_files import BELIEVED, TRUE
@@ -110,6 +112,21 @@ def test_constants_are_drawn_within_their_bounds_and_every_axis_is_named():
     assert [axis.get_xlabel() for axis in figure.axes] == ["test", "test"]
     assert [label.get_text() for label in coefficient.get_xticklabels()] == ["cut 0", "cut 1"]
     assert (frequency.get_ylabel(), coefficient.get_ylabel()) == ("$f_n$ [Hz]", "$K_t$ [N/mm^2]")
+
+
+def test_what_is_left_is_told_in_plain_words():
+    failing = [Adequacy("a", test, 1.0, 0.0, True) for test in ("rms", "autocorrelation", "tooth angle", "rms, force_y")]
+    tests = [*failing, Adequacy("a", "tooth angle, force_y", 1.0, 0.9), Adequacy("b", "rms", 1.0, 0.9)]
+    assert said_left(tests, "a") == "too large, not random, recurring with the tooth, too large in force_y"
+    assert said_left(tests, "b") == "noise"
+
+
+def test_compare_explains_what_is_left_where_something_is(answer, tmp_path, capsys):
+    code, out, _ = run(capsys, "compare", answer[1] / "campaign.yaml", "-m", answer[1] / "model.yaml")
+    assert code == 0 and "what is left is\n" in out and LEFT_EXPLAINED not in out
+    assert len([line for line in out.splitlines() if line.endswith("  noise")]) == len(FEW)
+    compared._say(Answer(None, False), pages.comparison(), [], BELIEVED)
+    assert LEFT_EXPLAINED in capsys.readouterr().out
 
 
 def test_false_discoveries_are_controlled():

@@ -20,7 +20,7 @@ from analysis.lines import follow_line
 from testbed.campaign import load_campaign
 from testbed.cli import main
 from testbed.cli._fitting import doubts
-from testbed.cli.inspect import command
+from testbed.cli.inspect import _conditions, command
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +38,13 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "channels: {tachometer: none}}\n"
     )
     return folder / "campaign.yaml"
+
+
+def test_conditions_are_told_in_the_words_of_a_campaign_s_file(campaign: Path) -> None:
+    told = CliRunner().invoke(command, [str(campaign)])
+    assert "conditions: spindle_speed 3900 rpm, depth_of_cut 2.9 mm, feed 0.1 mm/tooth\n" in told.output
+    assert _conditions({"feed_per_revolution": 2e-4, "length_cut_before": 0.00508}) == [
+        "feed 0.2 mm/rev", "length_cut_before 5.08 mm"]
 
 
 def test_json_holds_speed_segments_and_noise_in_si(campaign: Path) -> None:

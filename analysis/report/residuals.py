@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from analysis.compare import Adequacy, RecordComparison
+from analysis.compare import LEFT_EXPLAINED, Adequacy, RecordComparison, said_left
 from analysis.fit_state import State
 from analysis.held_out import RecordError
 from analysis.report.packed import even, packed, thinned
@@ -35,12 +35,6 @@ def add_records(page: Page, records: Sequence[RecordComparison], tests: Sequence
     for one in records:
         ratio = math.sqrt(one.chi_square)
         worst = {kind: max((part.chi_square for part in one.segments if part.kind == kind), default=None) for kind in kinds}
-        own = [test for test in tests if test.record == one.name]
-        failing = (
-            "nothing"
-            if not any(test.fails for test in own)
-            else ("all tests" if all(test.fails for test in own) else ", ".join(test.test for test in own if test.fails))
-        )
         cells = ["-" if value is None else Cell(f"{math.sqrt(value):.2f}", heat(math.sqrt(value))) for value in worst.values()]
         rows.append(
             (
@@ -50,7 +44,7 @@ def add_records(page: Page, records: Sequence[RecordComparison], tests: Sequence
                 f"{one.chi_square:.2f}",
                 Cell(f"{ratio:.2f}", heat(ratio)),
                 *cells,
-                failing,
+                said_left(tests, one.name),
             )
         )
     worst_one = max(records, key=lambda one: one.chi_square)
@@ -62,11 +56,11 @@ def add_records(page: Page, records: Sequence[RecordComparison], tests: Sequence
         f"{len(failing_records)} of {len(records)} records {hold} more than noise. The worst is {worst_one.name}: its "
         f"residual is {math.sqrt(worst_one.chi_square):.2f} times its noise{where}."
     )
-    page.table(("record", "error", "noise floor", "chi-square", "residual / noise", *kinds, "beyond the noise"), rows)
+    page.table(("record", "error", "noise floor", "chi-square", "residual / noise", *kinds, "what is left is"), rows)
     page.text(
         "error = rms(measured - predicted) / rms(measured about its mean); the columns from residual / noise on are in "
-        "units of the noise, 1 is nothing but noise. chi-square is the mean square of those. Tests beyond the noise: "
-        "rms, autocorrelation, tooth angle, with 5 % of false discoveries among them.",
+        f"units of the noise, 1 is nothing but noise. chi-square is the mean square of those. W{LEFT_EXPLAINED[1:]}: three "
+        "tests (rms, autocorrelation, tooth angle), with 5 % of false discoveries among them.",
         small=True,
     )
 

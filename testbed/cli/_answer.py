@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ from testbed.atomic import write_text
 from testbed.cli._places import check_outputs, check_place
 
 MOST_DIGITS = 12  # of a number, however narrow its interval
+_NUMBER = re.compile(r"[+-]?\.?\d|[+-]?(inf|nan)\b|-?$|unknown$")  # or what stands where there is none
 BEYOND = 1e4  # times a value that its interval may be wide, to be told at all
 
 
@@ -57,13 +59,15 @@ class Answer:
             click.echo(text, err=self.json_file == "-")
 
     def table(self, titles: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-        """Columns set flush: the first to the left, the others to the right."""
+        """Columns set flush: numbers to the right; words, and the first column, to the left."""
         cells = [[str(cell) for cell in row] for row in (titles, *rows)]
-        widths = [max(len(row[column]) for row in cells) for column in range(len(titles))]
+        columns = list(zip(*cells, strict=True))
+        widths = [max(map(len, column)) for column in columns]
+        numbers = [place > 0 and all(map(_NUMBER.match, column[1:])) for place, column in enumerate(columns)]
         for row in cells:
-            first, *others = (cell.ljust(width) if column == 0 else cell.rjust(width)
-                              for column, (cell, width) in enumerate(zip(row, widths, strict=True)))
-            self.say("  ".join([first, *others]).rstrip())
+            set_flush = (cell.rjust(width) if number else cell.ljust(width)
+                         for cell, width, number in zip(row, widths, numbers, strict=True))
+            self.say("  ".join(set_flush).rstrip())
 
     def finish(self, value: Any) -> None:
         """Write the JSON, where it was asked for."""

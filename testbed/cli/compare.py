@@ -67,13 +67,15 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
 
 
 def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
-    from analysis.compare import said_at_bound
+    from analysis.compare import LEFT_EXPLAINED, said_at_bound, said_left
 
     for note in notes:
         answer.say(note)
-    answer.table(("record", "error", "noise floor", "in units of the noise", "left beyond the noise"),
+    answer.table(("record", "error", "noise floor", "residual / noise", "what is left is"),
                  [(one.name, f"{one.error:.4f}", f"{one.noise_floor:.4f}", f"{one.chi_square**0.5:.2f}",
-                   _failing(found, one.name)) for one in found.records])
+                   said_left(found.tests, one.name)) for one in found.records])
+    if not found.adequate:
+        answer.say(LEFT_EXPLAINED)
     answer.say(f"all records: error {found.error:.4f}, noise floor {found.noise_floor:.4f}"
                + ("" if found.records[0].held_out else "; one operating condition only, so nothing was held out"))
     _segments(answer, found)
@@ -101,10 +103,6 @@ def _in_words(found: Any) -> str:
                 "slight; testbed diagnose says whether a known effect lowers it")
     return ("the model leaves more than noise, and what it lacks may bend its parameters beyond their intervals: testbed "
             "diagnose says whether an effect is missing")
-
-
-def _failing(found: Any, name: str) -> str:
-    return ", ".join(test.test for test in found.tests if test.record == name and test.fails) or "nothing"
 
 
 def _segments(answer: Answer, found: Any) -> None:

@@ -102,7 +102,8 @@ def _list_hooks(answer: Answer) -> None:
     answer.table(("hook", "unit", "what it is"), [(name, hook.unit, hook.meaning) for name, hook in HOOKS.items()])
     answer.say()
     for name, hook in HOOKS.items():
-        answer.say(f"{name} may ask for: {', '.join(hook.offers) or 'nothing but'}, the effect's parameters and states")
+        offered = f": {', '.join(hook.offers)}, and" if hook.offers else " nothing but"
+        answer.say(f"{name} may ask for{offered} the effect's parameters and states")
     answer.finish({name: {"unit": hook.unit, "meaning": hook.meaning, "offers": hook.offers, "joins": hook.joins}
                    for name, hook in HOOKS.items()})
 

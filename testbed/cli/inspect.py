@@ -166,16 +166,16 @@ def _record(record: RecordReport) -> list[str]:
 
 
 def _conditions(known: Any) -> list[str]:
-    """Conditions in the units of the shop floor."""
+    """Conditions in the words of a campaign's file and the units of the shop floor."""
     shown = []
-    for key, factor, unit in (
-        ("spindle_speed", _RPM, "rpm"),
-        ("axial_depth_of_cut", 1e3, "mm"),
-        ("feed_per_tooth", 1e3, "mm/tooth"),
-        ("feed_per_revolution", 1e3, "mm/rev"),
-        ("flutes", 1, ""),
-        ("length_cut_before", 1.0, "m"),
+    for key, said, factor, unit in (
+        ("spindle_speed", "spindle_speed", _RPM, "rpm"),
+        ("axial_depth_of_cut", "depth_of_cut", 1e3, "mm"),
+        ("feed_per_tooth", "feed", 1e3, "mm/tooth"),
+        ("feed_per_revolution", "feed", 1e3, "mm/rev"),
+        ("flutes", "flutes", 1, ""),
+        ("length_cut_before", "length_cut_before", 1e3, "mm"),
     ):
         if known.get(key) is not None:
-            shown.append(f"{key} {known[key] * factor:.6g} {unit}".rstrip())
+            shown.append(f"{said} {known[key] * factor:.6g} {unit}".rstrip())
     return shown
