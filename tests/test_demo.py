@@ -16,6 +16,7 @@ from testbed.campaign import load_campaign
 from testbed.cli import _demo, _demo_loop, main
 from testbed.data_set import read_data_set
 from testbed.model_file import read_model
+from tests import doc_pages
 from tests.real_data import MEASUREMENTS, needs
 
 ROOT = Path(__file__).parents[1]
@@ -115,6 +116,22 @@ def test_the_workshop_s_files_hold_nothing_of_the_truth(demo):
     assert not read_model(place / "model.yaml").effects
     records = load_campaign(place / "campaign.yaml").records
     assert len(records) == len(_demo_loop.CUTS) and all(len(one.recording.marks) > 60 for one in records)
+
+
+def test_the_answer_is_what_its_page_says(demo):
+    named = doc_pages.named_paths(doc_pages.tables(doc_pages.read("answers.md"))["demo"])
+    assert doc_pages.missing(named, [demo[2]]) == []
+    measured = demo[2]["hammer_test"] is not None
+    assert [key for key in doc_pages.unheard(named, [demo[2]]) if measured or not key.startswith("hammer_test")] == []
+
+
+def test_the_first_campaign_of_the_pages_reads_what_it_leaves(demo):
+    text = doc_pages.examples(doc_pages.read("files.md"), "campaign")[0].replace("demo/workshop", "out/workshop")
+    (demo[0] / "first.yaml").write_text(text)
+    found, own = (load_campaign(demo[0] / name).records for name in ("first.yaml", "out/workshop/campaign.yaml"))
+    for one, other in zip(found, own, strict=True):
+        assert np.array_equal(one.recording.channels["displacement"], other.recording.channels["displacement"])
+        assert other.conditions.items() >= one.conditions.items() and np.array_equal(one.recording.marks, other.recording.marks)
 
 
 def test_a_seed_hides_the_same_again_and_seeds_differ():
