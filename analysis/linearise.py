@@ -40,8 +40,8 @@ class Loop(Protocol):
     @property
     def size(self) -> int: ...
 
-    def rates(self, phases: np.ndarray, pass_number: int, teeth: int, mean_torque: float, states: np.ndarray,
-              pasts: np.ndarray, scale: np.ndarray | None = None) -> Any: ...
+    def rates(self, phases: np.ndarray, pass_number: int, teeth: int, states: np.ndarray, pasts: np.ndarray,
+              scale: np.ndarray | None = None) -> Any: ...
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,6 @@ class _Course:
     def __init__(self, loop: Loop, grid: _Grid, passes: int, first_pass: int) -> None:
         self.loop, self.grid, self.first_pass = loop, grid, first_pass
         self.states = np.zeros((passes, grid.phases.size, loop.size))
-        self.mean_torque = np.zeros(passes)  # of the pass before
         self.duration = passes * loop.pitch / loop.nominal_speed
         self.begin = first_pass * loop.pitch / loop.nominal_speed
         for number in range(passes):
@@ -125,8 +124,8 @@ class _Course:
     def rates(self, number: int, scale: np.ndarray | None) -> list[Any]:
         """The loop's rates in each piece of pass `number`."""
         past = self.past(number)
-        return [self.loop.rates(self.grid.phases[where], self.first_pass + number, teeth, self.mean_torque[number],
-                                self.states[number, where], past[where], scale)
+        return [self.loop.rates(self.grid.phases[where], self.first_pass + number, teeth, self.states[number, where],
+                                past[where], scale)
                 for _, _, teeth, where in self.grid.pieces]
 
     def set_clock(self) -> None:
@@ -143,14 +142,6 @@ class _Course:
             if change < 1e-14 * max(1.0, abs(start)):
                 return
         raise ValueError("the spindle's course in time was not found")
-
-    def set_torque(self, rates: list[list[Any]]) -> None:
-        """Let each pass know the mean torque of the pass before."""
-        for number, parts in enumerate(rates):
-            speed = np.concatenate([part.speed for part in parts])
-            torque = np.concatenate([part.torque for part in parts])
-            mean = self.grid.integrate(torque / speed)[1] / self.grid.integrate(1.0 / speed)[1]
-            self.mean_torque[(number + 1) % len(rates)] = mean
 
 
 def _delayed_columns(rates: list[list[Any]]) -> np.ndarray:
@@ -199,7 +190,6 @@ def _newton_step(course: _Course, scale: np.ndarray) -> tuple[float, np.ndarray]
     loop, grid = course.loop, course.grid
     passes, points, width = course.states.shape[0], grid.phases.size, loop.unknowns.size
     rates = [course.rates(number, scale) for number in range(passes)]
-    course.set_torque(rates)
     delayed, kept = _delayed_columns(rates), np.arange(width)
     maps, total = [], np.eye(grid.late.size * delayed.size + width + 1)
     for number, parts in enumerate(rates):
@@ -261,12 +251,10 @@ def linearise(loop: Loop, *, first_pass: int = 0, passes: int | None = None, tol
     for _ in range(iterations):
         if not loop.steady:
             course.set_clock()
-        torque = course.mean_torque.copy()
         change, start = _newton_step(course, scale)
         largest = np.max(np.abs(course.states[:, :, loop.unknowns]), axis=(0, 1))
         scale = np.where(largest > 1e-12, 1e-4 * largest, 1e-7)
-        drift = np.max(np.abs(course.mean_torque - torque)) / max(1e-9, np.max(np.abs(course.mean_torque)))
-        if change < tolerance and drift < tolerance:
+        if change < tolerance:
             break
     else:
         raise ValueError("no periodic motion was found: the law may have kinks, or the cut a motion of another period")

@@ -73,7 +73,7 @@ HOOKS: Mapping[str, Hook] = MappingProxyType(
         "normal_force": Hook(_TOOTH, "sum", "N", "normal force on the tooth beyond K_n b chip"),
         "structure_force": Hook(_STRUCTURE, "sum", "N", "force on the structure along x"),
         "derivative": Hook(
-            ("applied_force", "mean_torque", *_STRUCTURE),
+            ("applied_force", "torque", *_STRUCTURE),
             "value",
             "1/s",
             "derivative_STATE: time derivative of one of the effect's own states",

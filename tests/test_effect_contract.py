@@ -178,7 +178,7 @@ def slope_of(name: str, state: str, **given: float) -> float:
     effect = EFFECTS[name]
     hook = effect.hooks[f"derivative_{state}"]
     rest = {"displacement": 0.0, "velocity": 0.0, "time": 0.0, "mass": 2.6, "stiffness": 2e6, "damping": 15.0,
-            "applied_force": 0.0, "mean_torque": 0.0}
+            "applied_force": 0.0, "torque": 0.0}
     values = rest | dict.fromkeys(effect.states, 0.0) | effect.shaped(effect.example()) | given
     return hook(**{key: values[key] for key in inspect.signature(hook).parameters})
 

@@ -70,8 +70,8 @@ def fill_table(G, I, T):
 
 
 @inner
-def slope(A, P, G, Y, D, T, row, S, left, left_row, tooth, edges, mean_torque, share):
-    """Time derivative D of the state at a row; left[left_row]: the surface left there. Returns (spindle speed, torque).
+def slope(A, P, G, Y, D, T, row, S, left, left_row, tooth, edges, share):
+    """Time derivative D of the state at a row; left[left_row]: the surface left there. Returns the spindle speed.
 
     share: of the step's angle that is in the cut, less than 1 where the cut begins or ends within it.
     """
@@ -86,9 +86,8 @@ def slope(A, P, G, Y, D, T, row, S, left, left_row, tooth, edges, mean_torque, s
         left[left_row, edge] = radial
         force -= tangential * cosine + normal * sine
         torque += tangential * G[RADIUS]
-    force, torque = share * force, share * torque
-    derivative(A, P, G, Y, D, force, mean_torque)
-    return spindle_speed(A, P, G, Y), torque
+    derivative(A, P, G, Y, D, share * force, share * torque)
+    return spindle_speed(A, P, G, Y)
 
 
 @inner
@@ -134,12 +133,10 @@ def keep_surface(A, P, G, Y, D0, Y1, D1, ends, W, T, S, row, left, now, tooth, e
 
 
 @inner
-def advance(A, P, G, O, plain, steady, work, maps, T, row, S, left, now, tooth, edges, span, speed0, torque0, mean_torque,
-            share):  # fmt: skip
-    """One step of `span` rad from work[0] to work[1]; work[2], speed0 and torque0 belong to its start.
+def advance(A, P, G, O, plain, steady, work, maps, T, row, S, left, now, tooth, edges, span, speed0, share):
+    """One step of `span` rad from work[0] to work[1]; work[2] and speed0 belong to its start. Returns the speed at its end.
 
     work (10, size): the state and that at the end, their slopes, state and slope of a stage, and what the four stages add.
-    Returns (torque's time integral, speed and torque at the end).
     """
     Y, Y1, D0, D1, W, D, K = work[0], work[1], work[2], work[3], work[4], work[5], work[6:10]
     H, E = maps[0], maps[1]
@@ -148,29 +145,27 @@ def advance(A, P, G, O, plain, steady, work, maps, T, row, S, left, now, tooth, 
     if not steady:
         set_half_and_whole(O, h, H, E)
     increment(O, plain, more, Y, D0, h, h, K, 0)
-    impulse, speed, torque = h * torque0 / 6.0, speed0, torque0
+    speed = speed0
     for stage in range(1, 5):  # the fourth is the end of the step, whose slope begins the next
         at, rates = (Y1, D1) if stage == 4 else (W, D)
         if stage == 4:
             end_state(O, plain, more, H, E, Y, K, at)
         else:
             stage_state(O, plain, more, H, E, Y, K, stage, at)
-        speed, torque = slope(A, P, G, at, rates, T, row + (1 if stage < 3 else 2), S, left, 1 - now if stage == 4 else 2,
-                              tooth, edges, mean_torque, share)  # fmt: skip
+        speed = slope(A, P, G, at, rates, T, row + (1 if stage < 3 else 2), S, left, 1 - now if stage == 4 else 2, tooth, edges,
+                      share)  # fmt: skip
         if stage < 4:
-            dt = span / speed
-            increment(O, plain, more, at, rates, dt, h, K, stage)
-            impulse += dt * torque / (6.0 if stage == 3 else 3.0)
-    return impulse, speed, torque
+            increment(O, plain, more, at, rates, span / speed, h, K, stage)
+    return speed
 
 
 @inner
-def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, mean_torque, maps, work, left, tooth, clock,
-                  wanted, limit, out, position):  # fmt: skip
+def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, maps, work, left, tooth, clock, wanted, limit, out,
+                  position):  # fmt: skip
     """Step through one segment of a pass, reading the surface S and leaving a new one behind.
 
     Row 2k of S is the surface at step k, row 2k + 1 at its middle. What was left at a step's end waits in left[0].
-    Returns (next sample, torque's time integral, still bounded).
+    Returns (next sample, still bounded).
     """
     Y, Y1, D0, D1, W = work[0], work[1], work[2], work[3], work[4]
     plain = I[PLAIN : PLAIN + I[PLAIN_COUNT]]
@@ -180,21 +175,17 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, mean_t
     edges, base = teeth * int(G[SLICES]), G[CORNERS + segment]
     span = (G[CORNERS + segment + 1] - base) / steps
     if edges == 0:
-        position, bounded = glide(A, P, G, O, plain, steady, work, maps[segment], base, span, steps, angle, mean_torque, clock,
-                                  limit, out, position)  # fmt: skip
-        return position, 0.0, bounded
-    impulse, now, speed0, torque0, before = 0.0, 0, 0.0, 0.0, -1.0
+        return glide(A, P, G, O, plain, steady, work, maps[segment], base, span, steps, angle, clock, limit, out, position)
+    now, speed0, before = 0, 0.0, -1.0
     for step in range(steps):
         row, phase = row0 + 2 * step, base + step * span
         share = share_in_cut(G, angle + phase, span)
         if share != before:  # else the slope at the last step's end is that at this one's start
-            speed0, torque0 = slope(A, P, G, Y, D0, T, row, S, left, now, tooth, edges, mean_torque, share)
-            before = share
-        load, speed1, torque1 = advance(A, P, G, O, plain, steady, work, maps[segment], T, row, S, left, now, tooth, edges,
-                                        span, speed0, torque0, mean_torque, share)  # fmt: skip
+            speed0, before = slope(A, P, G, Y, D0, T, row, S, left, now, tooth, edges, share), share
+        speed1 = advance(A, P, G, O, plain, steady, work, maps[segment], T, row, S, left, now, tooth, edges, span, speed0,
+                         share)  # fmt: skip
         if not abs(Y1[0]) < limit:
-            return position, impulse, False
-        impulse += load
+            return position, False
         if position < out.shape[1] and clock[0] + position / clock[1] <= Y1[2]:
             first = position
             position = sample_step(A, P, G, clock, Y, D0, Y1, D1, angle + phase, angle + phase + span, speed0, speed1, out,
@@ -208,10 +199,10 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, mean_t
         keep_surface(A, P, G, Y, D0, Y1, D1, (span / speed0, span / speed1), W, T, S, row, left, now, tooth, edges)
         for i in range(Y.shape[0]):
             Y[i], D0[i] = Y1[i], D1[i]
-        speed0, torque0, now = speed1, torque1, 1 - now
+        speed0, now = speed1, 1 - now
     if now == 1:
         copy(left[1], left[0])
-    return position, impulse, True
+    return position, True
 
 
 @inner
@@ -224,10 +215,9 @@ def enter_cut(A, P, G, I, Y, W, S):
 
 
 @inner
-def cross_pitch(A, P, G, I, O, T, S, pass_number, mean_torque, maps, work, left, tooth, clock, wanted, limit, out,
-                position):  # fmt: skip
-    """One tooth pass, segment by segment. Returns (next sample, torque's time integral, still bounded)."""
-    impulse, row0, angle = 0.0, np.int64(0), pass_number * G[PITCH]  # a literal 0 would be compiled for as a type of its own
+def cross_pitch(A, P, G, I, O, T, S, pass_number, maps, work, left, tooth, clock, wanted, limit, out, position):
+    """One tooth pass, segment by segment. Returns (next sample, still bounded)."""
+    row0, angle = np.int64(0), pass_number * G[PITCH]  # a literal 0 would be compiled for as a type of its own
     cutting = 0 <= pass_number < I[CUT]
     for segment in range(I[SEGMENTS]):
         base, last = G[CORNERS + segment], row0 + 2 * I[STEPS + segment]
@@ -235,17 +225,16 @@ def cross_pitch(A, P, G, I, O, T, S, pass_number, mean_torque, maps, work, left,
             position = fly(A, P, G, I, O, work[0], work[4], work[5], maps[I[SEGMENTS], 0], clock, segment, angle + base, out,
                            position)  # fmt: skip
         else:
-            position, load, bounded = cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, mean_torque,
-                                                    maps, work, left, tooth, clock, wanted, limit, out, position)  # fmt: skip
+            position, bounded = cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, maps, work, left, tooth,
+                                              clock, wanted, limit, out, position)  # fmt: skip
             if not bounded:
-                return position, impulse, False
-            impulse += load
+                return position, False
             staying = I[TEETH + segment + 1] if segment + 1 < I[SEGMENTS] else 0
             if cutting:  # what the teeth that leave here have left; the others' the next segment's first step keeps
                 for edge in range(staying * int(G[SLICES]), I[TEETH + segment] * int(G[SLICES])):
                     S[last, edge] = left[0, edge]
         row0 = last
-    return position, impulse, True
+    return position, True
 
 
 @holding
@@ -267,7 +256,7 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
     copy(Y, work[0])
     Y = work[0]
     fill_table(G, I, T)
-    position, mean_torque, start = np.int64(0), 0.0, Y[2]
+    position, start = np.int64(0), Y[2]
     pass_times[0], pass_states[0, 0], pass_states[0, 1] = Y[2], Y[0], Y[1]
     for number in range(I[IDLE] + I[CUT] + I[RING_DOWN]):
         pass_number = number - I[IDLE]
@@ -281,8 +270,8 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
             tooth[edge] = (number - edge // int(G[SLICES])) % int(G[FLUTES])
         if pass_number == 0 and I[CUT] > 0:
             enter_cut(A, P, G, I, Y, work[4], S)
-        position, impulse, bounded = cross_pitch(A, P, G, I, O, T, S, pass_number, mean_torque, maps, work, left, tooth,
-                                                 clock, wanted, limit, out, position)  # fmt: skip
+        position, bounded = cross_pitch(A, P, G, I, O, T, S, pass_number, maps, work, left, tooth, clock, wanted, limit, out,
+                                        position)  # fmt: skip
         if not bounded:
             fill_columns(out, position, np.nan)
             fill(pass_times, number + 1, np.nan)
@@ -292,7 +281,6 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
             Y[2] = pass_times[number] + durations[number]
         elif I[STEADY_SPEED]:  # the clock does not gather rounding
             Y[2] = start + (number + 1) * G[PITCH] / G[OMEGA]
-        mean_torque = impulse / (Y[2] - pass_times[number])
         pass_times[number + 1], pass_states[number + 1, 0], pass_states[number + 1, 1] = Y[2], Y[0], Y[1]
     last = I[IDLE] + I[CUT] + I[RING_DOWN] + 1
     fill_columns(out, position, np.nan)

@@ -54,14 +54,14 @@ def glide_alone(A, P, G, O, steady, work, maps, base, span, steps, angle, clock,
 
 
 @inner
-def glide(A, P, G, O, plain, steady, work, maps, base, span, steps, angle, mean_torque, clock, limit, out, position):
+def glide(A, P, G, O, plain, steady, work, maps, base, span, steps, angle, clock, limit, out, position):
     """Step through a segment in which nothing cuts. Returns (next sample, still bounded)."""
     Y, Y1, D0, D1, W, D, K = work[0], work[1], work[2], work[3], work[4], work[5], work[6:10]
     H, E = maps[0], maps[1]
     more = O.shape[0] > 1 or plain.shape[0] > 0
     if not more:
         return glide_alone(A, P, G, O, steady, work, maps, base, span, steps, angle, clock, limit, out, position)
-    derivative(A, P, G, Y, D0, 0.0, mean_torque)
+    derivative(A, P, G, Y, D0, 0.0, 0.0)
     speed0 = spindle_speed(A, P, G, Y)
     for step in range(steps):
         phase, h = base + step * span, span / speed0
@@ -70,10 +70,10 @@ def glide(A, P, G, O, plain, steady, work, maps, base, span, steps, angle, mean_
         increment(O, plain, more, Y, D0, h, h, K, 0)
         for stage in range(1, 4):
             stage_state(O, plain, more, H, E, Y, K, stage, W)
-            derivative(A, P, G, W, D, 0.0, mean_torque)
+            derivative(A, P, G, W, D, 0.0, 0.0)
             increment(O, plain, more, W, D, span / spindle_speed(A, P, G, W), h, K, stage)
         end_state(O, plain, more, H, E, Y, K, Y1)
-        derivative(A, P, G, Y1, D1, 0.0, mean_torque)
+        derivative(A, P, G, Y1, D1, 0.0, 0.0)
         speed1 = spindle_speed(A, P, G, Y1)
         if not abs(Y1[0]) < limit:
             return position, False

@@ -80,7 +80,7 @@ class Motion:
 def _at_rest(effect: Effect, structure: Structure) -> dict[str, float]:
     """What the hooks of an effect are offered where nothing moves and nothing acts."""
     return dict.fromkeys(effect.states, 0.0) | {
-        "applied_force": 0.0, "mean_torque": 0.0, "displacement": 0.0, "velocity": 0.0, "time": 0.0,
+        "applied_force": 0.0, "torque": 0.0, "displacement": 0.0, "velocity": 0.0, "time": 0.0,
         "mass": structure.mass, "stiffness": structure.stiffness, "damping": structure.damping}  # fmt: skip
 
 

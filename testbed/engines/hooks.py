@@ -58,7 +58,7 @@ def hook_structure_force(A, P, Y, mass, stiffness, damping):
 
 
 @inner
-def hook_derivatives(A, P, Y, D, applied_force, mean_torque, mass, stiffness, damping):
+def hook_derivatives(A, P, Y, D, applied_force, torque, mass, stiffness, damping):
     """Write the time derivatives of the effects' states into D[3:]."""
 
 

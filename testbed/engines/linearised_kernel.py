@@ -22,8 +22,8 @@ from testbed.engines.loop_kernel import (
 
 
 @inner
-def rate_in_angle(A, P, G, Y, past, phase, pass_number, teeth, mean_torque, surface, D, f):
-    """Write dY/dphi into f; returns (torque, N m; speed, rad/s; whether an edge in the cut has lost contact)."""
+def rate_in_angle(A, P, G, Y, past, phase, pass_number, teeth, surface, D, f):
+    """Write dY/dphi into f; returns (speed, rad/s; whether an edge in the cut has lost contact)."""
     lost = False
     for edge in range(teeth * int(G[SLICES])):
         cover, turned = piece_of_edge(G, phase, edge)
@@ -36,27 +36,25 @@ def rate_in_angle(A, P, G, Y, past, phase, pass_number, teeth, mean_torque, surf
     force, across, torque = 0.0, 0.0, 0.0
     if teeth > 0:
         force, across, torque = cutting_force(A, P, G, Y, phase, pass_number, teeth, surface)
-    derivative(A, P, G, Y, D, force, mean_torque)
+    derivative(A, P, G, Y, D, force, torque)
     speed = spindle_speed(A, P, G, Y)
     for place in range(Y.shape[0]):
         f[place] = D[place] / speed
-    return torque, speed, lost
+    return speed, lost
 
 
 @njit(nogil=True, cache=True)
-def linearise(A, P, G, phases, pass_number, teeth, mean_torque, states, pasts, kept, scale, f, now, before, torque,
-              speed, lost):
+def linearise(A, P, G, phases, pass_number, teeth, states, pasts, kept, scale, f, now, before, speed, lost):
     """Rates f (n, K), their derivatives by the state `now` and by the state one pitch ago `before`, both (n, K, K).
 
     states, pasts: (n, size) whole states at the phases (n,). kept (K,): the places of the state that are unknowns;
-    scale (K,): half-width of the difference for each. torque (n,), speed (n,), lost (n,) are filled too.
+    scale (K,): half-width of the difference for each. speed (n,) and lost (n,) are filled too.
     """
     size = states.shape[1]
     surface = np.empty(max(1, teeth * int(G[SLICES])))
     D, low, high, base = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
     for n in range(phases.shape[0]):
-        torque[n], speed[n], lost[n] = rate_in_angle(A, P, G, states[n], pasts[n], phases[n], pass_number, teeth,
-                                                     mean_torque, surface, D, base)
+        speed[n], lost[n] = rate_in_angle(A, P, G, states[n], pasts[n], phases[n], pass_number, teeth, surface, D, base)
         for i in range(kept.shape[0]):
             f[n, i] = base[kept[i]]
         for j in range(kept.shape[0]):
@@ -65,10 +63,9 @@ def linearise(A, P, G, phases, pass_number, teeth, mean_torque, states, pasts, k
                 matrix, vector = (now, states[n]) if which == 0 else (before, pasts[n])
                 middle = vector[place]
                 vector[place] = middle + width
-                rate_in_angle(A, P, G, states[n], pasts[n], phases[n], pass_number, teeth, mean_torque, surface, D,
-                              high)
+                rate_in_angle(A, P, G, states[n], pasts[n], phases[n], pass_number, teeth, surface, D, high)
                 vector[place] = middle - width
-                rate_in_angle(A, P, G, states[n], pasts[n], phases[n], pass_number, teeth, mean_torque, surface, D, low)
+                rate_in_angle(A, P, G, states[n], pasts[n], phases[n], pass_number, teeth, surface, D, low)
                 vector[place] = middle
                 for i in range(kept.shape[0]):
                     matrix[n, i, j] = (high[kept[i]] - low[kept[i]]) / (2.0 * width)

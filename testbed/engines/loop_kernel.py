@@ -155,14 +155,14 @@ def cutting_force(A, P, G, Y, phase, pass_number, teeth, surface):
 
 
 @inner
-def derivative(A, P, G, Y, D, force_x, mean_torque):
-    """Time derivative D of the state Y under the applied force: the structure's own law and the effects' states."""
+def derivative(A, P, G, Y, D, force_x, torque):
+    """Time derivative D of the state Y under the applied force and torque: the structure's own law and the effects' states."""
     mass, damping, stiffness = G[MASS], G[DAMPING], G[STIFFNESS]
     own = hook_structure_force(A, P, Y, mass, stiffness, damping)
     D[0] = Y[1]
     D[1] = (force_x + own - damping * Y[1] - stiffness * Y[0]) / mass
     D[2] = 1.0
-    hook_derivatives(A, P, Y, D, force_x, mean_torque, mass, stiffness, damping)
+    hook_derivatives(A, P, Y, D, force_x, torque, mass, stiffness, damping)
 
 
 @inner

@@ -32,8 +32,7 @@ from testbed.engines.loop_kernel import (
 M_SEGMENTS, M_IDLE, M_CUT, M_STATES_ON, M_STEADY, M_A, M_P, M_Y, M_DOF, M_EDGES, M_RECORD, M_ROWS, M_STEPS = range(13)
 M_TEETH, N_HEAD = M_STEPS + MOST_SEGMENTS, M_STEPS + 2 * MOST_SEGMENTS
 # state U: this head, then G, seven states (Y0, Y, D0 = first slope, three more slopes, D1), two surfaces, the memory
-U_COUNT, U_PASS, U_SEGMENT, U_STEP, U_TIME, U_DT, U_STAGE, U_MEAN_TORQUE, U_IMPULSE, U_PASS_TIME, U_MIDDLE, \
-    U_SPEED0, U_TORQUE, U_FORCE_X, U_FORCE_Y, U_HEAD = (*range(13), 16, 17, 18)
+U_COUNT, U_PASS, U_SEGMENT, U_STEP, U_TIME, U_DT, U_STAGE, U_MIDDLE, U_SPEED0, U_FORCE_X, U_FORCE_Y, U_HEAD = range(12)
 Y_0, Y_STAGE, SLOPES, D_1, Y_BLOCKS = 0, 1, 2, 6, 7
 # one row of the record a step: times; displacement, velocity, acceleration at both ends; forces at start, middle, end
 R_T0, R_T1, R_X0, R_V0, R_A0, R_X1, R_V1, R_A1, R_FX0, R_FXM, R_FX1, R_FY0, R_FYM, R_FY1, R_ANGLE0, R_ANGLE1, \
@@ -108,13 +107,35 @@ def start_run(N, U):
 
 
 @holding
-def choose_step(N, U, A, P, G, span, end_angle):
+def surface_at(N, U, row, share):
+    """Surface met at `share` of the step that starts at `row`: a grid row, or the parabola through the step's three."""
+    if share == 0.0 or share == 0.5 or share == 1.0:
+        return surface_row(N, U, row + int(2.0 * share))
+    met = surface_row(N, U, -2)
+    s0, sm, s1 = surface_row(N, U, row), surface_row(N, U, row + 1), surface_row(N, U, row + 2)
+    for edge in range(met.shape[0]):
+        met[edge] = s0[edge] * (1.0 - share) * (1.0 - 2.0 * share) + sm[edge] * 4.0 * share * (1.0 - share) \
+            + s1[edge] * share * (2.0 * share - 1.0)
+    return met
+
+
+@holding
+def met_force(N, U, A, P, G, Y, base, span, row0, teeth, share):
+    """(force, force across the feed, torque) of the state Y at `share` of the present step."""
+    if teeth == 0:
+        return 0.0, 0.0, 0.0
+    surface = surface_at(N, U, row0 + 2 * int(U[U_STEP]), share)
+    return cutting_force(A, P, G, Y, base + (U[U_STEP] + share) * span, int(U[U_PASS] - N[M_IDLE]), teeth, surface)
+
+
+@holding
+def choose_step(N, U, A, P, G, base, span, row0, teeth):
     """Duration of the step that turns the spindle by `span`; also where in angle its middle in time lies."""
     Y0, D0, Y = state_block(N, U, Y_0), state_block(N, U, SLOPES), state_block(N, U, Y_STAGE)
     U[U_MIDDLE] = 0.5
     U[U_SPEED0] = spindle_speed(A, P, G, Y0)
     if N[M_STEADY] != 0.0:
-        U[U_DT] = end_angle / G[OMEGA] - U[U_TIME]
+        U[U_DT] = (U[U_PASS] * G[PITCH] + base + (U[U_STEP] + 1.0) * span) / G[OMEGA] - U[U_TIME]
         return
     # dt/dangle = 1/Omega by the classical scheme; the motion within the step is predicted from the slope at its start
     K = state_block(N, U, D_1)
@@ -127,26 +148,14 @@ def choose_step(N, U, A, P, G, span, end_angle):
                 Y[i] += ahead * K[i]
             Y[0] += ahead * (Y0[1] + 0.5 * ahead * D0[1])
             speed = spindle_speed(A, P, G, Y)
-            derivative(A, P, G, Y, K, 0.0, U[U_MEAN_TORQUE])
+            force, across, torque = met_force(N, U, A, P, G, Y, base, span, row0, teeth, 0.5 if stage < 3 else 1.0)
+            derivative(A, P, G, Y, K, force, torque)
             K[1] = D0[1]
         weight = 1.0 if stage in (0, 3) else 2.0
         total += weight * span / speed / 6.0
         ahead = span / speed * (1.0 if stage == 2 else 0.5)
     U[U_DT] = total
     U[U_MIDDLE] = 0.5 + 0.125 * total * (U[U_SPEED0] - speed) / span
-
-
-@holding
-def surface_at(N, U, row, share):
-    """Surface met at `share` of the step that starts at `row`: a grid row, or the parabola through the step's three."""
-    if share == 0.0 or share == 0.5 or share == 1.0:
-        return surface_row(N, U, row + int(2.0 * share))
-    met = surface_row(N, U, -2)
-    s0, sm, s1 = surface_row(N, U, row), surface_row(N, U, row + 1), surface_row(N, U, row + 2)
-    for edge in range(met.shape[0]):
-        met[edge] = s0[edge] * (1.0 - share) * (1.0 - 2.0 * share) + sm[edge] * 4.0 * share * (1.0 - share) \
-            + s1[edge] * share * (2.0 * share - 1.0)
-    return met
 
 
 @holding
@@ -175,20 +184,15 @@ def stage_force(N, U, time, x, v):
         ahead = 0.0 if stage == 0 else U[U_DT] * (1.0 if stage == 3 else 0.5)
         for i in range(3, Y.shape[0]):
             Y[i] = Y0[i] + (ahead * before[i] if stage > 0 else 0.0)
-    force, across, torque = 0.0, 0.0, 0.0
-    if teeth > 0:
-        surface = surface_at(N, U, row0 + 2 * int(U[U_STEP]), share)
-        force, across, torque = cutting_force(A, P, G, Y, base + (U[U_STEP] + share) * span,
-                                              int(U[U_PASS] - N[M_IDLE]), teeth, surface)
+    force, across, torque = met_force(N, U, A, P, G, Y, base, span, row0, teeth, share)
     own = hook_structure_force(A, P, Y, G[MASS], G[STIFFNESS], G[DAMPING])
-    U[U_TORQUE + stage] = torque
     if stage == 0:
         copy(Y, Y0)
         U[U_FORCE_X], U[U_FORCE_Y] = force, across
-        derivative(A, P, G, Y, D, force, U[U_MEAN_TORQUE])
-        choose_step(N, U, A, P, G, span, U[U_PASS] * G[PITCH] + base + (U[U_STEP] + 1.0) * span)
+        derivative(A, P, G, Y, D, force, torque)
+        choose_step(N, U, A, P, G, base, span, row0, teeth)
     elif N[M_STATES_ON] != 0.0:
-        derivative(A, P, G, Y, D, force, U[U_MEAN_TORQUE])
+        derivative(A, P, G, Y, D, force, torque)
     return force + own
 
 
@@ -251,8 +255,6 @@ def next_place(N, U, time, steps, row_end, teeth):
         return
     U[U_SEGMENT] = 0.0
     U[U_PASS] += 1.0
-    U[U_MEAN_TORQUE] = U[U_IMPULSE] / (time - U[U_PASS_TIME])
-    U[U_IMPULSE], U[U_PASS_TIME] = 0.0, time
     if U[U_PASS] == N[M_IDLE] and N[M_CUT] > 0.0:
         enter_cut(N, U, time)
 
@@ -275,12 +277,9 @@ def end_step(N, U, R, time, x, v):
             K = state_block(N, U, SLOPES + stage)
             for i in range(3, Y1.shape[0]):
                 Y1[i] += weight * K[i]
-    U[U_IMPULSE] += dt * (U[U_TORQUE] + 2.0 * (U[U_TORQUE + 1] + U[U_TORQUE + 2]) + U[U_TORQUE + 3]) / 6.0
-    force, across, force_middle, across_middle = 0.0, 0.0, 0.0, 0.0
-    if teeth > 0:
-        force, across, torque = cutting_force(A, P, G, Y1, phase + span, pass_number, teeth,
-                                              surface_row(N, U, row + 2))
-    derivative(A, P, G, Y1, D1, force, U[U_MEAN_TORQUE])
+    force_middle, across_middle = 0.0, 0.0
+    force, across, torque = met_force(N, U, A, P, G, Y1, base, span, row0, teeth, 1.0)
+    derivative(A, P, G, Y1, D1, force, torque)
     if teeth > 0:
         force_middle, across_middle = leave_step(N, U, A, P, G, row, phase, span, pass_number, teeth,
                                                  spindle_speed(A, P, G, Y1))

@@ -29,13 +29,12 @@ TIME = 2  # the place of the time in the state
 class Rates:
     """f (n, K), its derivatives `now` by Y(phi) and `before` by Y(phi - pitch), (n, K, K), at n phases.
 
-    torque (n,) N m, speed (n,) rad/s; lost (n,): a tooth there has left the cut, so that more than one delay acts.
+    speed (n,) rad/s; lost (n,): a tooth there has left the cut, so that more than one delay acts.
     """
 
     f: np.ndarray
     now: np.ndarray
     before: np.ndarray
-    torque: np.ndarray
     speed: np.ndarray
     lost: np.ndarray
 
@@ -67,8 +66,8 @@ class RegenerativeLoop:
         """Length of the whole state."""
         return self.packed.Y.size
 
-    def rates(self, phases: np.ndarray, pass_number: int, teeth: int, mean_torque: float, states: np.ndarray,
-              pasts: np.ndarray, scale: np.ndarray | None = None) -> Rates:
+    def rates(self, phases: np.ndarray, pass_number: int, teeth: int, states: np.ndarray, pasts: np.ndarray,
+              scale: np.ndarray | None = None) -> Rates:
         """Rates at `phases` (n,) of a pass, for whole states and states one pitch ago, both (n, size).
 
         scale (K,): half-widths of the differences; without it the derivatives are left empty.
@@ -77,11 +76,11 @@ class RegenerativeLoop:
         kept = self.unknowns if scale is not None else self.unknowns[:0]
         size = kept.size
         out = Rates(np.empty((count, size)), np.empty((count, size, size)), np.empty((count, size, size)),
-                    np.empty(count), np.empty(count), np.empty(count, dtype=np.bool_))
+                    np.empty(count), np.empty(count, dtype=np.bool_))
         one = self.packed
-        self.kernel.linearise(one.A, one.P, one.G, np.ascontiguousarray(phases), pass_number, teeth, mean_torque,
+        self.kernel.linearise(one.A, one.P, one.G, np.ascontiguousarray(phases), pass_number, teeth,
                               states.copy(), pasts.copy(), kept, np.empty(0) if scale is None else scale, out.f,
-                              out.now, out.before, out.torque, out.speed, out.lost)
+                              out.now, out.before, out.speed, out.lost)
         return out
 
 

@@ -128,13 +128,13 @@ def test_an_incommensurate_variation_says_how_far_it_is_off():
 def test_droop_moves_the_multipliers_to_those_of_the_slower_spindle():
     model, condition = MODEL.with_effect("speed_droop", droop=0.1, time_constant=0.1), cut(2850, 2.9)
     motion = linearise(regenerative_loop(model, condition))
-    loss = motion.motion[0, 0, 2]
+    course = motion.motion[0, :, 2]  # within the pass: the torque is that of the moment
+    end = fast.simulate(model, replace(condition, passes=200), Sampling(100.0, 1), steps=60).pass_times
+    loss = 1 - condition.tooth_passing_period(1) / (end[-1] - end[-2])
+    assert 0.005 < course.min() < loss < course.max() < 0.05 and np.ptp(course) < 0.2 * loss
     # the feed goes on at its speed, so the chip grows; the linear loop has the multipliers of the speed alone
     slower = multipliers(MODEL, replace(condition, spindle_speed=condition.spindle_speed * (1 - loss)))
-    assert 0.005 < loss < 0.05
-    np.testing.assert_allclose(motion.multipliers[:2], slower[:2], atol=2e-5)
-    end = fast.simulate(model, replace(condition, passes=200), Sampling(100.0, 1), steps=60).pass_times
-    assert end[-1] - end[-2] == pytest.approx(condition.tooth_passing_period(1) / (1 - loss), rel=1e-5)
+    np.testing.assert_allclose(motion.multipliers[:2], slower[:2], atol=6e-5)
 
 
 def test_dry_friction_is_refused_with_its_reason_and_a_model_without_cutter_too():
