@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
+import os
 import re
 import sys
 import traceback
@@ -17,6 +18,7 @@ from types import CodeType, MappingProxyType, ModuleType
 
 from testbed.compilable import check_compilable
 from testbed.effect import HOOKS, Effect
+from testbed.effect_checks import check_source, check_texts
 from testbed.problem import InputProblem
 from testbed.units import nearest
 
@@ -39,12 +41,14 @@ def _load_module(path: Path) -> ModuleType:
     try:
         content = path.read_bytes()
         name = f"testbed_effect_{path.stem}_{sha256(content).hexdigest()[:8]}"
-        content.decode()
+        text = content.decode()
     except UnicodeDecodeError as fault:
         line = content.count(b"\n", 0, fault.start) + 1
         raise InputProblem(path, "is not UTF-8 text", "save it as UTF-8", line) from None
     except OSError as fault:
         raise InputProblem(path, f"cannot be read ({fault.strerror})", "check the file and its permissions") from None
+    if path.parent not in (BUILT_IN, SENSOR_EFFECTS):
+        check_source(path, text)
     spec = importlib.util.spec_from_file_location(name, path, loader=_FromSource(name, str(path)))
     if spec is None or spec.loader is None:
         raise InputProblem(path, "cannot be read as Python", "give a .py file")
@@ -113,6 +117,9 @@ def read_effect(path: Path) -> Effect:
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
         raise InputProblem(path, "no EFFECT = Effect(...) in it", "see `testbed effects --new NAME` for a template")
+    lines = path.read_text("utf-8").splitlines()
+    line = next((number for number, text in enumerate(lines, 1) if text.startswith("EFFECT")), None)
+    check_texts(path, effect, line)
     hooks = {}
     for name, function in vars(module).items():
         place = "derivative" if name.startswith("derivative_") else name
@@ -121,8 +128,6 @@ def read_effect(path: Path) -> Effect:
             hooks[name] = function
         elif inspect.isfunction(function) and function.__module__ == module.__name__:
             _check_helper(path, name, function)
-    lines = path.read_text("utf-8").splitlines()
-    line = next((number for number, text in enumerate(lines, 1) if text.startswith("EFFECT")), None)
     if not hooks:
         raise InputProblem(path, "no hook function in it", f"define one of {', '.join(HOOKS)}", line)
     for state in effect.states:
@@ -145,14 +150,22 @@ def catalogue(*folders: str | Path) -> Mapping[str, Effect]:
     return _catalogue(folders, tuple(Path(folder).resolve() for folder in folders))
 
 
+def _files(folder: Path) -> list[Path]:
+    """The Python files of a folder; InputProblem where it is none or cannot be read, which glob takes for empty."""
+    try:
+        return sorted(folder / name for name in os.listdir(folder) if name.endswith(".py"))
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputProblem(folder, "is not a folder", "name a folder of effect files") from None
+    except OSError as fault:
+        raise InputProblem(folder, f"cannot be read ({fault.strerror})", "check its permissions") from None
+
+
 @lru_cache(maxsize=8)
 def _catalogue(folders: tuple[str | Path, ...], _places: tuple[Path, ...]) -> Mapping[str, Effect]:
     """Read once for the places that the folders are: a relative one is another place in another working folder."""
     found: dict[str, Effect] = {}
     for folder in (BUILT_IN, SENSOR_EFFECTS, *map(Path, folders)):
-        if not folder.is_dir():
-            raise InputProblem(folder, "is not a folder", "name a folder of effect files")
-        for path in sorted(folder.glob("*.py")):
+        for path in _files(folder):
             if path.name.startswith("_") or path.stem == "chain" or path.name.startswith("test_"):
                 continue
             if path.stem in found:

@@ -1,4 +1,5 @@
-"""Does an effect's file compile, and is it nothing at its neutral values? A fault names its file, hook and line.
+"""Does an effect's file compile, does it give the same twice, and is it nothing at its neutral values? A fault names its
+file, hook and line.
 
 Each hook is compiled by itself, and evaluated in Python at plausible places of the loop.
 """
@@ -9,7 +10,10 @@ import inspect
 import math
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
 
 from testbed.effect import HOOKS, Effect
 from testbed.problem import InputProblem
@@ -21,8 +25,12 @@ _PLAUSIBLE = {
     "entry_angle": 0.2, "feed_travel": 0.003, "feed_per_tooth": 1e-4, "chip": 8e-5, "penetration": 8e-5, "depth": 2e-3,
     "cutting_speed": 4.0,
     "length_cut": 0.01, "mass": 2.5, "stiffness": 2e6, "damping": 15.0, "spindle_speed": 400.0,
+    "applied_force": 20.0, "mean_torque": 0.1, "immersion": 0.16, "helix_angle": 0.5,
 }  # fmt: skip
 _SIGNED = {"displacement": 3e-5, "velocity": 0.03, "edge_velocity": 0.02}
+# what `measure` may ask for
+_SAMPLED = {"signal": np.linspace(0.0, 3e-5, 8), "true_signal": np.linspace(0.0, 3e-5, 8), "rate": np.full(8, 0.03),
+            "sampling_rate": 12800.0, "quantity": "displacement", "time": np.arange(8) / 12800.0}
 
 
 def check_compilable(effect: Effect) -> None:
@@ -30,6 +38,7 @@ def check_compilable(effect: Effect) -> None:
     from numba import float64, int64, njit, types
 
     for name, function in effect.hooks.items():
+        _check_repeats(effect, name, function)
         place = HOOKS["derivative" if name.startswith("derivative_") else name]
         if place.joins == "python":
             continue
@@ -49,6 +58,25 @@ def check_compilable(effect: Effect) -> None:
             raise InputProblem(effect.path, f"{name}() gives {found} and not a number",
                                f"return a number in {place.unit}", line)
         _check_neutral(effect, name, function)
+
+
+def _check_repeats(effect: Effect, name: str, function: Callable) -> None:
+    """InputProblem where a hook gives something else at the same arguments: a fit of such a law means nothing."""
+    sampled = _SAMPLED if name == "measure" else {}
+    values = _PLAUSIBLE | _SIGNED | sampled | {**dict.fromkeys(effect.states, 1e-5), **effect.shaped(effect.example())}
+    try:
+        first, second = (_called(function, values) for _ in range(2))
+    except Exception:  # what the law cannot do here is for the compiler, or the loop, to say
+        return
+    if not np.array_equal(first, second, equal_nan=True):
+        raise InputProblem(effect.path, f"{name}() gives something else at the same arguments",
+                           "a law knows no chance and remembers nothing but its states", function.__code__.co_firstlineno)
+
+
+def _called(function: Callable, values: Mapping[str, Any]) -> Any:
+    given = {key: np.copy(values[key]) if isinstance(values[key], np.ndarray) else values[key]  # a hook may write into them
+             for key in inspect.signature(function).parameters}
+    return np.asarray(function(**given), dtype=float)
 
 
 def _check_neutral(effect: Effect, name: str, function: Callable) -> None:

@@ -111,6 +111,9 @@ class Parameter:
     channels: tuple[str, ...] = ()  # the only channels that show it: unknown where none is recorded, and may then be left out
 
     def __post_init__(self) -> None:
+        for said in ("name", "symbol", "unit", "meaning"):
+            if not isinstance(getattr(self, said), str):
+                raise ValueError(f"parameter {self.name}: its {said} is no text")
         low, high = self.bounds
         if not self.unit:
             raise ValueError(f"parameter {self.name}: no unit (dimensionless is '1')")

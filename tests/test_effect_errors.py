@@ -70,6 +70,28 @@ FAULTS = {
     "unknown name": (LAW, "    return -coefficient * velocty\n", "velocty"),
     "numpy array": (LAW, "    return (coefficient, velocity)\n", "not a number"),
     "leaves the program": ("import math\n", "import math\nimport sys\n\nsys.exit(3)\n", "SystemExit: 3"),
+    "prints": (LAW, "    print(velocity)\n" + LAW, "calls print()"),
+    "prints when it is read": ("import math\n", "import math\n\nprint(math.pi)\n", "calls print()"),
+    "random numbers": (
+        LAW,
+        "    import random\n\n    return -coefficient * random.random()\n",
+        "structure_force() draws random numbers (random.random)",
+    ),
+    "random numbers of numpy": (
+        LAW,
+        "    import numpy as np\n\n    return -coefficient * np.random.normal()\n",
+        "structure_force() draws random numbers (numpy.random.normal)",
+    ),
+    "something else every time": (
+        LAW,
+        LAW + "_DRAWN = iter(range(99))\n\n\ndef measure(signal):\n    return signal + next(_DRAWN)\n",
+        "measure() gives something else at the same arguments",
+    ),
+    "a title that is no text": ('title="One\'s own"', "title=5", "title is no text"),
+    "a law that is no text": ('law="F = -c v"', 'law=("F", "-c v")', "law is no text"),
+    "a confusion that is no pair": ('"nothing much"', '"", confused_with=("helix", "a cut")', "no tuple of pairs"),
+    "parameters without a comma": ("(" + PARAMETER + ",),", PARAMETER + ",", "parameters is no tuple"),
+    "a meaning that is no text": ('"strength"', "5", "parameter coefficient: its meaning is no text"),
     "no return": (LAW, "    coefficient * velocity\n", "not a number"),
 }
 
@@ -118,6 +140,34 @@ def test_the_line_of_the_fault_is_named_where_there_is_one(fault, tmp_path):
         assert card <= line <= card + 4
     else:
         assert law <= line <= law + 6
+
+
+def test_what_a_file_does_when_it_is_run_by_itself_is_its_own_business(tmp_path):
+    (tmp_path / "my_drag.py").write_text(
+        GOOD + '\n\nif __name__ == "__main__":\n    print(structure_force(1.0, 1.0))\n')
+    assert "my_drag" in catalogue(tmp_path)
+
+
+def test_a_table_drawn_once_from_a_seed_is_no_chance(tmp_path):
+    table = "import random\n\n_ROUGH = random.Random(3).random()\n"
+    (tmp_path / "my_drag.py").write_text(GOOD.replace("import math\n", table).replace("* velocity", "* velocity * _ROUGH"))
+    assert "my_drag" in catalogue(tmp_path)
+
+
+def test_a_folder_that_cannot_be_read_is_not_taken_for_an_empty_one(tmp_path, monkeypatch):
+    import os
+
+    listed = os.listdir
+
+    def refused(folder):
+        if Path(folder) == tmp_path:
+            raise PermissionError(13, "Permission denied", str(folder))
+        return listed(folder)
+
+    monkeypatch.setattr(os, "listdir", refused)
+    with pytest.raises(InputProblem) as caught:
+        catalogue(tmp_path)
+    assert "cannot be read (Permission denied)" in one_line(caught.value, tmp_path)
 
 
 def test_the_line_of_the_fault_is_named(tmp_path):
