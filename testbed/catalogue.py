@@ -8,7 +8,7 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from hashlib import sha256
@@ -148,6 +148,16 @@ def read_effect(path: Path) -> Effect:
 def catalogue(*folders: str | Path) -> Mapping[str, Effect]:
     """The effects found in the built-in folders and in `folders`, by name, in alphabetical order."""
     return _catalogue(folders, tuple(Path(folder).resolve() for folder in folders))
+
+
+def unknown_effect(name: str, known: Collection[str], all_known: str = "") -> str:
+    """What to do about an effect that is not among those known: the nearest of them, else where one's own is looked for.
+
+    all_known: what to say in place of their names.
+    """
+    close, others = nearest(name, known), all_known or f"known: {', '.join(known)}"
+    own = "for one of your own give the folder of its file: --effects DIR"
+    return f"did you mean {close}? {others}" if close else f"{others}; {own}"
 
 
 def _files(folder: Path) -> list[Path]:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from testbed.catalogue import unknown_effect
 from testbed.design import DEPTH, SPEED
 from testbed.draws import KINDS, Chance, Distribution
 from testbed.effect import Effect
@@ -46,7 +47,7 @@ def read_random(document: Document, model: Model, catalogue: Mapping[str, Effect
             chances.append(chance)
             continue
         if name not in known:
-            raise document.problem(path, "unknown parameter or effect", did_you_mean(name, [*known, *catalogue]))
+            raise document.problem(path, "unknown parameter or effect", unknown_effect(str(name), {**known, **catalogue}))
         chances.append(Chance(((name, distribution(document, path, named(document, path, known, catalogue))),)))
     return model, tuple(chances)
 

@@ -20,6 +20,7 @@ from typing import Annotated, Any
 
 from testbed.atomic import write_text
 from testbed.catalogue import catalogue as known_effects
+from testbed.catalogue import unknown_effect
 from testbed.effect import Effect
 from testbed.machine import Cutter, Cutting, Direction, Model, Structure, radial_immersion_fraction
 from testbed.units import UnitProblem, format_quantity, parse_quantity
@@ -161,7 +162,7 @@ def _effects(document: Document, path: Path_, catalogue: Mapping[str, Effect]) -
     effects = {}
     for name, parameters in given.items():
         if name not in catalogue:
-            raise document.problem((*path, name), "unknown effect", did_you_mean(name, catalogue))
+            raise document.problem((*path, name), "unknown effect", unknown_effect(str(name), catalogue))
         effects[name] = _parameters(document, (*path, name), catalogue[name], parameters)
     return effects
 

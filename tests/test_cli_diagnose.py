@@ -80,6 +80,29 @@ def test_the_command_to_go_on_with(verdict, tried, proposed, expected):
     assert next_command(found, "c.yaml", "m.yaml", proposed) == expected
 
 
+@pytest.mark.parametrize(("verdict", "expected"), [
+    ("missing_effect", "testbed add my_drag -m m.yaml -c 'a b/c.yaml' --effects mine --effects more -o NEW.yaml"),
+    ("unexplained", "testbed diagnose 'a b/c.yaml' -m m.yaml --effects mine --effects more --propose DIR"),
+])
+def test_the_command_to_go_on_with_knows_the_user_s_own_effects(verdict, expected):
+    found = SimpleNamespace(verdict=verdict, effects=("my_drag",), candidates=("any",))
+    assert next_command(found, "a b/c.yaml", "m.yaml", False, ("mine", "more")) == expected
+
+
+def test_what_was_proposed_is_added_beside_the_user_s_own_effects(testbed, monkeypatch):
+    from testbed.cli import diagnose
+    from testbed.cli._answer import Answer
+
+    told = SimpleNamespace(sentence="A force is missing.", formula="v^3")
+    monkeypatch.setattr("analysis.explain_force.left_unexplained", lambda *_: told)
+    monkeypatch.setattr("analysis.explain_force.as_json", lambda _: {})
+    monkeypatch.setattr("analysis.explain_force.write_effect", lambda _, folder, name: Path(folder) / f"{name}.py")
+    monkeypatch.setattr("analysis.formula_trial.Jury", lambda *_: SimpleNamespace(likeliest=lambda one: one))
+    diagnose._propose(Answer(None, False), None, [], None, {}, "mine", "c.yaml", "m.yaml", ("more", "./mine"))
+    said = testbed.capsys.readouterr().out
+    assert "next: testbed add proposal -m m.yaml -c c.yaml --effects more --effects mine -o NEW.yaml\n" in said
+
+
 def test_the_files_are_what_was_measured(files):
     records = load_campaign(files / "campaign.yaml").records
     assert len(records) == len(CUTS) and read_model(files / "model.yaml") == BELIEVED
@@ -175,7 +198,7 @@ ADD = ("-m", "model.yaml", "-c", "campaign.yaml", "-o", "new.yaml")
 
 @pytest.mark.parametrize(("arguments", "said"), [
     (("add", "proces_damping", *ADD), "proces_damping: unknown effect: did you mean process_damping?"),
-    (("add", "zzz", *ADD), "testbed effects lists them"),
+    (("add", "zzz", *ADD), "testbed effects lists them; for one of your own give the folder of its file: --effects DIR"),
     (("add", EFFECT, *ADD[:4], "-o", "none/new.yaml"), "there is no folder none"),
     (("add", EFFECT, "-m", "none.yaml", *ADD[2:]), "none.yaml: there is no such file"),
     (("add", EFFECT, *ADD[:2], "-c", "none.yaml", *ADD[4:]), "none.yaml: there is no such file"),

@@ -42,6 +42,18 @@ def test_a_card_says_what_a_model_file_may_leave_out():
     assert line in run("second_mode").output and "may leave it out" not in run("runout").output
 
 
+def test_an_effect_of_no_known_name_is_looked_for_in_the_user_s_own_folders():
+    import pytest
+
+    from testbed.problem import InputProblem
+
+    with pytest.raises(InputProblem, match="give the folder of its file: --effects DIR$"):
+        run("zzz")
+    with pytest.raises(InputProblem) as close:
+        run("run_out")
+    assert "did you mean runout?" in str(close.value) and "--effects" not in str(close.value)
+
+
 def test_a_card_as_json():
     card = json.loads(run("runout", "--json", "-", "--quiet").output)
     assert card["name"] == "runout" and [one["name"] for one in card["parameters"]] == ["offset", "angle"]

@@ -61,12 +61,10 @@ def command(name: str, model_file: str, campaign: str, output: str, report: str 
 
 
 def _effect(name: str, catalogue: Any) -> Any:
-    from testbed.units import nearest
+    from testbed.catalogue import unknown_effect
 
     if name not in catalogue:
-        close = nearest(name, catalogue)
-        raise InputProblem(name, "unknown effect", (f"did you mean {close}? " if close else "")
-                           + "testbed effects lists them")
+        raise InputProblem(name, "unknown effect", unknown_effect(name, catalogue, "testbed effects lists them"))
     return catalogue[name]
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import shlex
 from typing import Any
 
 import click
@@ -62,7 +64,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     for note in notes:
         answer.say(note)
     said = as_json(found, model) | {"notes": notes}
-    next_step = next_command(found, campaign, model_file, bool(propose))
+    next_step = next_command(found, campaign, model_file, bool(propose), folders)
     _say(answer, found, said, unaided(model))
     if found.form is not None:
         answer.say(f"with that law, model.yaml has: {effect_text(catalogue[found.form.effect], found.form.parameters)}")
@@ -70,7 +72,9 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         answer.say(f"next: {next_step}")
     if decoys:
         said["decoys"] = _decoys(answer, found, catalogue)
-    explanation = _propose(answer, found, records, model, catalogue, propose, campaign, model_file) if propose else None
+    explanation = None
+    if propose:
+        explanation = _propose(answer, found, records, model, catalogue, propose, campaign, model_file, folders)
     if explanation is not None:
         said["proposal"] = explanation
     if alarms:
@@ -99,7 +103,7 @@ def _force_maps(found: Any, catalogue: Any) -> list[Any]:
 
 
 def _propose(answer: Answer, found: Any, records: Any, model: Any, catalogue: Any, folder: str, campaign: str,
-             model_file: str) -> Any:
+             model_file: str, folders: tuple[str, ...]) -> Any:
     """Estimate what force is missing, say what it depends on, and write it as an effect; None where nothing is left."""
     from analysis.explain_force import as_json, left_unexplained, write_effect
     from analysis.formula_trial import Jury
@@ -121,7 +125,8 @@ def _propose(answer: Answer, found: Any, records: Any, model: Any, catalogue: An
     if explanation.formula:
         path = write_effect(explanation, folder, free_name(folder, "proposal"))
         result["file"] = str(path)
-        answer.say(f"next: testbed add {path.stem} -m {model_file} -c {campaign} --effects {folder} -o NEW.yaml")
+        every = {os.path.realpath(one): one for one in (*folders, folder)}  # none is named twice
+        answer.say(f"next: {_add(path.stem, campaign, model_file, tuple(every.values()))}")
     return result
 
 
@@ -148,13 +153,24 @@ def _false_alarms(answer: Answer, found: Any, catalogue: Any, count: int, seed: 
             "named": [list(names) for names in told.named]}
 
 
-def next_command(found: Any, campaign: str, model_file: str, proposed: bool) -> str:
-    """The command to go on with; empty where there is none, or where it is told with what was proposed."""
+def next_command(found: Any, campaign: str, model_file: str, proposed: bool, folders: tuple[str, ...] = ()) -> str:
+    """The command to go on with; empty where there is none, or where it is told with what was proposed.
+
+    folders: of the user's own effects, which the command will know no more than this one did without them.
+    """
     if found.verdict == "missing_effect":
-        return f"testbed add {found.effects[0]} -m {model_file} -c {campaign} -o NEW.yaml"
+        return _add(found.effects[0], campaign, model_file, folders)
     if found.verdict == "unexplained" and found.candidates and not proposed:  # without candidates no effect was looked for
-        return f"testbed diagnose {campaign} -m {model_file} --propose DIR"
+        return shlex.join(["testbed", "diagnose", campaign, "-m", model_file, *_own(folders), "--propose", "DIR"])
     return ""
+
+
+def _add(effect: str, campaign: str, model_file: str, folders: tuple[str, ...]) -> str:
+    return shlex.join(["testbed", "add", effect, "-m", model_file, "-c", campaign, *_own(folders), "-o", "NEW.yaml"])
+
+
+def _own(folders: tuple[str, ...]) -> list[str]:
+    return [word for folder in folders for word in ("--effects", folder)]
 
 
 def _without(before: Any, step: Any) -> str:

@@ -42,13 +42,11 @@ def _list_effects(catalogue: Any, answer: Answer) -> None:
 
 
 def _show(name: str, catalogue: Any, answer: Answer, quiet: bool) -> None:
+    from testbed.catalogue import unknown_effect
     from testbed.model_file import effect_text
-    from testbed.units import nearest
 
     if name not in catalogue:
-        close = nearest(name, catalogue)
-        raise InputProblem(name, "unknown effect", (f"did you mean {close}? " if close else "")
-                           + f"known: {', '.join(catalogue)}")
+        raise InputProblem(name, "unknown effect", unknown_effect(name, catalogue))
     effect = catalogue[name]
     answer.say(f"{name}: {effect.title}")
     for title in ("law", "source", "validity", "leaves"):
