@@ -42,6 +42,16 @@ def test_a_card_says_what_a_model_file_may_leave_out():
     assert line in run("second_mode").output and "may leave it out" not in run("runout").output
 
 
+def test_the_card_stands_before_the_effect_is_compiled_and_can_do_without_its_picture(tmp_path, monkeypatch):
+    import testbed.cli._fingerprint as drawing
+
+    said = []
+    monkeypatch.setattr(drawing, "fingerprint", lambda *_: said.append(True) or 1 / 0)
+    assert "law: " in run("runout", "--no-picture").output and not said
+    answer = CliRunner().invoke(command, ["runout"])
+    assert said and isinstance(answer.exception, ZeroDivisionError) and "in model.yaml: effects: {runout:" in answer.output
+
+
 def test_an_effect_of_no_known_name_is_looked_for_in_the_user_s_own_folders():
     import pytest
 
@@ -75,6 +85,7 @@ def test_a_new_effect_works_as_it_is_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     answer = run("--new", "my_effect")
     assert answer.exit_code == 0 and {path.name for path in tmp_path.iterdir()} == {"my_effect.py", "test_my_effect.py"}
+    assert "pytest is in the extra `dev` alone" in answer.output
     effect = catalogue(tmp_path)["my_effect"]
     assert effect.title == "My effect" and effect.hooks["structure_force"](2.0, 3.0) == -6.0
     found = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_my_effect.py"],

@@ -16,11 +16,12 @@ from testbed.problem import InputProblem
                epilog="Example: testbed effects process_damping; testbed effects --new my_effect")
 @click.argument("name", required=False)
 @click.option("--new", "new_name", metavar="NAME", help="Write NAME.py, a template of a new effect, into this folder.")
+@click.option("--no-picture", is_flag=True, help="Leave out the drawing of what it does, for which an effect is compiled.")
 @click.option("--hooks", is_flag=True, help="List the places where an effect can act, and what it may ask for there.")
 @effects_option
 @shared
-def command(name: str | None, new_name: str | None, hooks: bool, folders: tuple[str, ...], json_file: str | None,
-            seed: int | None, quiet: bool) -> None:
+def command(name: str | None, new_name: str | None, no_picture: bool, hooks: bool, folders: tuple[str, ...],
+            json_file: str | None, seed: int | None, quiet: bool) -> None:
     """Without NAME the catalogue; with it, that effect's law, source, parameters and what it is confused with.
 
     An effect of your own is one Python file: begin with --new, then give its folder to other commands as --effects DIR.
@@ -33,7 +34,7 @@ def command(name: str | None, new_name: str | None, hooks: bool, folders: tuple[
     elif name is None:
         _list_effects(catalogue_of(folders), answer)
     else:
-        _show(name, catalogue_of(folders), answer, quiet)
+        _show(name, catalogue_of(folders), answer, not (quiet or no_picture))
 
 
 def _list_effects(catalogue: Any, answer: Answer) -> None:
@@ -41,7 +42,7 @@ def _list_effects(catalogue: Any, answer: Answer) -> None:
     answer.finish({"effects": [_card(effect) for effect in catalogue.values()]})
 
 
-def _show(name: str, catalogue: Any, answer: Answer, quiet: bool) -> None:
+def _show(name: str, catalogue: Any, answer: Answer, drawn: bool) -> None:
     from testbed.catalogue import unknown_effect
     from testbed.model_file import effect_text
 
@@ -67,15 +68,17 @@ def _show(name: str, catalogue: Any, answer: Answer, quiet: bool) -> None:
         answer.say(f"  {one.name}: {one.meaning}, {one.neutral:g}{unit}; a model file may say another; no fit changes it, but "
                    "a diagnosis asks the records for it, unless the model file says it")
     answer.say("  in model.yaml: " + effect_text(effect, effect.example()))
-    if not quiet:
+    if drawn:
         _draw(effect, catalogue, answer)
     answer.finish(_card(effect))
 
 
 def _draw(effect: Any, catalogue: Any, answer: Answer) -> None:
     from testbed.cli._fingerprint import fingerprint, picture
+    from testbed.cli._fitting import sign_of_life
 
-    found = fingerprint(effect, catalogue)
+    with sign_of_life("compiling, once per version of the file", answer.quiet):
+        found = fingerprint(effect, catalogue)
     answer.say(f"  at its example values, in {found.story}:")
     for title, values in (("displacement", found.with_effect), ("change by the effect", found.change)):
         answer.say(f"  {title}, um")
@@ -125,5 +128,5 @@ def _write_template(name: str, answer: Answer) -> None:
     for path, text in zip(paths, (EFFECT, TEST), strict=True):
         write_text(path, text.replace("NAME", name).replace("TITLE", name.replace("_", " ").capitalize()))
     answer.say(f"{paths[0]}: a working effect; edit it, then give its folder as --effects {paths[0].resolve().parent}")
-    answer.say(f"{paths[1]}: its test, to edit too; run: python -m pytest {paths[1]}")
+    answer.say(f"{paths[1]}: its test, to edit too; run: python -m pytest {paths[1]} (pytest is in the extra `dev` alone)")
     answer.finish({"file": str(paths[0]), "test": str(paths[1])})
