@@ -23,6 +23,7 @@ from testbed.catalogue import catalogue as known_effects
 from testbed.catalogue import unknown_effect
 from testbed.effect import Effect
 from testbed.machine import Cutter, Cutting, Direction, Model, Structure, radial_immersion_fraction
+from testbed.problem import InputProblem
 from testbed.units import UnitProblem, format_quantity, parse_quantity
 from testbed.yaml_text import Document, Path_, Strict, above_zero, did_you_mean, in_unit, load, parse, validate
 
@@ -95,6 +96,15 @@ def machine_structure(name: str) -> Structure:
 def read_model(path: str | Path, catalogue: Mapping[str, Effect] | None = None) -> Model:
     """Read model.yaml. InputProblem with file, line and field where anything in it is wrong."""
     return model_from(load(path), (), catalogue)
+
+
+def is_model(path: str | Path) -> bool:
+    """Whether a file is a model.yaml by its keys; its values, and effects that this command does not know, may be wrong."""
+    try:
+        validate(load(path), _ModelFile)
+    except InputProblem:
+        return False
+    return True
 
 
 def model_from(document: Document, path: Path_ = (), catalogue: Mapping[str, Effect] | None = None) -> Model:

@@ -10,6 +10,7 @@ from tests.shell import Shell
 from tests.test_newcomer_errors import CUT, HEAD, MODEL, rows
 
 EFFECT = Path(__file__).parents[1] / "testbed" / "effects" / "process_damping.py"
+TESTS = "tests: [{spindle_speed: 3810 rpm, depth_of_cut: 2.9 mm}]\n"
 AT = ("--speed", "3810", "--depth", "2.9")
 
 
@@ -17,6 +18,8 @@ AT = ("--speed", "3810", "--depth", "2.9")
 def testbed(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
     monkeypatch.chdir(tmp_path)
     for name, text in {"campaign.yaml": HEAD + CUT, "model.yaml": MODEL, "t.h5": "a data set", "mine.py": "identify = print",
+                       "scenario.yaml": f"model: {{file: model.yaml}}\n{TESTS}", "torn.yaml": "structure: [", "empty.yaml": "",
+                       "own.yaml": MODEL + "effects: {my_own: {strength: much}}\n",
                        "cut.csv": "\n".join(["x,tach", *rows(2560)]) + "\n"}.items():
         Path(name).write_text(text)
     Path("fx").mkdir()
@@ -43,7 +46,10 @@ BOTH = ("-m", "model.yaml")
     (("effects", "--effects", "fx", "--json", "fx/my_drag.py"), "my_drag.py: exists already and is no JSON"),
     (("chart", "model.yaml", *AT, "--data", "t.h5", "--json", "t.h5"), "(--data)"),
     (("identify", "t.h5", *BOTH, "-o", "t.h5"), "(DATA): name another place for --output"),
-    (("identify", "campaign.yaml", *BOTH, "-o", "cut.csv"), "cut.csv: exists already and is no YAML file"),
+    (("identify", "campaign.yaml", *BOTH, "-o", "cut.csv"), "cut.csv: exists already and is no model.yaml"),
+    (("identify", "t.h5", *BOTH, "-o", "campaign.yaml"), "campaign.yaml: exists already and is no model.yaml: name another"),
+    (("add", "runout", *BOTH, "-c", "nix.yaml", "-o", "scenario.yaml"), "scenario.yaml: exists already and is no model.yaml"),
+    (("identify", "t.h5", *BOTH, "-o", "torn.yaml"), "torn.yaml: exists already and is no model.yaml"),
     (("identify", "t.h5", *BOTH, "-o", "new.yaml", "--json", "new.yaml"), "by --output and by --json"),
     (("add", "runout", *BOTH, "-c", "campaign.yaml", "-o", "campaign.yaml"), "(--campaign)"),
     (("add", "runout", *BOTH, "-c", "campaign.yaml", "-o", "n.yaml", "--report", "n.yaml"), "name two places"),
@@ -62,8 +68,9 @@ def test_no_command_writes_over_what_it_reads(testbed: Shell, arguments: tuple[s
 
 
 @pytest.mark.parametrize("arguments", [("identify", "t.h5", *BOTH), ("add", "runout", *BOTH, "-c", "nix.yaml")])
-def test_a_model_may_be_replaced_by_its_successor(testbed: Shell, arguments: tuple[str, ...]) -> None:
-    said = testbed.refused(*arguments, "-o", "model.yaml")
+@pytest.mark.parametrize("place", ["model.yaml", "own.yaml", "empty.yaml"])
+def test_a_model_may_be_replaced_by_its_successor(testbed: Shell, arguments: tuple[str, ...], place: str) -> None:
+    said = testbed.refused(*arguments, "-o", place)
     assert said.startswith(f"error: {arguments[1] if arguments[0] == 'identify' else 'nix.yaml'}: ")  # and not for its place
 
 

@@ -43,19 +43,20 @@ def check_outputs(context: click.Context) -> None:
 
 
 def _check_replaced(parameter: click.Parameter, text: str, context: click.Context) -> None:
-    """InputProblem where what stands at the place is of another kind: a campaign's measured file, an effect, a page.
+    """InputProblem where what stands at the place is of another kind: a campaign and its measured files, an effect, a page.
 
-    A campaign and a folder name more files than the command line does; none of them is JSON or, but for models, YAML.
+    A campaign and a folder name more files than the command line does. JSON replaces JSON, a model replaces a model.
     """
-    target = Path(text)
-    if not os.path.isfile(text) or not os.access(text, os.R_OK):
+    if not os.path.isfile(text) or not os.path.getsize(text):
         return
     kind = ""
-    if parameter.name == "json_file" and target.stat().st_size:
-        with target.open("rb") as file:
+    if parameter.name == "json_file" and os.access(text, os.R_OK):
+        with open(text, "rb") as file:
             kind = "" if file.read(64).lstrip()[:1] in (b"{", b"[", b"") else "JSON"
-    elif parameter.make_metavar(context) == _MODEL and target.suffix.lower() not in (".yaml", ".yml"):
-        kind = "YAML file"
+    elif parameter.make_metavar(context) == _MODEL:
+        from testbed.model_file import is_model
+
+        kind = "" if is_model(text) else "model.yaml"
     if kind:
         raise InputProblem(text, f"exists already and is no {kind}", f"name another place for {_shown(parameter)}")
 

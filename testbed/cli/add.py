@@ -17,7 +17,8 @@ from testbed.problem import InputProblem
 @click.argument("name", metavar="EFFECT")
 @model_option
 @click.option("-c", "--campaign", required=True, metavar="CAMPAIGN.yaml", help="What was measured.")
-@click.option("-o", "--output", required=True, metavar="NEW.yaml", help="Write the model with the effect, refitted.")
+@click.option("-o", "--output", required=True, metavar="NEW.yaml",
+              help="Write the model with the effect, refitted; an older model there is replaced.")
 @click.option("--report", metavar="DIR", help="Write the error before and after as report.html into this folder.")
 @effects_option
 @shared

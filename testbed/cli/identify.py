@@ -22,7 +22,8 @@ MISSED = 30.0  # misfit per degree of freedom from which a fit by multipliers is
                epilog="Example: testbed identify campaign.yaml -m model.yaml -o identified.yaml")
 @click.argument("data", metavar="DATA")
 @model_option
-@click.option("-o", "--output", metavar="NEW.yaml", help="Write the model with the values found.")
+@click.option("-o", "--output", metavar="NEW.yaml",
+              help="Write the model with the values found; an older model there is replaced.")
 @click.option("--method", type=click.Choice(["multipliers", "waveform"]), default="multipliers", show_default=True,
               help="Fit the characteristic multipliers of the entry transients, or every sample of every record.")
 @effects_option
