@@ -188,6 +188,6 @@ def as_json(result: Addition) -> dict[str, Any]:
         "records": [{"name": one.name, "before": one.error, "after": other.error, "noise_floor": other.noise_floor,
                      "held_out": result.held_out}
                     for one, other in zip(result.records_before, result.records_after, strict=True)],
-        "parameters": {path: vars(one) for path, one in result.parameters.items()},
+        "parameters": {path: one.as_json() for path, one in result.parameters.items()},
         "converged": result.converged, "at_bound": list(result.at_bound), "warnings": list(result.warnings),
     }

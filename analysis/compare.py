@@ -37,6 +37,7 @@ FALSE_DISCOVERIES = 0.05  # share of false alarms among the tests that fail (Ben
 TRIVIAL = 0.02  # of the noise: what the rms may exceed it by before it counts
 AT_BOUND = 1e-6  # of a bound: what is closer lies at it
 NO_INTERVAL = 1e-9  # of a value: a narrower interval is none
+NOTHING = 0.9  # noise over what was measured from which a record says nothing
 DIRECTED = 1.5  # rad: half an interval of an angle from which the direction is unknown
 
 
@@ -100,6 +101,11 @@ class Comparison:
     def adequate(self) -> bool:
         """Whether nothing but noise is left of any record."""
         return not any(test.fails for test in self.tests)
+
+    @property
+    def silent(self) -> tuple[str, ...]:
+        """Records of hardly anything but noise, which say nothing about the model."""
+        return tuple(one.name for one in self.records if one.noise_floor > NOTHING)
 
     @property
     def slight(self) -> bool:
@@ -291,13 +297,14 @@ def controlled(tests: Sequence[Adequacy], level: float = FALSE_DISCOVERIES) -> l
 
 
 def as_json(result: Comparison) -> dict[str, Any]:
-    """The answer of `testbed compare --json`, SI values."""
+    """The answer of `testbed compare --json`, SI values. Of noise alone `adequate` is None: it says nothing of the model."""
     def tests_of(name: str) -> dict[str, Any]:
         return {one.test: {"statistic": one.statistic, "p_value": one.p_value, "fails": one.fails}
                 for one in result.tests if one.record == name}
 
     return {
-        "error": result.error, "noise_floor": result.noise_floor, "adequate": result.adequate,
+        "error": result.error, "noise_floor": result.noise_floor,
+        "adequate": None if len(result.silent) == len(result.records) else result.adequate,
         "converged": result.fit.converged, "at_bound": list(result.at_bound),
         "records": [{
             "name": one.name, "kind": one.kind, "channels": list(one.channels), "error": one.error,
@@ -307,5 +314,5 @@ def as_json(result: Comparison) -> dict[str, Any]:
             "nuisances": one.nuisances, "tests": tests_of(one.name),
         } for one in result.records],
         "nuisances": dict(result.nuisances),
-        "parameters": {path: vars(one) for path, one in result.parameters.items()},
+        "parameters": {path: one.as_json() for path, one in result.parameters.items()},
     }

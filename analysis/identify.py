@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares, linear_sum_assignment
@@ -24,6 +25,7 @@ from testbed.cut import Cut
 from testbed.machine import Model
 from testbed.recording import Recording
 
+BEYOND = 1e4  # times a value that its interval may be wide, to be told at all
 _ERROR_FLOOR = 3e-4  # of a multiplier: faster modes left out of the empirical fit, elements' own error
 _SCALES = (1e-3, 0.2, 0.05)  # of the logarithms of frequency, damping and coefficient
 # a faster mode stands, in a fit of few modes, for several that die with it: its multiplier is nobody's
@@ -45,6 +47,17 @@ class Estimate:
     low: float
     high: float
     unit: str
+
+    @property
+    def known(self) -> bool:
+        """Whether the interval tells anything: not where it has no end, or is beyond measure wider than the value."""
+        width = self.high - self.low
+        return math.isfinite(width) and not width > BEYOND * abs(self.value) > 0.0
+
+    def as_json(self) -> dict[str, Any]:
+        """For a command's answer: low and high are None where the interval is unknown, as people are told too."""
+        low, high = (self.low, self.high) if self.known else (None, None)
+        return {"value": self.value, "low": low, "high": high, "unit": self.unit}
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from testbed.cli._places import check_outputs, check_place
 
 MOST_DIGITS = 12  # of a number, however narrow its interval
 _NUMBER = re.compile(r"[+-]?\.?\d|[+-]?(inf|nan)\b|-?$|unknown$")  # or what stands where there is none
-BEYOND = 1e4  # times a value that its interval may be wide, to be told at all
 
 
 def plain(value: Any) -> Any:
@@ -115,7 +114,7 @@ def shown(value: float, unit: str, digits: int = 5) -> str:
 def interval_shown(one: Any) -> tuple[str, str, str]:
     """Value, low and high of an estimate for people, with as many digits as tell the ends apart; unknown beyond measure."""
     width = one.high - one.low
-    if not math.isfinite(width) or width > BEYOND * abs(one.value) > 0.0:
+    if not one.known:
         return shown(one.value, one.unit), "unknown", "unknown"
     digits = 5 if width <= 0.0 or one.value == 0.0 else math.ceil(math.log10(abs(one.value) / width)) + 2
     value, low, high = (shown(number, one.unit, min(max(digits, 5), MOST_DIGITS)) for number in (one.value, one.low, one.high))

@@ -11,8 +11,6 @@ from testbed.cli._answer import Answer, interval_shown, shown
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
 from testbed.cli._places import output_folder
 
-NOTHING = 0.9  # noise over what was measured from which a record says nothing
-
 
 @click.command(short_help="Predict each record and show where the model fails.",
                epilog="Example: testbed compare campaign.yaml -m model.yaml -o pictures")
@@ -45,6 +43,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
     notes = [*notes_on(read, model), *turned, *unlike, *length_note(records, found.fitter.records)]
     _say(answer, found, notes, model)
+    notes += _of_silence(found)
     if pictures is not None:
         from analysis.compare_plots import save
         from analysis.constancy import constancy
@@ -87,11 +86,17 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
     _nuisances(answer, found)
     if not found.fit.converged:
         answer.say("the fit did not converge: the figures above are those of its last step")
-    silent = [one.name for one in found.records if one.noise_floor > NOTHING]
-    if silent:
-        answer.say(f"{', '.join(silent)}: hardly anything but noise was measured, which says nothing about the model")
-    if len(silent) < len(found.records):
+    for line in _of_silence(found):
+        answer.say(line)
+    if len(found.silent) < len(found.records):
         answer.say(_in_words(found))
+
+
+def _of_silence(found: Any) -> list[str]:
+    """That records hold hardly anything but noise."""
+    if not found.silent:
+        return []
+    return [f"{', '.join(found.silent)}: hardly anything but noise was measured, which says nothing about the model"]
 
 
 def _in_words(found: Any) -> str:

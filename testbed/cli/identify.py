@@ -74,7 +74,8 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
     if output is not None:
         write_model(found.model, output, catalogue)
         answer.say(f"written: {output}")
-    answer.finish({"method": method, "parameters": found.parameters, "tests": found.tests, **found.quality, "notes": notes})
+    answer.finish({"method": method, "parameters": {name: one.as_json() for name, one in found.parameters.items()},
+                   "tests": found.tests, **found.quality, "notes": notes})
 
 
 def _left_out(found: Any) -> list[str]:
