@@ -243,7 +243,8 @@ def _besides(base: Candidate, best: Candidate, noise: float, tied: tuple[str, ..
 def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
     """The answer of `testbed diagnose --json` (contract); `history` follows the error from step to step.
 
-    Without `held_out` every error is that in the fit.
+    Without `held_out` every error is that in the fit. A candidate that was not `fitted` was ruled out by a first step: it
+    carries the numbers of what it was to be added to.
     """
     after = result.best.fit.state.model if result.best.fit is not None else before
     names = [name for name in (result.base.fit.names if result.base.fit else ()) if name in BASE_UNITS]
@@ -256,6 +257,7 @@ def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
         "candidates": [
             {
                 "effects": list(one.effects),
+                "fitted": one.fit is not None,
                 "parameters": dict(one.parameters),
                 "error_fit": one.error_fit,
                 "error_held_out": one.error_held_out,

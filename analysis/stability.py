@@ -19,6 +19,7 @@ from analysis.temporal_elements import assemble_map, element_edges, transition_m
 from testbed.cut import Cut
 from testbed.machine import Model
 
+LimitLies = Literal["within", "below", "above"]
 StabilityClass = Literal["stable", "neimark_sacker", "flip", "saddle_node"]
 CLASSES: tuple[StabilityClass, ...] = ("stable", "neimark_sacker", "flip", "saddle_node")
 _SAID = {"neimark_sacker": "Neimark-Sacker", "saddle_node": "saddle-node"}
@@ -66,13 +67,23 @@ class StabilityChart:
         """Depth (m) at which |mu| first reaches 1 at each speed, (S,); NaN where the chart holds no such depth."""
         radius, depths = self.spectral_radius, self.axial_depths
         limit = np.full(self.spindle_speeds.size, np.nan)
-        for column in range(limit.size):
-            above = np.nonzero(radius[:, column] >= 1.0)[0]
-            if above.size:
-                k = above[0]
-                near = slice(max(k - 1, 0), k + 1)
-                limit[column] = np.interp(1.0, radius[near, column], depths[near])
+        for column, lies in enumerate(self.limit_lies()):
+            if lies == "within":
+                k = int(np.argmax(radius[:, column] >= 1.0))
+                limit[column] = np.interp(1.0, radius[k - 1:k + 1, column], depths[k - 1:k + 1])
         return limit
+
+    def limit_lies(self) -> list[LimitLies | None]:
+        """Where the limit lies at each speed: within the chart's depths, below or above them; None where cells are blank."""
+        found: list[LimitLies | None] = []
+        for radius in self.spectral_radius.T:
+            unstable = np.flatnonzero(radius >= 1.0)
+            below = radius[unstable[0] - 1] if unstable.size else radius[-1]  # of the cell under the limit
+            if unstable.size and unstable[0] == 0:
+                found.append("below")
+            else:
+                found.append(None if np.isnan(below) else "within" if unstable.size else "above")
+        return found
 
 
 @njit(cache=True, fastmath=True)

@@ -102,7 +102,11 @@ def test_identify_finds_the_machine(testbed, data, method):
 
 
 def test_score_knows_the_truth(testbed, data):
-    scores = testbed.json("score", data, "--noise", "1um", "--repeats", 1)["scores"]
+    answer = testbed.json("score", data, "--noise", "1um", "--repeats", 1)
+    scores = answer["scores"]
+    assert {one["parameter"]: one["unit"] for one in scores} == {"natural_frequency": "Hz", "damping_ratio": "1",
+                                                                 "tangential_coefficient": "N/m^2"}
+    assert answer["units"]["noise"] == "m" and answer["units"]["median"] == "s"
     assert {one["parameter"] for one in scores} >= {"natural_frequency", "damping_ratio", "tangential_coefficient"}
     assert {(one["noise"], one["count"], one["failures"]) for one in scores} == {(1e-6, 1, 0)}
     truth = {one["parameter"]: one["truth"] for one in scores}
@@ -132,6 +136,15 @@ def test_chart(testbed, data):
     assert {test["outcome"] for test in answer["tests"]} == {"stable"}
     for name in ("stability_chart.png", "stability_chart.svg"):
         assert (Path("p") / name).stat().st_size > 5000
+
+
+def test_a_limit_beyond_the_charts_depths_is_no_depth_of_it(testbed):
+    for depth, lies in (("3:4:5", "below"), ("0.5:4:15", "within"), ("0.05:0.1:3", "above")):
+        answer = testbed.json("chart", "true.yaml", "--speed", "3565:3575:2", "--depth", depth, "-o", "p")
+        assert answer["stability_limit_lies"] == [lies, lies]
+        assert all((limit is None) == (lies != "within") for limit in answer["stability_limit"]), lies
+        if lies == "within":
+            assert all(0.5e-3 < limit < 3e-3 for limit in answer["stability_limit"])
 
 
 def test_chart_with_effects_is_that_of_the_plain_machine_where_they_are_small(testbed):

@@ -117,7 +117,9 @@ def test_diagnose_answers_as_the_contract_says(diagnosed):
     assert {"verdict", "effects", "error", "candidates", "base_parameters", "next_test"} <= set(said)
     assert said["verdict"] in VERDICTS and set(said["error"]) == {"baseline", "with_effects", "noise_floor"}
     for one in said["candidates"]:
-        assert {"effects", "parameters", "error_fit", "error_held_out", "delta_bic", "converged"} <= set(one)
+        assert {"effects", "parameters", "error_fit", "error_held_out", "delta_bic", "converged", "fitted"} <= set(one)
+        assert one["fitted"] or (one["parameters"] == {} and one["delta_bic"] == 0.0 and not one["converged"])
+    assert {one["fitted"] for one in said["candidates"]} == {True, False}
     for one in said["base_parameters"].values():
         assert set(one) == {"before", "after", "unit"}
     if said["next_test"] is not None:

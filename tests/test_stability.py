@@ -9,7 +9,7 @@ from analysis.chart_border import refined
 from analysis.collocation import collocation_multipliers
 from analysis.delay_equation import milling_equation
 from analysis.plots import ChartTest, plot_chart, plot_multipliers, plot_once_per_period, save
-from analysis.stability import CLASSES, classify, stability_chart
+from analysis.stability import CLASSES, StabilityChart, classify, stability_chart
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
 
@@ -66,6 +66,14 @@ def test_stability_limit_lies_where_the_largest_multiplier_has_modulus_one():
         if np.isfinite(limit) and limit > chart.axial_depths[0]:
             exact = collocation_multipliers(milling_equation(machine(), Cut(speed, limit)))[0]
             assert abs(exact) == pytest.approx(1.0, abs=2e-3)
+
+
+def test_where_cells_are_blank_nobody_knows_where_the_limit_lies():
+    nan = math.nan
+    largest = np.array([[0.5, 1.5, 0.5, nan, 0.5, nan], [1.5, 2.0, 0.9, 1.5, nan, 0.9]])
+    chart = StabilityChart(SPEEDS[:6], np.array([1e-3, 2e-3]), largest + 0j, np.zeros((2, 6)))
+    assert chart.limit_lies() == ["within", "below", "above", None, None, "above"]
+    assert chart.stability_limit() == pytest.approx([1.5e-3, nan, nan, nan, nan, nan], nan_ok=True)
 
 
 def test_added_damping_raises_the_limit():

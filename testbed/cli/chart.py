@@ -54,7 +54,7 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
         answer.say(f"written: {path}")
     answer.finish({"spindle_speed": speeds, "axial_depth_of_cut": depths, "largest_multiplier": chart.largest,
                    "class": [[CLASSES[cell] if cell >= 0 else None for cell in row] for row in chart.classes.tolist()],
-                   "stability_limit": chart.stability_limit(), "tests": tests})
+                   "stability_limit": chart.stability_limit(), "stability_limit_lies": chart.limit_lies(), "tests": tests})
 
 
 def _linear(model: Any, speeds: Any, depths: Any) -> Any:

@@ -11,9 +11,8 @@ import click
 from testbed.cli._answer import Answer, progress, shown
 from testbed.cli._options import NOISE, effects_option, shared
 from testbed.cli._places import output_folder
+from testbed.machine import BASE_UNITS
 from testbed.problem import InputProblem
-
-_UNITS = {"natural_frequency": "Hz", "damping_ratio": "1"}
 
 
 class _Counts(click.ParamType):
@@ -87,7 +86,8 @@ def command(data: str, noise: list[float] | None, repeats: int, tests: list[int]
     if folder is not None:
         _write(folder, sealed, scores, spent, answer)
     answer.finish({"method": methods[0], "methods": methods, "truth": {one.parameter: one.truth for one in scores},
-                   "scores": scores, "cost": spent})
+                   "scores": [vars(one) | {"unit": BASE_UNITS[one.parameter]} for one in scores], "cost": spent,
+                   "units": {"noise": "m", "median": "s", "high": "s"}})
 
 
 def _known(methods: Sequence[str]) -> tuple[str, ...]:
@@ -134,7 +134,7 @@ def _table(scores: Sequence[Any], by_method: bool, by_tests: bool) -> tuple[tupl
               "coverage", "failed")
     rows = []
     for one in scores:
-        unit = _UNITS.get(one.parameter, "N/m^2")
+        unit = BASE_UNITS[one.parameter]
         rows.append((one.parameter, *(one.method,) * by_method, *(str(one.tests),) * by_tests, _level(one.noise),
                      *(shown(value, unit, 4) for value in (one.truth, one.bias, one.spread, one.rms)),
                      "-" if math.isnan(one.coverage) else f"{one.coverage:.0%}", f"{one.failures} of {one.count}"))
