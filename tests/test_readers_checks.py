@@ -148,6 +148,31 @@ def test_few_missing_rows_are_filled_and_said_many_are_refused() -> None:
         _assemble({"time": time[kept], "disp": signal[kept]}, rate=None)
 
 
+@pytest.mark.parametrize("digits", [12, 6])
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda t: np.where(np.arange(len(t)) == 3000, t[2999], t), "1 wrong stamp, the first at row 3001 (0.23"),
+        (lambda t: np.where(np.isin(t, t[[700, 3000]]), t + 0.9 / RATE, t), "2 wrong stamps, the first at row 701"),
+    ],
+)
+def test_a_time_that_stands_twice_is_a_wrong_stamp_and_no_missing_sample(spoil, said: str, digits: int) -> None:
+    signal = _signal()
+    time = np.round(spoil(np.arange(4000) / RATE), digits)
+    recording, notes = _assemble({"time": time, "disp": signal}, rate=None)
+    assert recording.sampling_rate == RATE and recording.conditions["dropped_samples"] == 0
+    assert np.array_equal(recording.channels["displacement"], signal * 1e-6)
+    assert len(notes) == 1 and said in notes[0] and "no sample is missing" in notes[0]
+
+
+def test_a_time_that_stands_twice_beside_a_gap_elsewhere_is_not_taken_for_a_wrong_stamp() -> None:
+    kept = np.delete(np.arange(4001), 1000)
+    time = kept / RATE
+    time[3000] = time[2999]
+    _, notes = _assemble({"time": time, "disp": _signal(4001)[kept]}, rate=None)
+    assert any("samples are missing" in note for note in notes)
+
+
 def test_contradicted_and_missing_rates() -> None:
     time = np.arange(4000) / RATE
     with pytest.raises(InputProblem, match="the manifest says 10000 Hz, the time column 12800 Hz"):

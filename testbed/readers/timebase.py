@@ -14,6 +14,7 @@ import numpy as np
 from testbed.problem import InputProblem
 from testbed.readers.table import bare_name, simplest_between
 
+_FEW_WRONG = 0.01  # share of wrong stamps up to which the others tell the even grid
 _AGREE = 2e-3  # relative difference of two stated rates that counts as rounding
 
 
@@ -81,7 +82,15 @@ def from_column(path: Path, time: np.ndarray, label: str) -> TimeBase:
         raise InputProblem(path, f"time column '{label}' does not advance", "name the right time column")
     resolution = _resolution(time)
     gaps = _gaps(steps, resolution)
-    if gaps:
+    wrong, notes = _wrong_stamps(time, resolution), []
+    if len(wrong):
+        first = f"the first at row {wrong[0] + 1} ({time[wrong[0]]:.9g} s)"
+        notes.append(
+            f"time column '{label}' has {len(wrong)} wrong stamp{'s' * (len(wrong) > 1)}, {first}: no sample is missing, all "
+            "were kept as evenly spaced"
+        )
+        time = np.where(np.isin(np.arange(rows), wrong), _even(time), time)
+    elif gaps:
         return _with_gaps(path, time, label, gaps, resolution)
     fit = np.polynomial.Polynomial.fit(np.arange(rows), time, 1).convert()
     start, step = (float(value) for value in fit.coef)
@@ -96,13 +105,27 @@ def from_column(path: Path, time: np.ndarray, label: str) -> TimeBase:
         )
     error = max(2 * resolution / span, 1e-9)
     rate = simplest_between((1 - error) / step, (1 + error) / step)
-    notes = []
     if worst > 0.02 * step:
         notes.append(
             f"time column '{label}' is rounded to {resolution:.3g} s; the rate {rate:.7g} Hz "
             "comes from its whole length"
         )
     return TimeBase(rate, float(time[0]), tuple(notes))
+
+
+def _even(time: np.ndarray) -> np.ndarray:
+    """An even grid from the first time to the last."""
+    return np.linspace(time[0], time[-1], len(time))
+
+
+def _wrong_stamps(time: np.ndarray, resolution: float) -> np.ndarray:
+    """Rows whose time is off the even grid from the first to the last, where nearly all others lie on it.
+
+    A time that stands twice leaves a step of twice the length behind it, where nothing is missing.
+    """
+    step = (time[-1] - time[0]) / (len(time) - 1)
+    off = np.flatnonzero(np.abs(time - _even(time)) > max(1.01 * resolution, 0.02 * step))
+    return off if len(off) <= _FEW_WRONG * len(time) else off[:0]
 
 
 def _resolution(time: np.ndarray) -> float:
