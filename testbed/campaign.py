@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 from testbed.cut import Cut
 from testbed.manifest import Feed, Kind, ManifestEntry, RecordEntry, check_channels, sources
 from testbed.problem import InputProblem
-from testbed.readers import checks, read_table
+from testbed.readers import checks, neighbours, read_table
 from testbed.readers.assemble import assemble
 from testbed.recording import Recording
 from testbed.yaml_text import Document, load, validate
@@ -125,11 +126,11 @@ def load_campaign(path: str | Path, folder: str | Path | None = None) -> Campaig
     document = load(path)
     manifest = validate(document, ManifestEntry)
     check_channels(document, manifest)
-    base = (Path(folder) if folder is not None else path.parent) / (manifest.folder or "")
+    home = Path(folder) if folder is not None else path.parent
     records: list[Record] = []
     for index, entry in enumerate(manifest.records):
         name = _name(document, index, entry, records)
-        records.append(_record(document, manifest, index, entry, name, base))
+        records.append(_record(document, manifest, index, entry, name, home))
     return Campaign(manifest.name, tuple(_doubles_noted(records)), path)
 
 
@@ -172,7 +173,7 @@ def _record(
     index: int,
     entry: RecordEntry,
     name: str,
-    base: Path,
+    home: Path,
 ) -> Record:
     place = ("records", index)
     shared = {
@@ -188,12 +189,13 @@ def _record(
         raise document.problem(
             (*place, "to"), f"to ({entry.to:g} s) is not after from ({entry.from_:g} s)", "correct them"
         )
-    file = base / entry.file
+    file = home / (manifest.folder or "") / entry.file
     try:
         table = read_table(file, skip_rows=shared["skip_rows"] or 0, delimiter=shared["delimiter"], key=shared["key"])
-    except InputProblem as problem:
-        if not file.exists():
-            raise document.problem((*place, "file"), f"no such file {entry.file}", problem.do) from None
+    except InputProblem:
+        if not os.path.exists(file):
+            do = _instead(file, home) or "check the path in campaign.yaml"
+            raise document.problem((*place, "file"), f"no such file {entry.file}", do) from None
         raise
     optional: tuple[str, ...] = () if entry.kind == "cut" else ("tachometer",)
     if entry.kind == "ring-down":
@@ -214,6 +216,12 @@ def _record(
     checks.long_enough(file, name, recording, conditions["spindle_speed"] if entry.kind == "cut" else None)
     extra = checks.plausible_notes(recording, conditions, entry.kind)
     return Record(name, entry.kind, recording, MappingProxyType(conditions), (*notes, *extra), file, shared["feed"])
+
+
+def _instead(file: Path, home: Path) -> str:
+    """What to do about a missing file: what lies beside it, where that is within the campaign's own folder."""
+    near = Path(os.path.abspath(file)).is_relative_to(os.path.abspath(home))  # abspath: `..` is no folder within
+    return neighbours(file) if near else ""
 
 
 def _needed(

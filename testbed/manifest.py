@@ -78,12 +78,26 @@ def _rows(value: object) -> int:
     return value
 
 
+def _column(value: object) -> int | str | None:
+    if isinstance(value, bool) or not isinstance(value, (int, str, type(None))):
+        raise UnitProblem(f"'{value}' is no column", "give its name, or its number from 1")
+    return value
+
+
+def _scale(value: object) -> float:
+    """A factor; of 0 no channel would be left. Raises UnitProblem."""
+    number = isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 < abs(value) < 1e300
+    if not number:
+        raise UnitProblem(f"'{value}' is no factor", "give a number other than 0, the unit per value of the column")
+    return float(value)  # type: ignore[arg-type]
+
+
 class ChannelEntry(Strict):
     """One channel: where it stands in the file and what a number of it means."""
 
-    column: int | str | None = None
+    column: Annotated[Any, BeforeValidator(_column)] = None
     unit: str | None = None
-    scale: float | int | None = None
+    scale: Annotated[float, BeforeValidator(_scale)] | None = None
     pulses_per_revolution: Annotated[int, BeforeValidator(_whole)] | None = None
     edge: Literal["rising", "falling"] | None = None
 

@@ -140,7 +140,8 @@ def parse_quantity(value: object, si: str) -> float:
     Raises UnitProblem for anything else, a NaN or an infinity.
     """
     target = spelled(si)
-    example = f"write it with its unit, for example {_example(value, target)}"
+    example = "write a plain number, without a unit" if target == "1" else \
+        f"write it with its unit, for example {_example(value, target)}"
     if value is None:
         raise UnitProblem("is empty", example)
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
@@ -180,7 +181,8 @@ def refuse_decimal_comma(value: object) -> None:
 def _example(value: object, si: str) -> str:
     usual = {"m": "mm", "m/tooth": "mm/tooth", "rad/s": "rpm", "rad": "deg", "N/m^2": "N/mm^2", "1": ""}.get(si, si)
     match = None if isinstance(value, bool) else _NUMBER.fullmatch(str(value))
-    return f"'{match[1] if match else 1} {usual}'".replace(" '", "'")
+    number = match[1] if match and math.isfinite(float(match[1])) else 1
+    return f"'{number} {usual}'".replace(" '", "'")
 
 
 def format_quantity(value: float, unit: str, digits: int | None = 6) -> str:

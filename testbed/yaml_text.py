@@ -210,8 +210,18 @@ def _said(kind: type[Strict], error: Any, where: Path_) -> tuple[str, str]:
         return f"'{error['input']}' is not a mapping", f"give {', '.join(_names(_kind_at(kind, where)))}"
     if error["type"] == "too_short":
         return "is empty", "name at least one"
+    if error["type"] == "int_type":
+        return _no_whole_number(error["input"])
+    if error["type"] == "string_type":
+        return f"'{error['input']}' is no text", "write a text, in quotes if it is a number"
     said = error["msg"].removeprefix("Input ")
     return f"'{error['input']}' {said}", "correct the value"
+
+
+def _no_whole_number(value: object) -> tuple[str, str]:
+    if isinstance(value, str) and value.strip().isdigit():
+        return f"'{value}' is text", f"write the number without quotes: {value.strip()}"
+    return f"'{value}' is no whole number", "write one, such as 1"
 
 
 def did_you_mean(name: str, known: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +76,21 @@ MISTAKES = {
     "a decimal comma between braces": (changed("2.9 mm", "2,9 mm"), "7: records.0: depth_of_cut '2,9 mm' holds a comma"),
     "decimal commas between commas": (
         ("cut.csv", "\n".join(["x,tach", *(row.replace(".", ",") for row in rows())])),
-        "more fields than names: 3 whole numbers a line under 'x', 'tach': write decimals with a point"),
+        "under 'x', 'tach': if its commas are decimal ones, write decimals with a point"),
+    "decimal commas beside decimal points": (
+        ("cut.csv", "\n".join(["x,tach", *(row.replace(".", ",", 1) + ".5" for row in rows())])),
+        "more fields than names: 3 in a line under 'x', 'tach': if its commas are decimal ones, write decimals with a point"),
+    "decimal commas beside whole numbers": (
+        ("cut.csv", "\n".join(["x,tach", *(row.replace(".", ",", 1) + ".5" for row in rows()), "7,1.5", *["7,8,1.5"] * 9])),
+        "2 fields where the table has 3: '7,1.5': if its commas are decimal ones"),
+    "a factor of 0": (changed("unit: um", "unit: um, scale: 0"), ":4: channels.displacement.scale: '0' is no factor"),
+    "a factor that is none": (changed("unit: um", "unit: um, scale: .nan"), "displacement.scale: 'nan' is no factor: give a"),
+    "a column that is none": (changed("column: x", "column: 1.5"), ":4: channels.displacement.column: '1.5' is no column"),
+    "a name that is no text": (changed("name: rig", "name: 5"), ":1: name: '5' is no text: write a text, in quotes"),
+    "a name that no file has": (changed("file: cut.csv", "file: " + 300 * "x"), "no such file xxx"),
+    "a name that is none": (changed("file: cut.csv", 'file: "a\\0b/c.csv"'), "no such file a"),
+    "a file elsewhere": (changed("file: cut.csv", "file: /etc/host"), "/etc/host: check the path in campaign.yaml"),
+    "a file of another ending": (changed("file: cut.csv", "file: cut.mat"), "cut.mat: check the path in campaign.yaml"),
     "a column without a name": (
         ("cut.csv", "\n".join(["x,tach", *(f"{row},7.5" for row in rows())])), "more fields than names: 3 in a line"),
     "a name without a column": (("cut.csv", "\n".join(["x,tach,z", *rows()])), "fewer fields than names: 2 in a line"),
@@ -109,6 +124,20 @@ def test_a_mistake_is_one_line_and_exit_2(
     out, err = capsys.readouterr()
     assert stop.value.code == 2 and out == ""
     assert err.startswith("error: ") and err.count("\n") == 1 and said in err
+
+
+def test_a_packed_file_is_to_be_unpacked(folder: Path) -> None:
+    (folder / "cut.csv").write_bytes(gzip.compress((folder / "cut.csv").read_bytes()))
+    with pytest.raises(InputProblem, match="cut.csv: is packed with gzip: unpack it first"):
+        load_campaign("campaign.yaml")
+
+
+def test_what_is_near_is_looked_for_within_the_campaigns_own_folder_alone(folder: Path) -> None:
+    (folder / "rig").mkdir()
+    (folder / "rig" / "campaign.yaml").write_text((HEAD + CUT).replace("file: cut.csv", "file: ../cat.csv"))
+    with pytest.raises(InputProblem) as caught:
+        load_campaign("rig/campaign.yaml")
+    assert caught.value.do == "check the path in campaign.yaml"
 
 
 WRITTEN = {

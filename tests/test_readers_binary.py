@@ -50,6 +50,68 @@ def test_a_struct_field_of_a_mat_file_is_read_by_its_path(tmp_path: Path) -> Non
         read_table(path, key="rum")
 
 
+SHORT, LONG = np.arange(20.0), np.arange(50.0)
+
+
+def _file_of(kind: str, path: Path) -> Path:
+    """A file whose column `long` is sound, while short, text, cube and none are there, but no columns beside it."""
+    odd = {"short": SHORT, "text": "hello", "cube": np.zeros((3, 3, 3))}
+    if kind == "mat":
+        scipy.io.savemat(path, {"long": LONG, **odd})
+    elif kind == "hdf5":
+        with h5py.File(path, "w") as file:
+            for name, value in {"long": LONG, **odd, "none": np.zeros(0)}.items():
+                file[f"rig/{name}"] = value
+    elif kind == "mat73":
+        with h5py.File(path, "w", userblock_size=512) as file:
+            kinds = ("long", LONG, b"double"), ("short", SHORT, b"double"), ("text", SHORT.astype("u2"), b"char")
+            for name, value, sort in kinds:
+                file.create_dataset(name, data=value[None, :]).attrs["MATLAB_class"] = np.bytes_(sort)
+        with path.open("r+b") as stream:
+            stream.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+    elif kind == "tdms":
+        from nptdms import ChannelObject, TdmsWriter
+
+        with TdmsWriter(path) as writer:
+            writer.write_segment([ChannelObject("rig", "long", LONG), ChannelObject("rig", "text", ["a", "b"])])
+    elif kind == "parquet":
+        import pyarrow as arrow
+        import pyarrow.parquet as parquet
+
+        parquet.write_table(arrow.table({"long": LONG, "text": ["a"] * 50}), path)
+    else:
+        path.write_text("long,text [um]\n" + "".join(f"{value},high\n" for value in LONG))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "said"),
+    [
+        ("mat", "short", "'short' is there, but has 20 values against 50"), ("mat", "text", "is not numeric (char)"),
+        ("mat", "cube", "has 3 axes (3 x 3 x 3)"), ("hdf5", "short", "has 20 values against 50"),
+        ("hdf5", "rig/short", "has 20 values against 50"), ("hdf5", "text", "'text' is there, but is not numeric (text)"),
+        ("hdf5", "cube", "has 3 axes (3 x 3 x 3)"), ("hdf5", "none", "is empty"),
+        ("mat73", "short", "has 20 values against 50"), ("mat73", "text", "is not numeric (char)"),
+        ("tdms", "text", "is not numeric"), ("parquet", "text", "is not numeric (string)"),
+        ("csv", "text", "'text [um]' is there, but holds text"), ("mat", "gone", "no column 'gone': the file has 'long'"),
+    ],
+)  # fmt: skip
+def test_what_is_in_the_file_but_no_column_is_said_to_be_there(kind: str, name: str, said: str, tmp_path: Path) -> None:
+    ending = {"hdf5": "h5", "mat73": "mat"}.get(kind, kind)
+    table = read_table(_file_of(kind, tmp_path / f"odd.{ending}"))
+    assert list(table.columns[table.find("long")]) == list(LONG)
+    with pytest.raises(InputProblem) as caught:
+        table.find(name)
+    assert said in str(caught.value)
+
+
+def test_an_hdf5_file_without_a_number_says_what_it_holds_instead(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "odd.h5", "w") as file:
+        file["rig/note"], file["disp"] = "hello", np.zeros(0)
+    with pytest.raises(InputProblem, match="no numeric data set: .*disp is empty; rig/note is not numeric"):
+        read_table(tmp_path / "odd.h5")
+
+
 def test_a_matrix_becomes_columns_along_its_longer_axis(tmp_path: Path) -> None:
     values = np.arange(120.0).reshape(40, 3)
     scipy.io.savemat(tmp_path / "wide.mat", {"data": values.T})

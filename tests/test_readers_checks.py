@@ -175,9 +175,9 @@ def test_a_time_that_stands_twice_beside_a_gap_elsewhere_is_not_taken_for_a_wron
 
 def test_contradicted_and_missing_rates() -> None:
     time = np.arange(4000) / RATE
-    with pytest.raises(InputProblem, match="the manifest says 10000 Hz, the time column 12800 Hz"):
+    with pytest.raises(InputProblem, match="campaign.yaml says 10000 Hz, the time column 12800 Hz"):
         _assemble({"time": time, "disp": _signal()}, rate=10000.0)
-    with pytest.raises(InputProblem, match="the manifest says 10000 Hz, the file 12800 Hz"):
+    with pytest.raises(InputProblem, match="campaign.yaml says 10000 Hz, the file 12800 Hz"):
         settle(HERE, 10000.0, 12800.0, 0.0, None)
     assert settle(HERE, 12800.0, 1 / 0.000078, 6.4e-3, None).sampling_rate == 12800.0
     recording, _ = _assemble({"time": time, "disp": _signal()}, rate=10000.0, time="none")

@@ -176,7 +176,7 @@ def test_a_last_line_that_was_cut_off_is_dropped_and_said(rest: str, tmp_path: P
     assert any("cut off and was dropped" in note for note in table.notes)
 
 
-WHOLE = "write decimals with a point, or separate columns by semicolons"
+WHOLE = "if its commas are decimal ones, write decimals with a point, or separate columns by semicolons"
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from testbed.problem import InputProblem
 from testbed.readers.table import Table
 
-__all__ = ["Table", "read_table"]
+__all__ = ["Table", "neighbours", "read_table"]
 
 _ENDINGS = {
     ".mat": "mat",
@@ -31,6 +32,7 @@ _REFUSED = {
     ".xls": "a workbook",
     ".joblib": "a pickle",
 }
+_PACKED = {b"\x1f\x8b": "gzip", b"\xfd7zXZ\x00": "xz", b"BZh91AY&SY": "bzip2", b"\x28\xb5\x2f\xfd": "zstd"}
 
 
 def read_table(path: str | Path, *, skip_rows: int = 0, delimiter: str | None = None, key: str | None = None) -> Table:
@@ -75,20 +77,25 @@ def file_kind(path: Path) -> str:
 
     Raises InputProblem.
     """
-    if path.is_dir():
+    if os.path.isdir(path):  # os.path: it takes what can be no name for no file, where Path raises
         raise InputProblem(path, "is a folder", "name the file in it")
     try:
         with path.open("rb") as stream:
             head = stream.read(512)
     except FileNotFoundError:
-        raise InputProblem(path, "no such file", _neighbours(path)) from None
+        raise InputProblem(path, "no such file", neighbours(path) or "check the path") from None
     except OSError as error:
-        raise InputProblem(path, f"cannot be opened ({error.strerror})", "check its permissions") from None
+        raise InputProblem(path, f"cannot be opened ({error.strerror})", "check its name and permissions") from None
+    except ValueError as error:
+        raise InputProblem(path, f"cannot be opened ({error})", "check its name") from None
     if not head:
         raise InputProblem(path, "the file is empty", "check that the export was finished")
     ending = path.suffix.lower()
     if ending in _REFUSED:
         raise InputProblem(path, f"is {_REFUSED[ending]}, which is not read", "export it as CSV, HDF5 or Parquet")
+    for magic, packer in _PACKED.items():
+        if head.startswith(magic):
+            raise InputProblem(path, f"is packed with {packer}", "unpack it first")
     by_content = {
         b"\x89HDF\r\n\x1a\n": "hdf5",
         b"PAR1": "parquet",
@@ -108,13 +115,14 @@ def file_kind(path: Path) -> str:
     return "text"
 
 
-def _neighbours(path: Path) -> str:
-    """What to do about a missing file: the files of the same folder that are closest in name."""
+def neighbours(path: Path) -> str:
+    """What to do about a missing file: the files of the same folder and ending that are closest in name; "" without any."""
     import difflib
 
     try:
-        there = sorted(item.name for item in path.parent.iterdir() if item.is_file())
-    except OSError:
+        alike = (item for item in path.parent.iterdir() if item.suffix.lower() == path.suffix.lower())
+        there = sorted(item.name for item in alike if item.is_file())
+    except (OSError, ValueError):
         return f"the folder {path.parent} does not exist either"
     close = difflib.get_close_matches(path.name, there, 3, 0.5)
-    return f"did you mean {', '.join(close)}?" if close else "check the path in the manifest"
+    return f"did you mean {', '.join(close)}?" if close else ""

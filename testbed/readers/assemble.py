@@ -148,7 +148,7 @@ def _time_base(
                 "the file was cut off: measure or export it again",
             )
         if not isinstance(time, Source) and stated is not None and is_no_time(table.columns[label], stated):
-            notes.append(f"column '{label}' counts samples or is no time; the manifest's sampling rate was taken")
+            notes.append(f"column '{label}' counts samples or is no time; the sampling rate of campaign.yaml was taken")
             moments, label = None, None
     factor, phase = repetition(list(columns.values()))
     if factor > 1:
@@ -239,7 +239,7 @@ def _unit(table: Table, name: str, source: Source, notes: list[str]) -> tuple[fl
     if not text:
         raise InputProblem(
             table.path,
-            f"channel {name}: no unit, neither in the manifest nor in the file",
+            f"channel {name}: no unit, neither in campaign.yaml nor in the file",
             f"give `unit: {wanted}`, or `unit: V` for an uncalibrated channel",
         )
     try:
@@ -265,14 +265,14 @@ def _unit(table: Table, name: str, source: Source, notes: list[str]) -> tuple[fl
 
 
 def _compare_units(name: str, source: Source, in_file: str, si: str, factor: float, notes: list[str]) -> None:
-    """A note where the file's own unit is another than the manifest's; with a `scale` they may differ."""
+    """A note where the file's own unit is another than the campaign's; with a `scale` they may differ."""
     try:
         theirs = channel_unit(in_file)
     except UnitProblem:
         return
     if source.scale == 1.0 and (theirs.si, theirs.factor) != (si, factor):
         notes.append(
-            f"channel {name}: the manifest says {source.unit}, the file says {in_file}; the manifest was taken"
+            f"channel {name}: campaign.yaml says {source.unit}, the file {in_file}; that of campaign.yaml was taken"
         )
 
 

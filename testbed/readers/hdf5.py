@@ -12,7 +12,7 @@ import numpy as np
 
 from testbed.problem import InputProblem
 from testbed.readers.rehearsal import rehearse
-from testbed.readers.table import Table, matrix_columns
+from testbed.readers.table import Table, matrix_columns, why_unread
 
 _RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs", "rate")
 _STEP_NAMES = ("wf_increment", "dt", "increment")
@@ -48,21 +48,16 @@ def _read(path: Path, file: Any, key: str | None, matlab: bool) -> Table:
     import h5py
 
     found: dict[str, Any] = {}
+    others: dict[str, Any] = {}
 
     def collect(name: str, item: Any) -> None:
-        if (
-            isinstance(item, h5py.Dataset)
-            and item.dtype.kind in "fiu"
-            and 1 <= item.ndim <= 2
-            and item.size > 1
-            and not name.startswith("#refs#")
-            and not (matlab and item.attrs.get("MATLAB_class") not in _MATLAB_NUMERIC)
-        ):
-            found[name] = item
+        if isinstance(item, h5py.Dataset) and not name.startswith("#refs#"):
+            usable = _is_numeric(item, matlab) and 1 <= item.ndim <= 2 and item.size > 1
+            (found if usable else others)[name] = item
 
     file.visititems(collect)
     everything = list(found)
-    wanted = _choose(path, found, key)
+    wanted = _choose(path, found, key, {name: _why(item, matlab) for name, item in others.items()})
     columns: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     rates: list[float] = []
@@ -87,11 +82,26 @@ def _read(path: Path, file: Any, key: str | None, matlab: bool) -> Table:
             f"data sets sampled at different rates ({', '.join(f'{rate:g}' for rate in sorted(set(rates)))} Hz)",
             "name one with `key`",
         )
-    return Table(path, columns, units, rates[0] if rates else None, 0.0, tuple(notes))
+    length = max(len(values) for values in columns.values())
+    unread = {label: _why(item, matlab, length) for name, item in (found | others).items() if name not in wanted
+              for label in (name, name.rpartition("/")[2])}
+    return Table(path, columns, units, rates[0] if rates else None, 0.0, tuple(notes),
+                 unread={label: why for label, why in unread.items() if why})
 
 
-def _choose(path: Path, found: dict[str, Any], key: str | None) -> dict[str, Any]:
-    """The data sets asked for, or those of the longest length."""
+def _is_numeric(item: Any, matlab: bool) -> bool:
+    return item.dtype.kind in "fiu" and not (matlab and item.attrs.get("MATLAB_class") not in _MATLAB_NUMERIC)
+
+
+def _why(item: Any, matlab: bool, length: int = 0) -> str:
+    """Why a data set is no column beside others of a length; "" where it may be one."""
+    shape = (0,) if item.shape is None else tuple(item.shape)
+    kind = _text(item.attrs.get("MATLAB_class", "")) or ("text" if item.dtype.kind in "SUO" else item.dtype.name)
+    return why_unread(shape, _is_numeric(item, matlab), kind, length)
+
+
+def _choose(path: Path, found: dict[str, Any], key: str | None, others: dict[str, str]) -> dict[str, Any]:
+    """The data sets asked for, or those of the longest length. others: why each of the others is none."""
     if key:
         name = key.strip("/").replace(".", "/") if key.strip("/") not in found else key.strip("/")
         hits = {label: item for label, item in found.items() if label == name or label.startswith(f"{name}/")}
@@ -99,7 +109,8 @@ def _choose(path: Path, found: dict[str, Any], key: str | None) -> dict[str, Any
             raise InputProblem(path, f"no numeric data set '{key}'", f"the file has {', '.join(found) or 'none'}")
         found = hits
     if not found:
-        raise InputProblem(path, "no numeric data set", "check what was saved")
+        there = "; ".join(f"{name} {why}" for name, why in list(others.items())[:6])
+        raise InputProblem(path, "no numeric data set", f"check what was saved{': ' * bool(there)}{there}")
     length = max(max(item.shape) for item in found.values())
     return {name: item for name, item in found.items() if max(item.shape) == length}
 

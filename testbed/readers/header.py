@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from testbed.problem import InputProblem
-from testbed.readers.table import bare_name, listed, simplest_between, unique_names, unit_in_name
+from testbed.readers.table import DECIMAL_COMMAS, bare_name, listed, simplest_between, unique_names, unit_in_name
 
 _RATE = re.compile(
     r"(sampl\w*[ _-]*(rate|freq\w*)|samples[ _]*(per|/)[ _]*s\w*|abtast(rate|frequenz)|scan[ _]*rate|"
@@ -197,8 +197,7 @@ def _refuse_decimal_comma(path: Path, names: list[str], body: Body) -> None:
     raise InputProblem(
         path,
         f"more fields than names: {body.fields} whole numbers a line under {listed(names)}",
-        f"write decimals with a point, or separate columns by semicolons{alone}; "
-        "if they are whole numbers, name every column",
+        f"{DECIMAL_COMMAS}{alone}; if they are whole numbers, name every column",
     )
 
 

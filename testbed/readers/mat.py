@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from testbed.problem import InputProblem
-from testbed.readers.table import Table, matrix_columns
+from testbed.readers.table import Table, matrix_columns, why_unread
 
 _NUMERIC = ("double", "single", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64", "logical")
 _INFLATION = 1100  # zlib cannot pack better
@@ -55,7 +55,10 @@ def read_mat(path: Path, *, key: str | None = None) -> Table:
         if key or len(variables) == len(wanted)
         else [f"variables read: {', '.join(wanted)}; others there: {', '.join(sorted(set(variables) - set(wanted)))}"]
     )
-    return Table(path, columns, notes=tuple(notes))
+    length = max(len(values) for values in columns.values())
+    unread = {name: why_unread(shape, kind in _NUMERIC, kind, length)
+              for name, (shape, kind) in variables.items() if name not in wanted}
+    return Table(path, columns, notes=tuple(notes), unread={name: why for name, why in unread.items() if why})
 
 
 def _damaged(path: Path, error: Exception) -> InputProblem:

@@ -22,6 +22,7 @@ def read_parquet(path: Path) -> Table:
         raise InputProblem(path, "Parquet needs the package pyarrow", FORMATS_EXTRA) from None
     columns: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
+    unread: dict[str, str] = {}
     notes, rate = [], None
     try:
         with path.open("rb") as stream:
@@ -32,6 +33,7 @@ def read_parquet(path: Path) -> Table:
         for field, column in zip(content.schema, content.columns, strict=True):
             if not (arrow.types.is_integer(field.type) or arrow.types.is_floating(field.type)):
                 notes.append(f"column '{field.name}' ({field.type}) is not numeric and was left out")
+                unread[field.name] = f"is not numeric ({field.type})"
                 continue
             columns[field.name] = column.cast(arrow.float64(), safe=False).to_numpy(zero_copy_only=False)
             unit = (field.metadata or {}).get(b"unit", (field.metadata or {}).get(b"units", b""))
@@ -48,7 +50,7 @@ def read_parquet(path: Path) -> Table:
         ) from None
     if not columns:
         raise InputProblem(path, "no numeric column", f"the file has {', '.join(content.schema.names) or 'none'}")
-    return Table(path, columns, units, rate if rate and rate > 0 else None, 0.0, tuple(notes))
+    return Table(path, columns, units, rate if rate and rate > 0 else None, 0.0, tuple(notes), unread=unread)
 
 
 def _contradicted(metadata: Any, name: str, values: np.ndarray) -> list[str]:

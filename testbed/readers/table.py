@@ -13,6 +13,7 @@ import numpy as np
 from testbed.problem import InputProblem
 
 FORMATS_EXTRA = 'pip install "machining-testbed[formats]"'
+DECIMAL_COMMAS = "if its commas are decimal ones, write decimals with a point, or separate columns by semicolons"
 _UNIT_IN_NAME = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*$")
 _TIME_NAMES = {
     "time",
@@ -40,7 +41,8 @@ class Table:
     sampling_rate: Hz as the file states it, None where it does not; rate_tolerance: the relative error that the
     printed digits leave in it. notes: what the reader met and mended. full_scale: name -> value at which the
     converter saturates, where the format knows it. misfit: names that a header gives, where they are more or fewer
-    than the `fields` of a line, whose columns are named by number then.
+    than the `fields` of a line, whose columns are named by number then. unread: names of what else is in the file, and why
+    it is no column, such as `has 100 values against 8459`. commas: whether commas stand between the fields of a line.
     """
 
     path: Path
@@ -52,6 +54,8 @@ class Table:
     full_scale: Mapping[str, float] = field(default_factory=dict)
     misfit: tuple[str, ...] = ()
     fields: int = 0
+    unread: Mapping[str, str] = field(default_factory=dict)
+    commas: bool = False
 
     def __post_init__(self) -> None:
         if not self.columns or all(len(values) == 0 for values in self.columns.values()):
@@ -72,13 +76,17 @@ class Table:
                 return hits[0]
         if wanted.isdigit() and 1 <= int(wanted) <= len(names):
             return names[int(wanted) - 1]
+        for other, why in self.unread.items():
+            if bare_name(other).lower() == bare_name(wanted).lower():
+                raise InputProblem(self.path, f"'{other}' is there, but {why}", "save columns of numbers of one length")
         if bare_name(wanted).lower() in {bare_name(name).lower() for name in self.misfit}:
             relation = "more" if self.fields > len(self.misfit) else "fewer"
             raise InputProblem(
                 self.path,
                 f"no column '{wanted}': {relation} fields than names: {self.fields} in a line under "
                 f"{listed(list(self.misfit))}",
-                "give the header as many names as there are fields, or name the column by its number from 1",
+                (f"{DECIMAL_COMMAS}; else " if self.commas and len(self.misfit) < self.fields <= 2 * len(self.misfit) else "")
+                + "give the header as many names as there are fields, or name the column by its number from 1",
             )
         close = difflib.get_close_matches(wanted, names, 1)
         hint = f"; did you mean '{close[0]}'?" if close else ""
@@ -136,6 +144,20 @@ def matrix_columns(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
     if values.shape[0] < values.shape[1]:
         values = values.T
     return {f"{name}_{index + 1}": values[:, index].astype(float) for index in range(values.shape[1])}
+
+
+def why_unread(shape: tuple[int, ...], numeric: bool, kind: str, length: int = 0) -> str:
+    """Why a variable is no column beside others of a length; "" where it may be one."""
+    longest = max(shape, default=0 if 0 in shape else 1)
+    if not numeric:
+        return f"is not numeric ({kind})"
+    if 0 in shape:
+        return "is empty"
+    if len(shape) > 2:
+        return f"has {len(shape)} axes ({' x '.join(map(str, shape))})"
+    if longest < max(length, 2):
+        return f"has {longest} value{'s' * (longest != 1)}" + (f" against {length}" if length else "")
+    return ""
 
 
 def simplest_between(low: float, high: float) -> float:

@@ -24,7 +24,7 @@ def read_tdms(path: Path, *, key: str | None = None) -> Table:
         raise InputProblem(path, "TDMS needs the package npTDMS", FORMATS_EXTRA) from None
     notes: list[str] = []
     log_manager.set_level(logging.CRITICAL)  # what it would print of a damaged file, file_status says as well
-    found, groups, status = _contents(path, TdmsFile, key)
+    found, others, groups, status = _contents(path, TdmsFile, key)
     if not found:
         raise InputProblem(
             path,
@@ -40,22 +40,28 @@ def read_tdms(path: Path, *, key: str | None = None) -> Table:
     units = {
         name: str(properties.get("unit_string", "")) for name, (_, _, _, properties) in zip(names, found, strict=True)
     }
-    return Table(path, columns, units, _rate(path, [properties for *_, properties in found]), 1e-9, tuple(notes))
+    return Table(
+        path, columns, units, _rate(path, [properties for *_, properties in found]), 1e-9, tuple(notes), unread=others
+    )
 
 
 def _contents(
     path: Path, reader: Any, key: str | None
-) -> tuple[list[tuple[str, str, np.ndarray, dict]], list[str], Any]:
-    """(group, channel, values, properties) of every numeric channel, the groups' names and the file's status."""
+) -> tuple[list[tuple[str, str, np.ndarray, dict]], dict[str, str], list[str], Any]:
+    """(group, channel, values, properties) of every numeric channel, why each other one is none, the groups' names and the
+    file's status."""
     try:
         content = reader.read(path)
         status = content.file_status
-        found = []
+        found, others = [], {}
         for group in content.groups():
             if key and group.name != key:
                 continue
             for channel in group.channels():
-                if len(channel) and channel.dtype is not None and np.dtype(channel.dtype).kind in "fiu":
+                numeric = channel.dtype is not None and np.dtype(channel.dtype).kind in "fiu"
+                if not len(channel) or not numeric:
+                    others[channel.name] = "is not numeric" if len(channel) else "is empty"
+                else:
                     found.append(
                         (group.name, channel.name, np.asarray(channel[:], dtype=float), dict(channel.properties))
                     )
@@ -64,7 +70,7 @@ def _contents(
         raise InputProblem(
             path, f"not readable as TDMS ({type(error).__name__}: {str(error)[:80]})", "export it again"
         ) from None
-    return found, groups, status
+    return found, others, groups, status
 
 
 def _rate(path: Path, properties: list[dict]) -> float | None:

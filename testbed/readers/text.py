@@ -14,7 +14,7 @@ import numpy as np
 
 from testbed.problem import InputProblem
 from testbed.readers.header import Body, read_header, split_fields
-from testbed.readers.table import Table
+from testbed.readers.table import DECIMAL_COMMAS, Table
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$|[+-]?(nan|inf|infinity)$", re.IGNORECASE)
 _DELIMITERS = ("\t", ";", ",", "|", None)  # None: any white space
@@ -199,8 +199,13 @@ def _parse_fast(body: list[str], layout: _Layout) -> np.ndarray | None:
         return None
 
 
-def _parse_slowly(path: Path, body: list[str], numbers: list[int], layout: _Layout, names: list[str]) -> np.ndarray:
-    """Line by line. Raises InputProblem at the first field that is no number, naming line and column."""
+def _parse_slowly(
+    path: Path, body: list[str], numbers: list[int], layout: _Layout, names: list[str], misfit: tuple[str, ...]
+) -> np.ndarray:
+    """Line by line. Raises InputProblem at the first field that is no number, naming line and column.
+
+    misfit: names that are not as many as a line has fields.
+    """
     used = [index for index, numeric in enumerate(layout.numeric) if numeric]
     table = np.empty((len(body), len(used)))
     for row, (line, number) in enumerate(zip(body, numbers, strict=True)):
@@ -209,7 +214,9 @@ def _parse_slowly(path: Path, body: list[str], numbers: list[int], layout: _Layo
             raise InputProblem(
                 path,
                 f"{len(fields)} fields where the table has {layout.fields}: {line.strip()[:60]!r}",
-                "mend or remove the line, or give `delimiter` and `skip_rows`",
+                DECIMAL_COMMAS
+                if layout.delimiter == "," and len(misfit) < layout.fields <= 2 * len(misfit)
+                else "mend or remove the line, or give `delimiter` and `skip_rows`",
                 number,
             )
         for column, index in enumerate(used):
@@ -266,7 +273,7 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None) -
     names = [header.names[index] for index in used]
     values = _parse_fast(body, layout)
     if values is None:
-        values = _parse_slowly(path, body, numbers, layout, names)
+        values = _parse_slowly(path, body, numbers, layout, names, header.misfit)
     notes += _ending_notes(text, body, layout)
     columns, units = {}, {}
     for position, index in enumerate(used):
@@ -280,7 +287,17 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None) -
     if layout.decimal_comma:
         notes.append("numbers are written with a decimal comma")
     rate, said = (header.sampling_rate, header.rate_tolerance), (*notes, *header.notes)
-    return Table(path, columns, units, *rate, said, misfit=header.misfit, fields=layout.fields)
+    return Table(
+        path,
+        columns,
+        units,
+        *rate,
+        said,
+        misfit=header.misfit,
+        fields=layout.fields,
+        unread=dict.fromkeys(dropped, "holds text"),
+        commas=layout.delimiter == ",",
+    )
 
 
 def _spelled(delimiter: str | None) -> str | None:

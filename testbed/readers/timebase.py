@@ -1,4 +1,4 @@
-"""When the samples were taken: an even rate from a time column, a header or the manifest, and rows stored repeatedly.
+"""When the samples were taken: an even rate from a time column, a header or campaign.yaml, and rows stored repeatedly.
 
 A time column is printed with few digits, so that its steps look uneven; a line is laid through it and judged against
 the printed resolution. What is left over (gaps, jumps, a time that runs back) is an error with its row.
@@ -203,7 +203,7 @@ def time_unit(factor: float, ratio: float) -> str | None:
 
 
 def _unit_advice(label: str, unit: str) -> str:
-    """What to write in the manifest for a time column in another unit than it was read in."""
+    """What to write in campaign.yaml for a time column in another unit than it was read in."""
     name = bare_name(label)
     column = name if name.isidentifier() else f'"{name}"'
     return f"the time column seems to be in {unit}: write `time: {{column: {column}, unit: {unit}}}` under `channels`"
@@ -217,18 +217,18 @@ def settle(
     column: TimeBase | None,
     read_as: tuple[str, float] | None = None,
 ) -> TimeBase:
-    """The rate from the manifest (`stated`), the file's header and its time column.
+    """The rate from campaign.yaml (`stated`), the file's header and its time column.
 
     read_as: the time column's name and the seconds a unit that it was read with.
 
-    Raises InputProblem where there is none, or where the manifest and the file contradict each other.
+    Raises InputProblem where there is none, or where campaign.yaml and the file contradict each other.
     """
     if column is not None:
         notes = list(column.notes)
-        for rate, source, slack in ((stated, "the manifest", 0.0), (in_file, "the file's header", file_tolerance)):
+        for rate, source, slack in ((stated, "campaign.yaml", 0.0), (in_file, "the file's header", file_tolerance)):
             if rate is not None and abs(rate / column.sampling_rate - 1) > max(_AGREE, 2 * slack):
                 text = f"{source} says {rate:.7g} Hz, the time column {column.sampling_rate:.7g} Hz"
-                if source == "the manifest":
+                if source == "campaign.yaml":
                     unit = time_unit(read_as[1], rate / column.sampling_rate) if read_as else None
                     ignore = "remove `sampling_rate`, or set `time: none` to ignore the time column"
                     raise InputProblem(path, text, _unit_advice(read_as[0], unit) if read_as and unit else ignore)
@@ -239,14 +239,14 @@ def settle(
         if in_file is not None and abs(stated / in_file - 1) > max(_AGREE, 2 * file_tolerance):
             raise InputProblem(
                 path,
-                f"the manifest says {stated:.7g} Hz, the file {in_file:.7g} Hz",
-                "remove `sampling_rate` from the manifest, or correct it",
+                f"campaign.yaml says {stated:.7g} Hz, the file {in_file:.7g} Hz",
+                "remove `sampling_rate` there, or correct it",
             )
         return TimeBase(stated, 0.0)
     if in_file is not None:
         return TimeBase(in_file, 0.0, ("the sampling rate was taken from the file",))
     raise InputProblem(
         path,
-        "no sampling rate: none in the manifest, none in the file, no time column",
+        "no sampling rate: none in campaign.yaml, none in the file, no time column",
         "give `sampling_rate: 12800 Hz`, or `time: {column: 1, unit: s}` under `channels`",
     )

@@ -12,7 +12,7 @@ from testbed.readers.table import Table
 
 
 def read_wav(path: Path) -> Table:
-    """Channels `1`, `2`, ... in -1..1 of the converter's full scale; `scale` in a manifest turns them into a unit."""
+    """Channels `1`, `2`, ... in -1..1 of the converter's full scale; `scale` in campaign.yaml turns them into a unit."""
     import scipy.io.wavfile
 
     notes = []
