@@ -6,10 +6,11 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer
+from testbed.cli._answer import Answer, shown
 from testbed.cli._options import DEPTH, SPEED, catalogue_of, cutting_model, effects_option, shared
 from testbed.problem import InputProblem
 
+MOST_SWINGS = 1000.0  # periods of the structure within a tooth pass up to which a loop with effects is linearised
 MEANING = {"stable": "stable", "neimark_sacker": "Neimark-Sacker (chatter at a frequency of its own)",
            "flip": "flip (period doubling)", "saddle_node": "saddle-node"}
 
@@ -44,7 +45,8 @@ def command(model_file: str, speed: list[float], depth: list[float], feed_text: 
         raise InputProblem("--feed", f"'{feed_text}' must be above 0", "correct the value")
     catalogue = catalogue_of(folders)
     model = cutting_model(model_file, catalogue)
-    found = multipliers(model, Cut(speed[0], depth[0], feed), catalogue, model_file)
+    place = model_file if model.effects else f"--speed {shown(speed[0], 'rad/s')}, --depth {depth[0] * 1e3:.6g} mm"
+    found = multipliers(model, Cut(speed[0], depth[0], feed), catalogue, place)
     values, period = found["multipliers"][:count], found["period_passes"]
     answer.say(f"{MEANING[found['class']]}, over {period} tooth passing period{'s' if period > 1 else ''}")
     answer.table(("multiplier", "modulus"), [(f"{value:+.6f}", f"{abs(value):.6f}") for value in values])
@@ -52,7 +54,10 @@ def command(model_file: str, speed: list[float], depth: list[float], feed_text: 
 
 
 def multipliers(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, Any]:
-    """Multipliers of a model, effects and all, their class and the period in passes. InputProblem if there are none."""
+    """Multipliers of a model, effects and all, their class and the period in passes. InputProblem if there are none.
+
+    name: what is to be blamed then.
+    """
     import numpy as np
 
     from analysis.delay_equation import milling_equation
@@ -64,6 +69,9 @@ def multipliers(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, An
     loop: Any
     try:
         if model.effects:
+            swings = model.structure.natural_frequency * cut.tooth_passing_period(model.cutter.flutes)
+            if swings > MOST_SWINGS:  # their map would not fit into memory
+                raise ArithmeticError(f"the structure swings {swings:.3g} times within a tooth pass")
             loop = regenerative_loop(model, cut, catalogue)
             motion = linearise(loop)
             values, passes = motion.multipliers, motion.passes
@@ -71,6 +79,7 @@ def multipliers(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, An
             with np.errstate(over="ignore", invalid="ignore"):  # at absurd speeds and depths, which are refused below
                 values, passes = converged_multipliers(milling_equation(model, cut)), 1
     except (ValueError, ArithmeticError) as problem:
-        raise InputProblem(name, f"has no multipliers at this cut ({problem})",
+        why = "its numbers grow beyond what a computer holds" if isinstance(problem, np.linalg.LinAlgError) else problem
+        raise InputProblem(name, f"no multipliers of this cut can be had ({why})",
                            "leave out the effect, or choose another cut" if model.effects else "choose another cut") from None
     return {"multipliers": values, "class": classify(values), "period_passes": passes}
