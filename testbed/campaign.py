@@ -14,7 +14,7 @@ import numpy as np
 from testbed.cut import Cut
 from testbed.manifest import Feed, Kind, ManifestEntry, RecordEntry, check_channels, sources
 from testbed.problem import InputProblem
-from testbed.readers import checks, neighbours, read_table
+from testbed.readers import checks, has_variables, neighbours, read_table
 from testbed.readers.assemble import assemble
 from testbed.recording import Recording
 from testbed.yaml_text import Document, load, validate
@@ -131,6 +131,8 @@ def load_campaign(path: str | Path, folder: str | Path | None = None) -> Campaig
     for index, entry in enumerate(manifest.records):
         name = _name(document, index, entry, records)
         records.append(_record(document, manifest, index, entry, name, home))
+    if manifest.key is not None and not any(has_variables(record.file) for record in records):
+        raise document.problem(("key",), "no record's file has variables that a key could name", "remove `key`")
     return Campaign(manifest.name, tuple(_doubles_noted(records)), path)
 
 
@@ -197,6 +199,8 @@ def _record(
             do = _instead(file, home) or "check the path in campaign.yaml"
             raise document.problem((*place, "file"), f"no such file {entry.file}", do) from None
         raise
+    if entry.key is not None and not has_variables(file):
+        raise document.problem((*place, "key"), f"{entry.file} has no variables that a key could name", "remove `key`")
     optional: tuple[str, ...] = () if entry.kind == "cut" else ("tachometer",)
     if entry.kind == "ring-down":
         optional += tuple(channel for channel in channels if channel.startswith("force"))
@@ -214,7 +218,7 @@ def _record(
         conditions=conditions,
     )
     checks.long_enough(file, name, recording, conditions["spindle_speed"] if entry.kind == "cut" else None)
-    extra = checks.plausible_notes(recording, conditions, entry.kind)
+    extra = checks.plausible_notes(recording, conditions)
     return Record(name, entry.kind, recording, MappingProxyType(conditions), (*notes, *extra), file, shared["feed"])
 
 
@@ -237,6 +241,9 @@ def _needed(
         for key, example in examples.items():
             if shared[key] is None:
                 raise document.problem(place, f"a cut needs {key}", f"give `{key}: {example}`")
+        if shared["depth_of_cut"] == 0:
+            where = (*place, "depth_of_cut") if entry.depth_of_cut is not None else ("depth_of_cut",)
+            raise document.problem(where, "a cut of depth 0 cuts nothing", "correct it, or give `kind: idle`")
     if entry.kind == "excited":
         for wanted, said in ((_DRIVES, "force"), (_RESPONSES, "response")):
             if not any(name == known or name.startswith(f"{known}_") for name in channels for known in wanted):

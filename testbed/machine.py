@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 Direction = Literal["up-milling", "down-milling"]
+MOST_FLUTES = 100  # of any cutter
 DIRECTIONS: tuple[Direction, ...] = ("up-milling", "down-milling")
 
 

@@ -8,12 +8,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
+from testbed.machine import MOST_FLUTES
 from testbed.readers.source import Source, base_name
 from testbed.recording import CHANNEL_UNITS
 from testbed.units import UnitProblem, channel_unit, parse_quantity, refuse_decimal_comma, spelled
 from testbed.yaml_text import SAMPLING_RATE, Document, Strict, above_zero, at_least_zero, did_you_mean, quantity
 
 Kind = Literal["cut", "ring-down", "excited", "idle"]
+DEEPEST = 0.5  # m: no cut is as deep
 CHANNELS = (*CHANNEL_UNITS, "time")
 
 
@@ -72,6 +74,16 @@ def _whole(value: object) -> int:
     return value
 
 
+def _flutes(value: object) -> int:
+    if _whole(value) > MOST_FLUTES:
+        raise UnitProblem(f"'{value}' is more than any cutter has", f"give 1 to {MOST_FLUTES}")
+    return _whole(value)
+
+
+def _depth(number: float) -> str | None:
+    return at_least_zero(number) or ("lies beyond 500 mm: is the unit right?" if number > DEEPEST else None)
+
+
 def _rows(value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
         raise UnitProblem(f"'{value}' is not a number of lines", "give a whole number of at least 0")
@@ -118,9 +130,9 @@ class _Conditions(Strict):
     channels: Channels = Field(default_factory=dict)
     sampling_rate: Annotated[float, SAMPLING_RATE] | None = None
     spindle_speed: quantity("rad/s", above_zero) | None = None  # type: ignore[valid-type]
-    depth_of_cut: quantity("m", at_least_zero) | None = None  # type: ignore[valid-type]
+    depth_of_cut: quantity("m", _depth) | None = None  # type: ignore[valid-type]
     feed: Annotated[Feed, BeforeValidator(_feed)] | None = None
-    flutes: Annotated[int, BeforeValidator(_whole)] | None = None
+    flutes: Annotated[int, BeforeValidator(_flutes)] | None = None
     length_cut_before: quantity("m", at_least_zero) | None = None  # type: ignore[valid-type]
     skip_rows: Annotated[int, BeforeValidator(_rows)] | None = None
     delimiter: str | None = None

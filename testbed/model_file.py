@@ -22,7 +22,7 @@ from testbed.atomic import write_text
 from testbed.catalogue import catalogue as known_effects
 from testbed.catalogue import unknown_effect
 from testbed.effect import Effect
-from testbed.machine import Cutter, Cutting, Direction, Model, Structure, radial_immersion_fraction
+from testbed.machine import MOST_FLUTES, Cutter, Cutting, Direction, Model, Structure, radial_immersion_fraction
 from testbed.problem import InputProblem
 from testbed.units import UnitProblem, format_quantity, parse_quantity
 from testbed.yaml_text import Document, Path_, Strict, above_zero, did_you_mean, in_unit, load, parse, validate
@@ -118,8 +118,9 @@ def model_from(document: Document, path: Path_ = (), catalogue: Mapping[str, Eff
     if parts.cutter is None:
         return Model(structure, effects=effects, machine=machine)
     cutter = validate(document, _Cutter, (*path, "cutter"))
-    if cutter.flutes < 1:
-        raise document.problem((*path, "cutter", "flutes"), f"'{cutter.flutes}' must be at least 1", "correct it")
+    if not 1 <= cutter.flutes <= MOST_FLUTES:
+        wrong = "must be at least 1" if cutter.flutes < 1 else "is more than any cutter has"
+        raise document.problem((*path, "cutter", "flutes"), f"'{cutter.flutes}' {wrong}", f"give 1 to {MOST_FLUTES}")
     return Model(structure, Cutter(cutter.flutes, cutter.diameter, cutter.helix_angle),
                  _cutting(document, (*path, "cutting"), cutter.diameter), effects, machine)
 

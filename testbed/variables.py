@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from testbed.design import DEPTH, FEED, SPEED, STARTS
 from testbed.effect import Effect
 from testbed.machine import BASE_PARAMETERS, BASE_UNITS, Model
-from testbed.units import UnitProblem, format_quantity, parse_quantity
+from testbed.units import UnitProblem, factor_to, format_quantity, parse_quantity
 from testbed.yaml_text import Document, Path_, above_zero, at_least_zero, did_you_mean
 
 Check = Callable[[float], str | None]
 MARK = "mark_angle"
+FASTEST_SPINDLE = 1e6  # rpm: beyond any machine
 
 
 @dataclass(frozen=True)
@@ -26,13 +27,18 @@ class Variable:
 
 def variables(model: Model, catalogue: Mapping[str, Effect]) -> dict[str, Variable]:
     """All that may vary, by path: operating conditions, the machine's parameters, those of the model's effects."""
-    found = {SPEED: Variable(SPEED, "rad/s", above_zero), DEPTH: Variable(DEPTH, "m", at_least_zero),
+    found = {SPEED: Variable(SPEED, "rad/s", _spindle_speed), DEPTH: Variable(DEPTH, "m", at_least_zero),
              FEED: Variable(FEED, "m/tooth", above_zero)}
     found |= {name: Variable(name, unit, lambda _: None) for name, unit in zip(STARTS, ("m", "m/s"), strict=True)}
     found |= {name: Variable(name, BASE_UNITS[name], _allowed(model, name)) for name in BASE_PARAMETERS}
     for effect in model.effects:
         found |= effect_variables(catalogue[effect])
     return found
+
+
+def _spindle_speed(number: float) -> str | None:
+    fast = number > FASTEST_SPINDLE * factor_to("rpm", "rad/s")
+    return above_zero(number) or (f"lies beyond {FASTEST_SPINDLE:g} rpm: is the unit right?" if fast else None)
 
 
 def effect_variables(effect: Effect) -> dict[str, Variable]:

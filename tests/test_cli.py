@@ -249,6 +249,8 @@ def test_bad_input_is_answered_in_one_line(testbed, name):
     (["chart", "model.yaml", "--speed", "2500:4500:0", "--depth", "1"], "0 points"),
     (["chart", "model.yaml", "--speed", "0", "--depth", "1"], "above 0"),
     (["chart", "model.yaml", "--speed", "1:2", "--depth", "1"], "FIRST:LAST:COUNT"),
+    (["chart", "model.yaml", "--speed", "4000:3000:10", "--depth", "1"], "'4000:3000:10' does not rise: give FIRST below LAST"),
+    (["chart", "model.yaml", "--speed", "3000", "--depth", "1:1:3"], "'1:1:3' does not rise"),
     (["chart", "model.yaml", "--speed", "1e999", "--depth", "1"], "finite"),
     (["chart", "model.yaml", "--speed", "3000 Hz", "--depth", "1"], "not a range"),
     (["multipliers", "model.yaml", "--speed", "3000", "--depth", "-1"], "at least 0"),
@@ -257,7 +259,8 @@ def test_bad_input_is_answered_in_one_line(testbed, name):
     (["identify", "none.h5", "-m", "model.yaml"], "no such file"),
     (["identify", "none.h5", "-m", "none.yaml"], "none.yaml"),
     (["effects", "proces_damping"], "did you mean process_damping"), (["effects", "--effects", "none"], "not a folder"),
-    (["effects", "--new", "a b"], "no name"), (["effects", "--new", "x" * 300], "too long a name"),
+    (["effects", "--new", "class"], "class: is a word of Python: choose another"), (["effects", "--new", "a b"], "no name"),
+    (["effects", "--new", "x" * 300], "too long a name"),
 ])
 def test_a_bad_command_line_is_answered_in_one_line(testbed, arguments, said):
     before = sorted(Path().iterdir())

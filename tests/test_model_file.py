@@ -53,6 +53,7 @@ def test_radial_depth_stands_for_immersion():
     ("flutes: 1", "flutes: 1.5", 5, "'1.5' is no whole number"),
     ("flutes: 1", "flutes: two", 5, "'two' is no whole number"),
     ("flutes: 1", "flutes: '1'", 5, "cutter.flutes: '1' is text: write the number without quotes: 1"),
+    ("flutes: 1", "flutes: 101", 5, "cutter.flutes: '101' is more than any cutter has"),
     ("2.573 kg", "1e400 kg", 2, "'1e400 kg' is not a finite number: write it with its unit, for example '1 kg'"),
     ("immersion: 0.162", "immersion: .nan", 8, "'nan' is not a finite number: write a plain number, without a unit"),
     ("0 deg", "90 deg", 5, "-90 deg and 90 deg"),

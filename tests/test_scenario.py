@@ -96,7 +96,8 @@ def test_a_sweep_is_a_grid_with_depths_turning_fastest():
     ("{from: 1 rpm, to: 2 rpm, count: 0}", "sweep.spindle_speed.count: '0' must be 1"),
     ("{from: 1 rpm, to: 2 rpm, count: 1}", "one point"), ("{from: 1 rpm, to: 2, count: 3}", "to: 2 has no unit"),
     ("{from: 1 rpm, too: 2 rpm, count: 3}", "did you mean to?"), ("{from: 1 rpm, to: 2 rpm}", "count: is missing"),
-    ("[]", "has no values"), ("0 rpm", "above 0"), ("[1000 rpm, -1 rpm]", "above 0"), ("1000, x rpm", "not a finite"),
+    ("[]", "has no values"), ("0 rpm", "above 0"), ("[1000 rpm, -1 rpm]", "above 0"),
+    ("1000, 2000000 rpm", "every value lies beyond 1e+06 rpm"), ("1000, x rpm", "not a finite"),
     ("1000, 2000", "has no unit"), ("1000, 2000 mm", "does not convert"), ("null", "is empty"),
 ])
 def test_axes_refused(written, said):
@@ -120,6 +121,7 @@ def test_axes_refused(written, said):
     ("2 mm}", "-2 mm}", "s.yaml:16: tests.1.depth_of_cut: '-2 mm' must be at least 0"),
     ("3000 rpm", "0 rpm", "s.yaml:15: tests.0.spindle_speed: '0 rpm' must be above 0"),
     ("3000 rpm", "3000", "s.yaml:15: tests.0.spindle_speed: 3000 has no unit"),
+    ("3000 rpm", "3000 krpm", "unknown unit"), ("3000 rpm", "1.1e6 rpm", "spindle_speed: '1.1e6 rpm' lies beyond 1e+06 rpm"),
     ("10 kHz", "0 Hz", "s.yaml:18: sensors.sampling_rate"), ("noise:", "nois:", "did you mean noise?"),
     ("1 um\",", "-1 um\",", "noise: every value must be at least 0"), ("bits: 16, ", "", "bits: is missing"),
     ("bits: 16", "bits: 99", "bits"), ("range: 1 mm", "range: 0 mm", "range above 0"),

@@ -43,6 +43,8 @@ class _Range(click.ParamType):
             self.fail(f"'{value}' must be {least}: {example}", parameter, context)
         if count == 1 and len(set(ends)) > 1:
             self.fail(f"'{value}' asks for one point at two places: {example}", parameter, context)
+        if count > 1 and ends[1] <= ends[0]:
+            self.fail(f"'{value}' does not rise: give FIRST below LAST", parameter, context)
         from testbed.units import factor_to
 
         factor = factor_to(self.unit, self.si)

@@ -110,6 +110,7 @@ def _list_hooks(answer: Answer) -> None:
 
 
 def _write_template(name: str, answer: Answer) -> None:
+    from keyword import iskeyword
     from pathlib import Path
 
     from testbed.atomic import write_text
@@ -118,6 +119,8 @@ def _write_template(name: str, answer: Answer) -> None:
 
     if not name.isidentifier() or name.startswith(("_", "test_")):
         raise InputProblem(name, "is no name for an effect", "use letters, digits and _, a letter first")
+    if iskeyword(name):
+        raise InputProblem(name, "is a word of Python", "choose another name")
     if name in catalogue():
         raise InputProblem(name, "is an effect of the catalogue", "choose another name")
     paths = Path(f"{name}.py"), Path(f"test_{name}.py")

@@ -8,7 +8,7 @@ from pathlib import Path
 from testbed.problem import InputProblem
 from testbed.readers.table import Table
 
-__all__ = ["Table", "neighbours", "read_table"]
+__all__ = ["Table", "has_variables", "neighbours", "read_table"]
 
 _ENDINGS = {
     ".mat": "mat",
@@ -33,6 +33,7 @@ _REFUSED = {
     ".joblib": "a pickle",
 }
 _PACKED = {b"\x1f\x8b": "gzip", b"\xfd7zXZ\x00": "xz", b"BZh91AY&SY": "bzip2", b"\x28\xb5\x2f\xfd": "zstd"}
+_WITH_VARIABLES = ("mat", "hdf5", "tdms")
 
 
 def read_table(path: str | Path, *, skip_rows: int = 0, delimiter: str | None = None, key: str | None = None) -> Table:
@@ -77,8 +78,10 @@ def file_kind(path: Path) -> str:
 
     Raises InputProblem.
     """
-    if os.path.isdir(path):  # os.path: it takes what can be no name for no file, where Path raises
+    if os.path.isdir(path):  # os.path, here and below: it takes what can be no name for no file, where Path raises
         raise InputProblem(path, "is a folder", "name the file in it")
+    if os.path.exists(path) and not os.path.isfile(path):  # whose end may never come
+        raise InputProblem(path, "is a pipe or a device, no file", "name a file of measured samples")
     try:
         with path.open("rb") as stream:
             head = stream.read(512)
@@ -113,6 +116,11 @@ def file_kind(path: Path) -> str:
     if head.lstrip(b"\r\n").startswith(b"    -1") and b"\0" not in head[:12]:
         return "uff"
     return "text"
+
+
+def has_variables(path: Path) -> bool:
+    """Whether a file is of a format whose variables, data sets or groups a `key` names. Raises InputProblem."""
+    return file_kind(path) in _WITH_VARIABLES
 
 
 def neighbours(path: Path) -> str:

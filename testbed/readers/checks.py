@@ -72,15 +72,13 @@ def long_enough(path: Path, name: str, recording: Recording, speed: float | None
         )
 
 
-def plausible_notes(recording: Recording, conditions: Mapping[str, Any], kind: str) -> list[str]:
+def plausible_notes(recording: Recording, conditions: Mapping[str, Any]) -> list[str]:
     """Notes on conditions (SI) and motions so far from any machine's that a unit is likely to be wrong."""
     notes = []
     depth, speed = conditions.get("axial_depth_of_cut"), conditions.get("spindle_speed")
     feed = conditions.get("feed_per_tooth", conditions.get("feed_per_revolution"))
     if depth is not None and depth > _DEEPEST:
         notes.append(f"depth of cut {depth * 1e3:.6g} mm: is the unit right?")
-    if depth == 0 and kind == "cut":
-        notes.append("depth of cut 0: nothing is cut; for idling give `kind: idle`")
     if feed is not None and feed > _FASTEST_FEED:
         notes.append(f"feed {feed * 1e3:.6g} mm: is the unit right?")
     if speed is not None and not _SLOWEST < speed < _FASTEST:
