@@ -66,6 +66,14 @@ def test_run_writes_a_data_set(testbed):
     assert all(np.ptp(record.channels["displacement"]) > 1e-5 for record in data)
 
 
+def test_sensors_that_are_too_slow_for_the_vibration_are_told(testbed):
+    short = SCENARIO.replace("60 rev", "4 rev")
+    for rate, told in (("290 Hz", True), ("12800 Hz", False)):  # the structure swings at 146.6 Hz
+        Path("s.yaml").write_text(short.replace("sensors:", f"sensors:\n  sampling_rate: {rate}"))
+        notes = testbed.json("run", "s.yaml", "-o", f"{told}.h5")["notes"]
+        assert len(notes) == told == testbed.err.count("warning: s.yaml: sensors.sampling_rate, 290 Hz, is below twice the")
+
+
 def test_both_engines_agree(testbed):
     one = SCENARIO.replace("  - {spindle_speed: 2850 rpm, depth_of_cut: 2.9 mm}\n", "").replace("noise: 0.2 um, ", "")
     Path("one.yaml").write_text(one.replace("60 rev", "10 rev").replace("bits: 16, range: 1 mm", "noise: 0 um"))

@@ -56,6 +56,9 @@ def command(scenario_file: str, output: str, workers: int, engine: str | None, r
     scenario = replace(scenario if seed is None else scenario.with_seed(seed), engine=chosen)
     if address and cluster_file:
         raise click.UsageError("--dask and --cluster exclude each other")
+    notes = _too_slow(scenario)
+    for note in notes:
+        answer.say(f"warning: {note}")
     try:
         with ExitStack() as stack:
             # SIGTERM is a queue's way to say that the time is up.
@@ -75,7 +78,16 @@ def command(scenario_file: str, output: str, workers: int, engine: str | None, r
     outcomes = ", ".join(f"{count} {name}" for name, count in report.outcomes.items())
     answer.say(f"{report.output}: {report.runs} runs ({outcomes}), {report.computed} computed now, "
                f"content {report.content_hash[:16]}")
-    answer.finish(plain(report) | {"scenario": scenario.name, "engine": scenario.engine, "seed": scenario.seed})
+    answer.finish(plain(report) | {"scenario": scenario.name, "engine": scenario.engine, "seed": scenario.seed, "notes": notes})
+
+
+def _too_slow(scenario: Any) -> list[str]:
+    """That the sensors sample too slowly for the vibration, which their records will show at another frequency."""
+    rate, frequency = scenario.sampling_rate, scenario.model.structure.natural_frequency
+    if rate >= 2.0 * frequency:
+        return []
+    return [f"{scenario.file}: sensors.sampling_rate, {rate:.6g} Hz, is below twice the natural frequency, {frequency:.6g} Hz: "
+            "the vibration will show at another frequency"]
 
 
 def engine_named(name: str) -> Any:
