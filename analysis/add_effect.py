@@ -22,7 +22,7 @@ from analysis.model_fit import model_fit
 from analysis.observed import Observed
 from analysis.prediction import Plant
 from analysis.spindle_speed import at_modelled_speed
-from analysis.starts import polish
+from analysis.starts import at_a_bound, polish
 from analysis.swing_start import marks_show
 from analysis.switched import switch_note
 from analysis.unheard import SOUND, agreed, misfit
@@ -110,7 +110,8 @@ def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], 
         return anew()
     found = agreed(*at_its_jumps(*_fit_with(plant, model, catalogue, effect, bare, say)))
     before, (likelihood, left) = pooled(bare.errors), misfit(*found)
-    if left <= SOUND or before[0] <= ANCHOR * before[1]:
+    doubtful = before[0] > ANCHOR * before[1] or at_a_bound(found[0].free, found[1].state.model)
+    if left <= SOUND or not doubtful:
         return found
     say(f"fitting with {effect.name} from the believed machine")
     other = anew()

@@ -23,7 +23,7 @@ from analysis.length_cut import asks_length, carried_on, with_lengths_found
 from analysis.parts_of_passes import with_parts_of_passes
 from analysis.pass_count import recounted
 from analysis.scale_hops import hopped
-from analysis.starts import polish, rested
+from analysis.starts import at_a_bound, polish, rested
 from analysis.steady_speed import no_swing
 from analysis.threads import threaded
 from analysis.waveform import Fitter
@@ -109,7 +109,7 @@ def try_candidates(
         incomplete = leader.fitted.error_where_known > ADEQUATE * noise
         assert leader.fitted.fit is not None
         little = leader.cost - floor <= MUCH * over or leader.fitted.fit.cost - floor <= LITTLE * over
-        if (incomplete and not little) or _at_a_bound(leader.fitted):
+        if (incomplete and not little) or at_a_bound(leader.fitter.free, leader.fitted.fit.state.model):
             if not _put(current, entries, alone()):
                 _try_from_far(current, entries, catalogue, origins, say)
         elif not incomplete and current.error_held_out < FAINT * noise and not near:
@@ -157,13 +157,6 @@ def _put(current: Candidate, entries: list[_Entry], found: Sequence[Candidate]) 
 def _not_fitted(current: Candidate, name: str) -> Candidate:
     """A candidate that is ruled out."""
     return Candidate((*current.effects, name), {}, current.error_fit, current.error_held_out, 0.0, False)
-
-
-def _at_a_bound(one: Candidate) -> bool:
-    """Whether a parameter of the machine itself ended where no machine is: the fit made up for something by it."""
-    assert one.fit is not None and one.fitter is not None
-    own = [free for free in one.fitter.free if "." not in free.path]
-    return any(one.fit.state.model.value(free.path) in free.bounds for free in own)
 
 
 def _nothing_hidden(current: Candidate, noise: float) -> bool:

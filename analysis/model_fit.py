@@ -14,7 +14,7 @@ from analysis.length_cut import asks_length, carried_on, with_lengths_found
 from analysis.observed import Observed
 from analysis.prediction import Plant
 from analysis.scale_hops import hopped
-from analysis.starts import base_fit, structure_start, with_courses
+from analysis.starts import at_a_bound, base_fit, structure_start, with_courses
 from analysis.swing_start import swung_fit
 from analysis.waveform import Fitter
 from testbed.effect import Effect
@@ -55,8 +55,20 @@ def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
         fit = min(fit, grown(fitter, [believed, fit.state]), key=lambda one: one.cost)
     if fit.cost > goal:
         return fitter, fit
+    if at_a_bound(fitter.free, fit.state.model):
+        fit = min(fit, _from_believed_coefficients(fitter, model), key=lambda one: one.cost)
     fit = hopped(fitter, kinked(model.effects, catalogue), fit)
     without, fit = at_its_jumps(fitter, fit)
     if without is fitter:
         return fitter, fit
     return at_its_jumps(without, with_courses(without, fit))  # samples at jumps hid what entries and exits a pass off leave
+
+
+def _from_believed_coefficients(fitter: Fitter, model: Model) -> WaveformFit:
+    """The fit begun where the cutting coefficients as believed lead: free from the beginning, they went to where no machine is.
+
+    On the way there the passes of entries and exits have bent to suit them.
+    """
+    held = [one for one in fitter.unknowns if not one.path.endswith("_coefficient")]
+    _, fit = base_fit(fitter.plant, fitter.records, model, free=held)
+    return with_courses(fitter, fitter.fit(fit.state))

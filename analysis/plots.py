@@ -77,7 +77,7 @@ def _borders(axes: Axes, speed: np.ndarray, depth: np.ndarray, radius: np.ndarra
     drawn = axes.contour(speed, depth, radius, levels=[1.0])
     drawn.remove()
     reach = SPECK * np.array([np.ptp(speed), np.ptp(depth)])
-    lines = [line for line in drawn.allsegs[0] if np.any(np.ptp(line, axis=0) > reach)]
+    lines = [line for line in drawn.allsegs[0] if len(line) and np.any(np.ptp(line, axis=0) > reach)]
     axes.add_collection(LineCollection(lines, colors="black", linewidths=1.2))
     return lines
 

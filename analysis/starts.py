@@ -59,6 +59,11 @@ def free_parameters(records: Sequence[Observed], model: Model) -> list[Free]:
     return free
 
 
+def at_a_bound(free: Sequence[Free], model: Model) -> bool:
+    """Whether a parameter of the machine itself ended where no machine is: a fit made up for something by it."""
+    return any("." not in one.path and model.value(one.path) in one.bounds for one in free)
+
+
 def decay_start(records: Sequence[Observed], model: Model) -> Model:
     """The model with frequency and damping of the records' free decays, weighted by how well each knows its decay."""
     found = []

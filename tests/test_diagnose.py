@@ -9,7 +9,7 @@ from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
 from analysis.begun_anew import begun_anew
-from analysis.candidate_round import _at_a_bound, candidate_of
+from analysis.candidate_round import candidate_of
 from analysis.diagnose import diagnose
 from analysis.diagnosis import Candidate, as_json, verdict_of
 from analysis.effect_start import all_free
@@ -17,7 +17,7 @@ from analysis.fit_state import Free
 from analysis.forward_search import _certain, below_a_guess, worth_naming
 from analysis.held_out import pooled
 from analysis.observed import observe
-from analysis.starts import base_fit
+from analysis.starts import at_a_bound, base_fit
 from analysis.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
@@ -131,6 +131,4 @@ def test_beside_a_strong_effect_a_small_gain_may_be_the_form_of_its_law(gain, be
 def test_a_machine_at_the_bound_of_what_is_searched_is_noticed(value, bound):
     free = [Free("tangential_coefficient", 1e7, (5.5e5, 5.5e11)), Free("edge_force.normal", 1e4, (0.0, 1e6))]
     model = TRUE.with_values({"tangential_coefficient": value}).with_effect("edge_force", tangential=1e4, normal=0.0)
-    one = Candidate(("edge_force",), {}, 1.0, 1.0, 0.0, True, fit=SimpleNamespace(state=SimpleNamespace(model=model)),
-                    fitter=SimpleNamespace(free=free))
-    assert _at_a_bound(one) is bound
+    assert at_a_bound(free, model) is bound
