@@ -14,6 +14,7 @@ from analysis.waveform import Fitter
 
 REACH = 2  # passes beside the entry and the exit that are tried
 PARTS = 8  # into which the arc is divided first,
+FINE = 32  # and in the end: of a tooth that enters at its full chip a fiftieth of a pass is a kick
 VALLEYS = 3  # places that cost less than those beside them from which the best is looked for: an arc may hold several,
 HALVINGS = 6  # halving the step so often
 PLAIN = 2.0  # in minus the log likelihood: what a place within the arc must save against a whole pass; more would bend the rest
@@ -100,7 +101,7 @@ def best_moved(fitter: Fitter, fit: WaveformFit, index: int) -> tuple[float, Nui
         squares = np.einsum("ij,ij->i", rests, rests)
         return fit.cost + 0.5 * (squares - now @ now - np.einsum("ij,ij->i", pulls, pulls @ followed))
 
-    places = [_placed(costs_of, (fit.cost, own), arc, end, VALLEYS) for end in _movable(fitter, index, fit.state, own)]
+    places = [_placed(costs_of, (fit.cost, own), arc, end, VALLEYS, FINE) for end in _movable(fitter, index, fit.state, own)]
     return min([(fit.cost, own), *places], key=_cost)
 
 
@@ -110,16 +111,18 @@ def _movable(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[
     return tuple(end for end in ENDS if not (fitter.gradual if end == "entry" else beyond))
 
 
-def _placed(costs_of: CostsOf, found: tuple[float, Nuisances], arc: float, end: str, valleys: int) -> tuple[float, Nuisances]:
-    """(cost, nuisances) of the best place of one end: where it was found, a coarse place, or the bottom of one of so many
-    valleys that those show."""
-    places = [one for one in _places(found[1], arc, end) if one.entry < one.exit]
+def _placed(
+    costs_of: CostsOf, found: tuple[float, Nuisances], arc: float, end: str, valleys: int, parts: int = PARTS
+) -> tuple[float, Nuisances]:
+    """(cost, nuisances) of the best place of one end: where it was found, a place among so many `parts` of an arc, or the
+    bottom of one of so many valleys that those show."""
+    places = [one for one in _places(found[1], arc, end, parts) if one.entry < one.exit]
     if not places:
         return found
     costs = costs_of(places)
     tried = [found, (float(costs.min()), places[int(np.argmin(costs))])]
     for place in _valleys(costs)[:valleys]:
-        cost, best, step = float(costs[place]), places[place], 0.5 / PARTS
+        cost, best, step = float(costs[place]), places[place], 0.5 / parts
         for _ in range(HALVINGS):
             near = [one for by in (-step, step) if (one := end_moved_in_arc(best, end, by, arc)).entry < one.exit]
             beside = costs_of(near)
@@ -141,8 +144,8 @@ def _valleys(costs: np.ndarray) -> list[int]:
     return [int(place) for place in low[np.argsort(costs[low], kind="stable")]]
 
 
-def _places(own: Nuisances, arc: float, end: str) -> Iterator[Nuisances]:
+def _places(own: Nuisances, arc: float, end: str, parts: int) -> Iterator[Nuisances]:
     """Whole passes beside the one that begins or ends the cut, and each with a part of its arc."""
     whole = own.with_fields(**{MISSING[end]: 0.0})
-    for part in range(-REACH * PARTS, (REACH + 1) * PARTS):
-        yield end_moved_in_arc(whole, end, part / PARTS, arc)
+    for part in range(-REACH * parts, (REACH + 1) * parts):
+        yield end_moved_in_arc(whole, end, part / parts, arc)

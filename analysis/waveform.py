@@ -29,6 +29,7 @@ SLOPE_STEP = 1e-4  # of a natural step, by which slopes are taken
 ANGLE_STEP = 0.1  # rad: a natural step of the mark angle
 LATE_STEP = 0.1  # of a pass: a natural step of the first touch
 PART_STEP = 0.1  # of an arc: a natural step of where a cut that begins or ends within one does so
+HELIX = "helix.angle"
 BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
 PACE = 4  # iterations over which the pace of a descent is measured,
 SPARE = 3.0  # and times that pace: what even so would not reach its goal in the iterations left is given up
@@ -52,6 +53,14 @@ def _linearised(rest: np.ndarray, shared: np.ndarray, own: np.ndarray, held: np.
 
 def _names(steps: Sequence[Mapping[str, float]]) -> tuple[str, ...]:
     return tuple(name for step in steps for name in step)
+
+
+def _upright(model: Model, path: str, value: float) -> float:
+    """A parameter's value, a helix such that the whole angle has the sign of the believed one: its size alone counts."""
+    if path != HELIX or model.cutter is None:
+        return value
+    believed = model.cutter.helix_angle
+    return math.copysign(believed + value, -1.0 if believed < 0.0 else 1.0) - believed
 
 
 def too_slow(costs: Sequence[float], iterations: int, goal: float) -> bool:
@@ -99,7 +108,7 @@ class Fitter:
         """The state after a step of the shared unknowns, in natural units, held inside the bounds."""
         values = {}
         for one, amount in zip(self.free, step, strict=False):
-            value = state.model.value(one.path) + amount * one.scale
+            value = _upright(state.model, one.path, state.model.value(one.path) + amount * one.scale)
             turned = math.remainder(value, 2 * math.pi) if one.periodic else min(max(value, one.bounds[0]), one.bounds[1])
             values[one.path] = turned
         angle = state.angle + (step[-1] * ANGLE_STEP if self.fits_angle else 0.0)

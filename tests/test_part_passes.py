@@ -13,7 +13,7 @@ from synthetic_campaign import synthetic_record
 from analysis.model_fit import model_fit
 from analysis.nuisances import Nuisances
 from analysis.observed import observe
-from analysis.part_search import VALLEYS, _placed
+from analysis.part_search import FINE, VALLEYS, _placed
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.cut import Cut, Sampling, whole_cut_sampling
@@ -145,3 +145,15 @@ def test_the_deepest_of_several_valleys_is_found_between_the_places_that_are_tri
     assert (coarse.exit, coarse.early_exit) == (20, 0.0) and cost == pytest.approx(6.0, abs=1e-3)
     cost, found = _placed(costs_of, (cost, coarse), 1.0, "exit", VALLEYS)
     assert found.exit - found.early_exit == pytest.approx(21.19, abs=0.005) and cost < 1.5
+
+
+def test_a_valley_narrower_than_the_coarse_parts_is_found_among_the_fine_ones():
+    def costs_of(tried):
+        places = np.array([one.exit - one.early_exit for one in tried])
+        return 10.0 - 4.0 * np.exp(-(((places - 20.0) / 0.2) ** 2)) - 9.0 * np.exp(-(((places - 21.19) / 0.008) ** 2))
+
+    own = Nuisances(entry=3, exit=20)
+    begun = float(costs_of([own])[0]), own
+    assert _placed(costs_of, begun, 1.0, "exit", VALLEYS)[0] > 5.0
+    cost, found = _placed(costs_of, begun, 1.0, "exit", VALLEYS, FINE)
+    assert found.exit - found.early_exit == pytest.approx(21.19, abs=0.002) and cost < 1.5

@@ -29,6 +29,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     """
     from analysis.compare import as_json, compare
     from analysis.length_cut import length_note
+    from analysis.mark_delay import delay_note
     from analysis.other_way import other_way_note
     from analysis.switched import switch_note
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
@@ -41,7 +42,8 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
         found = compare(plant_of(catalogue), records, model, catalogue)
         turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
     unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
-    notes = [*notes_on(read, model), *turned, *unlike, *length_note(records, found.fitter.records)]
+    notes = [*notes_on(read, model), *turned, *unlike, *length_note(records, found.fitter.records),
+             *delay_note(found.fitter, found.fit)]
     _say(answer, found, notes, model)
     notes += _of_silence(found)
     if pictures is not None:

@@ -42,6 +42,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     from analysis.diagnose import diagnose
     from analysis.diagnosis import as_json, unaided
     from analysis.length_cut import length_note
+    from analysis.mark_delay import delay_note
     from analysis.other_way import other_way_note
     from testbed.catalogue import DECOYS
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
@@ -59,8 +60,9 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         turned = []
         if found.candidates:  # else no search was made, for what was found before it
             turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
-    worn = [] if found.best.fitter is None else length_note(records, found.best.fitter.records)
-    notes = [*notes_on(read, model), *turned, *worn]
+    notes = [*notes_on(read, model), *turned]
+    if found.best.fitter is not None and found.best.fit is not None:
+        notes += [*length_note(records, found.best.fitter.records), *delay_note(found.best.fitter, found.best.fit)]
     for note in notes:
         answer.say(note)
     said = as_json(found, model) | {"notes": notes}

@@ -12,7 +12,7 @@ from synthetic_campaign import synthetic_campaign
 
 from analysis.compare import adequacy_tests, controlled
 from analysis.diagnose import diagnose
-from analysis.fit_state import State
+from analysis.fit_state import Free, State
 from analysis.held_out import RecordError, pooled, pooled_doubt
 from analysis.nuisances import Nuisances
 from analysis.observed import Observed, drift_basis, observe
@@ -147,3 +147,12 @@ def test_a_record_that_idles_amid_loud_ambient_vibration_is_not_taken_to_start_i
     _, fit = base_fit(PLANT, observed, BELIEVED)
     entries = [nuisances.entry for nuisances in fit.state.nuisances]
     assert max(entries) - min(entries) <= 1
+
+
+@pytest.mark.parametrize(("believed", "begun", "told"), [(0.0, 0.1, 0.2), (0.0, 0.4, 0.1), (0.5, -0.3, -0.4), (-0.5, 0.4, 0.1)])
+def test_of_a_helix_the_size_of_the_whole_angle_counts_and_is_told_with_the_believed_sign(believed, begun, told):
+    model = replace(TRUE, cutter=Cutter(helix_angle=believed)).with_effect("helix", angle=begun)
+    fitter = Fitter(PLANT, [], [Free("helix.angle", 0.1, (-0.8, 0.8))])
+    moved = fitter.moved(State(model, 0.0, ()), np.array([-3.0])).model.value("helix.angle")
+    assert moved == pytest.approx(told) and (believed + moved) * (believed or 1.0) >= 0.0
+    assert abs(believed + moved) == pytest.approx(abs(believed + begun - 0.3))
