@@ -33,7 +33,7 @@ from testbed.machine import Model
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
 FAINT = 5e-3  # share of it below which what the found effects leave may be the form of their laws, not another effect,
 TAKEN = 0.6  # unless that takes away this share of what is left
-OWN_FORM = 1e-3  # share of the named effects' gain in BIC, and of what they explain: a law is good to three per cent of itself
+OWN_FORM = 2e-3  # share of the named effects' gain in BIC, and of what they explain: a law is good to some per cent of itself
 FINAL = 1.05  # error over noise floor up to which a model counts as complete
 HOPEFUL = 2.0  # error over noise floor above which the last effect that may be added is not: too much would still be missing
 COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
