@@ -25,7 +25,7 @@ _PLAUSIBLE = {
     "entry_angle": 0.2, "feed_travel": 0.003, "feed_per_tooth": 1e-4, "chip": 8e-5, "penetration": 8e-5, "depth": 2e-3,
     "cutting_speed": 4.0,
     "length_cut": 0.01, "mass": 2.5, "stiffness": 2e6, "damping": 15.0, "spindle_speed": 400.0,
-    "applied_force": 20.0, "mean_torque": 0.1, "immersion": 0.16, "helix_angle": 0.5,
+    "applied_force": 20.0, "torque": 0.1, "immersion": 0.16, "helix_angle": 0.5,
 }  # fmt: skip
 _SIGNED = {"displacement": 3e-5, "velocity": 0.03, "edge_velocity": 0.02}
 # what `measure` may ask for

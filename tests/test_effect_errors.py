@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from testbed import compilable
 from testbed.catalogue import catalogue, read_effect
+from testbed.effect import HOOKS
 from testbed.problem import InputProblem
 
 GOOD = '''"""An effect of one's own."""
@@ -249,7 +251,6 @@ def test_a_model_with_an_unknown_effect_or_without_a_parameter_is_refused():
 
 def test_two_effects_that_both_replace_the_chip_are_refused_in_one_line(tmp_path):
     """The only way in which effects cannot be together: all others add up or multiply."""
-    from testbed.effect import HOOKS
     from testbed.engines.packing import active_effects
     from testbed.machine import Model, Structure
 
@@ -272,3 +273,8 @@ def test_a_relative_folder_is_another_place_in_another_working_folder(tmp_path, 
         (tmp_path / name / f"{name}_drag.py").write_text(GOOD)
         monkeypatch.chdir(tmp_path / name)
         assert f"{name}_drag" in catalogue(".")
+
+
+def test_every_quantity_that_a_hook_may_ask_for_has_a_value_to_be_tried():
+    known = {*compilable._PLAUSIBLE, *compilable._SIGNED, *compilable._SAMPLED}
+    assert {name for hook in HOOKS.values() for name in hook.offers} == known

@@ -57,9 +57,9 @@ def _show(name: str, catalogue: Any, answer: Answer, drawn: bool) -> None:
     if effect.requires:
         answer.say(f"  a search proposes it only for a model that has {', '.join(effect.requires)}")
     rows = [(f"  {one.name}", one.symbol, one.unit, f"{one.neutral:g}", f"{one.bounds[0]:g} to {one.bounds[1]:g}",
-             f"{one.example:g}") for one in effect.parameters]
+             f"{one.example:g}", one.meaning) for one in effect.parameters]
     if rows:
-        answer.table(("  parameter", "symbol", "unit", "neutral", "bounds", "example"), rows)
+        answer.table(("  parameter", "symbol", "unit", "neutral", "bounds", "example", "what it is"), rows)
     for one in effect.parameters:
         if one.channels:
             answer.say(f"  {one.name}: shown by {' and '.join(one.channels)} alone; a model file may leave it out")

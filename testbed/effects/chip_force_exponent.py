@@ -30,7 +30,7 @@ EFFECT = Effect(
         Parameter("exponent", "q", "1", "power of the chip thickness in the force",
                   neutral=1.0, bounds=(0.2, 1.5), example=0.75, start=0.9),
     ),
-    law="F = K b h_0 (h / h_0)^q with h_0 = 0.1 mm, rounded below h = 5 um",
+    law="F = K b h_0 (h / h_0)^q with h_0 = 0.1 mm, rounded below h = 5 um; b: depth of cut, h: chip thickness",
     source="Kienzle (1952), VDI-Z 94, 299; Stepan (2001), Phil. Trans. R. Soc. A 359, 739",
     validity="chips from a few edge radii to about 1 mm",
     leaves="coefficients that fall as the feed rises; a static force and a dynamic one that ask for different K",

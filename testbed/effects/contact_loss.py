@@ -24,7 +24,7 @@ from testbed.effect import Effect
 EFFECT = Effect(
     title="Loss of contact with multiple regeneration",
     parameters=(),
-    law="h = max(0, p), S <- max(S, feed position + x)",
+    law="h = max(0, p), p = feed position + x - S; the surface S <- max(S, feed position + x)",
     source="Tlusty and Ismail (1981), CIRP Annals 30, 299; Stepan et al. (2005), J. Vibration and Acoustics 127, 197",
     validity="vibration along the feed, small against the cutter's radius",
     leaves="bounded chatter, impacts after flights, sub-harmonics; force exactly zero within the engagement",

@@ -34,10 +34,10 @@ EFFECT = Effect(
     parameters=(
         Parameter("force", "F_c", "N", "friction force while sliding",
                   neutral=0.0, bounds=(0.0, 100.0), example=2.0, start=0.2),
-        Parameter("presliding_displacement", "z_c", "m", "elastic displacement before the contact slides",
+        Parameter("presliding_displacement", "z_c", "m", "elastic displacement at which the contact breaks away",
                   neutral=0.2e-6, bounds=(0.02e-6, 20.0e-6), example=0.2e-6, start=0.2e-6, vanishes=False),
     ),
-    law="F = -F_c z / z_c (|z| <= z_c), dz/dt = v while stuck; F = -F_c sign(z) while sliding",
+    law="F = -F_c z / z_c (|z| <= z_c), dz/dt = v while stuck; F = -F_c sign(z) while sliding; z: the contact's deflection",
     source="Iwan (1966), J. Appl. Mech. 33, 893; Dupont, Hayward, Armstrong and Altpeter (2002), IEEE TAC 47, 787",
     validity="equal static and kinetic friction, one contact, sliding along x",
     leaves="a ring-down whose envelope falls in a straight line and ends abruptly; more damping at small amplitude",

@@ -33,10 +33,11 @@ ROUNDING = 0.1  # share of the reach over which the gate opens
 EFFECT = Effect(
     title="Geometric ramp of the engagement at entry",
     parameters=(
-        Parameter("extent", "g", "1", "length of the ramp over the geometric one, R sin_m",
+        Parameter("extent", "g", "1", "feed travelled until all of the arc is cut, over R sin_m",
                   neutral=0.0, bounds=(0.0, 2.0), example=0.5, start=1.0),
     ),
-    law="in the cut where sin(theta) > sin_m - s / (g R)",
+    law="in the cut where sin(theta) > sin_m - s / (g R); s: feed travelled since the first touch, sin_m: largest sin(theta) "
+        "of the whole arc",
     source="Altintas (2012), Manufacturing Automation, chapter 2; Koenigsberger and Tlusty (1970)",
     validity="flat front face at right angles to a straight feed",
     leaves="a forced motion that grows over many passes, and hardly any entry transient to identify multipliers from",

@@ -5,7 +5,8 @@
 The lag over the depth is b tan(beta) / R; entry and exit are ramps of that length, and where it equals the pitch the
 force is constant. The part of each edge that is in the cut is integrated by Gauss-Legendre points that move with it.
 The force has a corner where either end of the edge enters or leaves: the steps end there, so that fourth order is kept.
-For one mode along the feed the sign of the helix is of no consequence (the axial force does not act).
+For one mode along the feed only the size of the total angle counts, the model's `cutter.helix_angle` and this one together:
+its sign is of no consequence (the axial force does not act), so give and read it as positive.
 
 Source: W. A. Kline, R. E. DeVor and J. R. Lindberg (1982), The prediction of cutting forces in end milling with
 application to cornering cuts, Int. J. Machine Tool Design and Research 22, 7-22;
@@ -23,10 +24,11 @@ from testbed.effect import Effect, Parameter
 EFFECT = Effect(
     title="Helix angle of the cutter",
     parameters=(
-        Parameter("angle", "beta", "rad", "helix angle beyond the one in the model",
+        Parameter("angle", "beta", "rad", "helix angle beyond the model's",
                   neutral=0.0, bounds=(-0.8, 0.8), example=0.5, start=0.2),
     ),
-    law="theta(z) = theta(0) - z tan(beta) / R, force integrated over the depth",
+    law="theta(z) = theta(0) - z tan(beta_0 + beta) / R, beta_0 the model's; force integrated over the depth; of the two "
+        "angles' sum only the size counts, so give and read it as positive",
     source="Kline, DeVor and Lindberg (1982), IJMTDR 22, 7; Zatarain et al. (2006), CIRP Annals 55, 365",
     validity="cylindrical cutter, tool rigid over the depth of cut",
     leaves="rounded entry and exit: high harmonics of the tooth passing fall with depth; closed islands of flip",

@@ -19,10 +19,10 @@ from testbed.effect import Effect, Parameter
 EFFECT = Effect(
     title="Error of the radial immersion",
     parameters=(
-        Parameter("error", "e", "1", "relative error of the believed immersion",
+        Parameter("error", "e", "1", "true immersion over the believed one, less 1",
                   neutral=0.0, bounds=(-0.6, 1.0), example=0.15, start=0.05),
     ),
-    law="rho = rho_believed (1 + e)",
+    law="rho = rho_believed (1 + e), the share of a revolution that a tooth is in the work",
     source="Mann and Young (2006), Proc. R. Soc. A 462, 2145; Altintas (2012), Manufacturing Automation, chapter 2",
     validity="straight flank, constant radial depth",
     leaves="cutting coefficients far from a dynamometer's; a pulse of another length",

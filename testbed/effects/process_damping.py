@@ -24,10 +24,10 @@ from testbed.effect import Effect, Parameter
 EFFECT = Effect(
     title="Process damping (ploughing of the flank)",
     parameters=(
-        Parameter("coefficient", "B", "N/m", "process damping coefficient; positive resists the edge's sinking",
+        Parameter("coefficient", "B", "N/m", "radial force per depth of cut and slope of the sinking edge, x' sin(theta) / V",
                   neutral=0.0, bounds=(0.0, 1.0e7), example=2.0e5, start=1.0e5),
     ),
-    law="F_n = B b x' sin(theta) / V",
+    law="F_n = B b x' sin(theta) / V; b: depth of cut, V: cutting speed",
     source="Sisson and Kegg (1969), J. Eng. Ind. 91, 951; Altintas, Eynian and Onozuka (2008), CIRP Annals 57, 371",
     validity="slope of the waves x' / V well below the clearance angle",
     leaves="a damping ratio that grows with depth over speed; stable lobes rising at low speed; multipliers pulled in",

@@ -29,10 +29,10 @@ EFFECT = Effect(
     parameters=(
         Parameter("offset", "e", "m", "distance of the cutter's axis from the spindle's",
                   neutral=0.0, bounds=(0.0, 5.0e-4), example=1.0e-5, start=5.0e-6),
-        Parameter("angle", "lambda", "rad", "direction of the offset from tooth 0",
+        Parameter("angle", "lambda", "rad", "direction of the offset, from tooth 0, the next after the mark, towards tooth 1",
                   neutral=0.0, bounds=(-2.0 * math.pi, 2.0 * math.pi), example=0.3, start=0.5, vanishes=False),
     ),
-    law="R_i = R + e cos(lambda - 2 pi i / N)",
+    law="R_i = R + e cos(lambda - 2 pi i / N), the radius of tooth i of N",
     source="Kline and DeVor (1983), IJMTDR 23, 123; Schmitz et al. (2007), IJMTM 47, 841",
     validity="parallel offset small against the radius; two flutes or more",
     leaves="lines at the spindle frequency and its harmonics between those of the tooth passing; unequal teeth",

@@ -37,7 +37,7 @@ EFFECT = Effect(
         Parameter("transverse_ratio", "rho", "1", "frequency of the second mode in the reading of force_y over that of force_x",
                   neutral=1.0, bounds=(0.2, 5.0), example=1.0, start=1.0, vanishes=False, channels=("force_y",)),
     ),
-    law="q'' + 2 zeta_2 w_2 q' + w_2^2 q = r F / m; the cut feels x + q, the sensor sees x + p q",
+    law="q'' + 2 zeta_2 w_2 q' + w_2^2 q = r F / m, m: the model's mass; the cut feels x + q, the sensor sees x + p q",
     source="Ewins (2000), Modal Testing, 2nd ed., chapter 2",
     validity="two separate modes with motion along x and proportional damping",
     leaves="a second frequency in entry transients and ring-downs; shifted lobes; chatter at the second frequency",

@@ -19,12 +19,12 @@ from testbed.effect import Effect, Parameter
 EFFECT = Effect(
     title="Spindle speed falling under load",
     parameters=(
-        Parameter("droop", "d", "1/(N m)", "relative loss of speed per spindle torque",
+        Parameter("droop", "d", "1/(N m)", "relative loss of speed per torque at the spindle",
                   neutral=0.0, bounds=(0.0, 5.0), example=0.25, start=0.02),
-        Parameter("time_constant", "T", "s", "time the drive takes to give way",
+        Parameter("time_constant", "T", "s", "time in which the drive gives way by 63 %",
                   neutral=0.2, bounds=(0.005, 20.0), example=0.2, start=0.2, vanishes=False),
     ),
-    law="n = n_0 (1 - s), T ds/dt = d M - s",
+    law="n = n_0 (1 - s), T ds/dt = d M - s; s: relative loss of speed, M: torque at the spindle",
     source="Leonhard (2001), Control of Electrical Drives, 3rd ed., chapter 7",
     validity="loss of speed well below 1, time constant above a few tooth passes",
     leaves="tooth passing that falls behind the nominal speed after the entry; lobes at the wrong speed",

@@ -21,11 +21,11 @@ from testbed.effect import Effect, Parameter
 EFFECT = Effect(
     title="Sinusoidal variation of the spindle speed",
     parameters=(
-        Parameter("amplitude", "a", "1", "relative amplitude of the speed",
+        Parameter("amplitude", "a", "1", "amplitude of the speed over its mean",
                   neutral=0.0, bounds=(0.0, 0.5), example=0.05, start=0.005),
         Parameter("frequency", "f", "Hz", "frequency of the variation",
                   neutral=5.0, bounds=(0.01, 500.0), example=5.0, start=5.0, vanishes=False),
-        Parameter("phase", "phi", "rad", "phase at time 0",
+        Parameter("phase", "phi", "rad", "phase where the record's simulation begins",
                   neutral=0.0, bounds=(-2.0 * math.pi, 2.0 * math.pi), example=0.0, start=0.0, vanishes=False,
                   each_record=True),
     ),

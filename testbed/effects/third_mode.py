@@ -41,7 +41,7 @@ EFFECT = Effect(
         Parameter("transverse_ratio", "rho", "1", "frequency of the third mode in the reading of force_y over that of force_x",
                   neutral=1.0, bounds=(0.2, 5.0), example=1.0, start=1.0, vanishes=False, channels=("force_y",)),
     ),
-    law="q'' + 2 zeta_3 w_3 q' + w_3^2 q = r F / m; the cut feels x + q, the sensor sees x + p q",
+    law="q'' + 2 zeta_3 w_3 q' + w_3^2 q = r F / m, m: the model's mass; the cut feels x + q, the sensor sees x + p q",
     source="Ewins (2000), Modal Testing, 2nd ed., chapter 2",
     validity="separate modes with motion along x and proportional damping",
     leaves="a third frequency in entry transients and ring-downs; a third peak of the receptance; shifted lobes",

@@ -2,6 +2,9 @@
 
     K_t, K_n -> (1 + w L) K_t, (1 + w L) K_n,        L = length cut before the record + feed travel since the entry
 
+L is a length of feed: how far the workpiece has travelled under the cutter while it cut, whatever the number of flutes. It is
+not the path of an edge along its arcs, which at an immersion rho is pi D rho a tooth pass where the feed is some 0.1 mm.
+
 Source: flank wear in proportion to the length cut in the steady stage, force in proportion to the wear land: Y.
 Altintas (2012), Manufacturing Automation, 2nd ed., Cambridge, chapter 2 (tool wear and breakage); F. W. Taylor
 (1907), On the art of cutting metals, Trans. ASME 28, 31-350 (a life that is a length at given conditions).
@@ -18,10 +21,11 @@ from testbed.effect import Effect, Parameter
 EFFECT = Effect(
     title="Tool wear",
     parameters=(
-        Parameter("rate", "w", "1/m", "relative growth of the cutting coefficients per length of feed",
+        Parameter("rate", "w", "1/m", "relative growth of the cutting coefficients per length of feed travelled",
                   neutral=0.0, bounds=(0.0, 100.0), example=5.0, start=0.5),
     ),
-    law="K(L) = K (1 + w L)",
+    law="K(L) = K (1 + w L), L the feed travelled in the cut, earlier records' (length_cut_before) and this one's; not the "
+        "path of an edge along its arcs",
     source="Altintas (2012), Manufacturing Automation, chapter 2; Taylor (1907), Trans. ASME 28, 31",
     validity="steady stage of wear",
     leaves="forces and forced motion that grow slowly along a cut and from test to test",

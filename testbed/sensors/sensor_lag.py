@@ -25,7 +25,7 @@ EFFECT = Effect(
         Parameter("time_constant", "T", "s", "time constant of the sensor, 1 / (2 pi bandwidth)",
                   neutral=0.0, bounds=(0.0, 0.02), example=2.0e-4, start=2.0e-5),
     ),
-    law="T y' + y = u",
+    law="T y' + y = u; u: what is measured, y: the reading",
     source="Doebelin (2004), Measurement Systems, 5th ed., chapter 3",
     validity="one pole; samples close enough for a cubic between them",
     leaves="late and flattened transients; a bias of K_t against the tachometer, and of amplitude at high speed",
