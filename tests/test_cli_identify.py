@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import analysis.identify
 from analysis.identify import Estimate
 from testbed.cli._answer import interval_shown
-from testbed.cli._measured import identify_by_multipliers
+from testbed.cli._measured import at_an_end, identify_by_multipliers
 from testbed.engines import fast
 from testbed.model_file import read_model
 from testbed.workshop import write_campaign
@@ -60,6 +61,44 @@ def test_where_only_short_cuts_are_left_they_are_named(testbed):
     said = testbed.refused("identify", "campaign.yaml", "-m", "model.yaml")
     assert said.startswith("error: campaign.yaml: only 0 numbers for 3 parameters; tests left out: cut_0 (")
     assert ", cut_1 (" in said and said.count("tooth periods in the cut; at least 6 are needed") == 2
+
+
+def test_multipliers_that_a_linear_machine_explains_by_half_are_told(testbed):
+    """A misfit that widens the intervals is no proof that they hold the machine: damping of the cut passes for its own."""
+    write_campaign(Path(), cuts(LONG, LONG, LONG, true=TRUE.with_effect(EFFECT, coefficient=1e5)), BELIEVED)
+    found = testbed.json("identify", "campaign.yaml", "-m", "model.yaml")
+    assert 5.0 < found["chi_square"] < 30.0 and found["at_bound"] == []
+    said = f"the misfit per degree of freedom is {found['chi_square']:.2g}: the intervals are widened for it, but "
+    (note,) = [note for note in found["notes"] if note.startswith(said)]
+    assert note.endswith("testbed compare and testbed diagnose show it") and f"{note}\n" in testbed.err
+
+
+def test_a_parameter_at_the_end_of_the_range_searched_is_told(testbed):
+    """No frequency about the believed one explains these cuts: the damping goes as low as it may."""
+    write_campaign(Path(), cuts(LONG, LONG, LONG), BELIEVED.with_values({"natural_frequency": 220.0}))
+    found = testbed.json("identify", "campaign.yaml", "-m", "model.yaml")
+    assert found["at_bound"] == ["damping_ratio"] and found["parameters"]["damping_ratio"]["value"] < 1e-5
+    (note,) = [note for note in found["notes"] if note.startswith("damping_ratio at the end of the range searched: ")]
+    assert "from 0.8 to 1.25 of that frequency, from 0.01 to 100 of the coefficients" in note and f"{note}\n" in testbed.err
+
+
+def test_the_ends_of_the_ranges_are_those_of_the_search(monkeypatch):
+    searched, fitted = set(), analysis.identify.least_squares
+
+    def noted(*given, bounds, **more):
+        searched.add(tuple(map(tuple, np.exp(bounds))))
+        return fitted(*given, bounds=bounds, **more)
+
+    monkeypatch.setattr(analysis.identify, "least_squares", noted)
+    identify_by_multipliers(BELIEVED, cuts((10, 40, 0), (10, 40, 0)), "campaign.yaml", 0)  # no free decay to begin from
+    (ends,) = searched
+    for place, name in enumerate(("natural_frequency", "damping_ratio", "tangential_coefficient")):
+        for end, inwards in zip((ends[0][place], ends[1][place]), (1.01, 0.99), strict=True):
+            value = end * BELIEVED.value(name)
+            assert at_an_end(BELIEVED, BELIEVED.with_values({name: value})) == (name,)
+            assert at_an_end(BELIEVED, BELIEVED.with_values({name: inwards * value})) == ()
+    still = BELIEVED.with_values({"normal_coefficient": 0.0})
+    assert at_an_end(still, still) == ()  # of no force there is no range
 
 
 def test_the_waveform_corrects_an_effect_that_the_model_has(testbed):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +13,9 @@ from testbed.problem import InputProblem
 KNOWN = ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth", "flutes")  # what a machinist knows of a cut
 MOTIONS = ("displacement", "velocity", "acceleration")
 RATIO_DOUBT = 0.2  # standard error of the logarithm of the coefficients' ratio that a model is believed to have
+# where analysis.identify looks for the machine: of frequency and coefficients, times the start; of a damping ratio
+FREQUENCIES, COEFFICIENTS, LEAST_DAMPING, MOST_DAMPING = (0.8, 1.25), (1e-2, 1e2), (1e-3, 1e-4), 0.9
+AT_END = 1e-3  # of an end of that range: what is closer stopped there
 
 
 @dataclass(frozen=True)
@@ -137,12 +141,16 @@ def _decay(ring_down: Any, recording: Any, start: float | None, stop: float | No
 
 @dataclass(frozen=True)
 class Identified:
-    """What an identification found: model, parameter path -> value, low, high, unit; the tests; quality."""
+    """What an identification found: model, parameter path -> value, low, high, unit; the tests; quality.
+
+    at_bound: parameters that ended at an end of the range searched.
+    """
 
     model: Any
     parameters: Mapping[str, Any]
     tests: tuple[Mapping[str, Any], ...]
     quality: Mapping[str, Any]
+    at_bound: tuple[str, ...] = ()
 
 
 def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, seed: int, *,
@@ -160,7 +168,18 @@ def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, se
     rows = tuple(_row(test, result.measured, result.model, result.used, result.reason)
                  for test, result in zip(tests, found.tests, strict=True))
     return Identified(found.model, found.parameters, rows,
-                      {"chi_square": found.chi_square, "converged": found.converged, "ratio_slope": found.ratio_slope})
+                      {"chi_square": found.chi_square, "converged": found.converged, "ratio_slope": found.ratio_slope},
+                      at_an_end(start, found.model))
+
+
+def at_an_end(start: Any, found: Any) -> tuple[str, ...]:
+    """Parameters of a machine found by multipliers that lie at an end of the range searched from the `start`."""
+    ranges = {name: tuple(end * start.value(name) for end in ends) for name, ends in (
+        ("natural_frequency", FREQUENCIES), ("tangential_coefficient", COEFFICIENTS), ("normal_coefficient", COEFFICIENTS))}
+    share, floor = LEAST_DAMPING
+    ranges["damping_ratio"] = share * max(start.value("damping_ratio"), floor), MOST_DAMPING
+    return tuple(name for name, ends in ranges.items()
+                 if found.value(name) and any(math.isclose(found.value(name), end, rel_tol=AT_END) for end in ends))
 
 
 def _row(test: CutTest, measured: Any, model: Any, used: bool, reason: str) -> dict[str, Any]:
@@ -193,7 +212,7 @@ def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path
 
 def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catalogue: Any, model_file: object) -> Identified:
     """Fit the whole waveform of every record with the simulator, the parameters of the model's effects too."""
-    from analysis.compare import estimates
+    from analysis.compare import at_bound, estimates
     from analysis.held_out import errors_in_fit, pooled
     from analysis.model_fit import model_fit
     from analysis.spindle_speed import at_modelled_speed
@@ -204,5 +223,6 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     chi_square = fit.squares / max(1, sum(residual.size for residual in fit.residuals) - len(fit.names))
     noise = pooled(errors_in_fit(fitter, fit))[1]
     rows = _multipliers_beside(fit.state.model, records, catalogue, path)
-    return Identified(fit.state.model, estimates(fitter, fit, catalogue), rows,
-                      {"chi_square": chi_square, "converged": fit.converged, "noise_floor": noise})
+    found = estimates(fitter, fit, catalogue)
+    quality = {"chi_square": chi_square, "converged": fit.converged, "noise_floor": noise}
+    return Identified(fit.state.model, found, rows, quality, at_bound(fitter.free, found))

@@ -15,7 +15,7 @@ OTHER_SPEED = 5e-4  # relative difference from which a speed that was found is t
 MOST_TOLD = 6  # of so many cuts
 LEFT_OUT = 1.0 / 3.0  # of the cuts, from which it is said that the machine found is that of the others
 BENT = 1.1  # misfit per degree of freedom from which a fit to waveforms leaves more than noise
-MISSED = 30.0  # misfit per degree of freedom from which a fit by multipliers is doubted aloud
+DOUBTED, MISSED = 5.0, 30.0  # misfits per degree of freedom from which a fit by multipliers is doubted, and not believed
 
 
 @click.command(short_help="Estimate damping, frequency and cutting coefficients, with intervals.",
@@ -57,10 +57,10 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
                            if multipliers else "check the records with testbed inspect") from None
     notes = [*([] if multipliers else uncalibrated(records)), *doubts(records, model),  # multipliers have no unit
              *of_the_mass(records, model)]
-    if multipliers and found.quality["chi_square"] > MISSED:
-        worst = max((test for test in found.tests if test["used"]), key=_missed_by)
-        notes.append(f"the linear machine does not explain these multipliers, {worst['name']} least: its parameters may be far "
-                     "outside their intervals; look at that record, or try --method waveform")
+    if multipliers and found.quality["chi_square"] > DOUBTED:
+        notes.append(_of_the_misfit(found))
+    if found.at_bound:
+        notes.append(_of_the_bounds(found, multipliers))
     if multipliers:
         notes += [*_left_out(found), *_speeds_found(records, found), _of_the_ratio(found)]
     elif found.quality["noise_floor"] > SILENT:
@@ -75,7 +75,32 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
         write_model(found.model, output, catalogue)
         answer.say(f"written: {output}")
     answer.finish({"method": method, "parameters": {name: one.as_json() for name, one in found.parameters.items()},
-                   "tests": found.tests, **found.quality, "notes": notes})
+                   "tests": found.tests, **found.quality, "at_bound": found.at_bound, "notes": notes})
+
+
+def _of_the_misfit(found: Any) -> str:
+    """What it means that the linear machine's multipliers are not those measured."""
+    misfit = found.quality["chi_square"]
+    if misfit <= MISSED:
+        return (f"the misfit per degree of freedom is {misfit:.2g}: the intervals are widened for it, but what the linear "
+                "machine lacks may bend its parameters beyond them; testbed compare and testbed diagnose show it")
+    worst = max((test for test in found.tests if test["used"]), key=_missed_by)
+    return (f"the linear machine does not explain these multipliers, {worst['name']} least: its parameters may be far outside "
+            "their intervals; look at that record, or try --method waveform")
+
+
+def _of_the_bounds(found: Any, multipliers: bool) -> str:
+    """What it means that parameters ended at the end of the range searched, and of multipliers which range that is."""
+    from analysis.compare import said_at_bound
+    from testbed.cli._measured import COEFFICIENTS, FREQUENCIES
+
+    said = said_at_bound(found.at_bound)
+    if not multipliers:
+        return said
+    (lowest, highest), (weakest, strongest) = FREQUENCIES, COEFFICIENTS
+    return (f"{said}; the range begins at the free decays, else at the model, and goes from {lowest:g} to {highest:g} of that "
+            f"frequency, from {weakest:g} to {strongest:g} of the coefficients: if the machine may lie beyond, begin from "
+            "another model")
 
 
 def _left_out(found: Any) -> list[str]:
