@@ -119,7 +119,7 @@ def test_below_a_noise_that_was_only_guessed_no_gain_makes_a_further_effect_cert
     assert below_a_guess(Candidate(("cubic_stiffness",), {}, left, left, 75.0, True, fitter=fitter), 1.0) is below
 
 
-@pytest.mark.parametrize(("gain", "beside", "certain"), [(127.0, 0.0, True), (127.0, 3e5, False), (400.0, 3e5, True)])
+@pytest.mark.parametrize(("gain", "beside", "certain"), [(127.0, 0.0, True), (127.0, 3e5, False), (900.0, 3e5, True)])
 def test_beside_a_strong_effect_a_small_gain_may_be_the_form_of_its_law(gain, beside, certain):
     named = ("speed_droop",) if beside else ()
     base, current, other = (Candidate(effects, {}, error, error, delta, True) for effects, error, delta in

@@ -103,6 +103,9 @@ def _whole(heading, key, example):
     """(kind, data) of a whole file that holds a table's key; without it where the example is None."""
     kind, path, beside = PLACES[heading]
     data = yaml(CAMPAIGN if kind == "campaign" else examples(kind)[0])
+    if key == "key":  # of a file with variables
+        data["records"][0]["file"] = "a.mat"
+        data["channels"] = {"displacement": {"column": 1, "unit": "um"}, "tachometer": {"column": 2}}
     if heading == "random":
         special = {MARK: (("random",), "{}"), "present": (("random", "process_damping"), DRAWN)}
         path, beside = special.get(key, (path, beside))
