@@ -108,10 +108,14 @@ class Comparison:
         return tuple(one.name for one in self.records if one.noise_floor > NOTHING)
 
     @property
+    def says_nothing(self) -> bool:
+        """Whether hardly anything but noise was measured in all records: then no model is called adequate, and none bad."""
+        return len(self.silent) == len(self.records)
+
+    @property
     def slight(self) -> bool:
         """Whether what is left beyond the noise is so little that the error hardly shows it."""
         return not self.adequate and self.error <= FAINT_REST * self.noise_floor
-
 
     @property
     def at_bound(self) -> tuple[str, ...]:
@@ -304,7 +308,7 @@ def as_json(result: Comparison) -> dict[str, Any]:
 
     return {
         "error": result.error, "noise_floor": result.noise_floor,
-        "adequate": None if len(result.silent) == len(result.records) else result.adequate,
+        "adequate": None if result.says_nothing else result.adequate,
         "converged": result.fit.converged, "at_bound": list(result.at_bound),
         "records": [{
             "name": one.name, "kind": one.kind, "channels": list(one.channels), "error": one.error,

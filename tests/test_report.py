@@ -203,6 +203,14 @@ def test_the_sentences_follow_the_data():
     assert "0 of 3 records hold more than noise" not in pages.failing_page().html()
 
 
+def test_of_noise_alone_the_page_calls_no_model_good_or_bad():
+    complete = pages.comparison(TRUE)
+    silent = replace(complete, records=tuple(replace(one, noise_floor=1.0) for one in complete.records))
+    assert silent.adequate and silent.says_nothing and "says nothing about the model" in verdict_of(silent)
+    page = compare_page(silent, BELIEVED, pages.CATALOGUE, pages.UNITS).html()
+    assert 'class="verdict"' in page and 'class="verdict good"' not in page
+
+
 def test_the_story_says_what_was_found():
     text = pages.story().html()
     found = pages.diagnosis()

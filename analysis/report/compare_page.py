@@ -28,6 +28,8 @@ def verdict_of(found: Comparison) -> str:
     """The comparison in one sentence."""
     ratio = found.error / max(found.noise_floor, 1e-300)
     held = judged_on(found.records[0].held_out)
+    if found.says_nothing:
+        return "Hardly anything but noise was measured, which says nothing about the model."
     if found.adequate:
         return (
             f"The refitted model explains every record down to its noise: error {found.error:.3g} {held}, "
@@ -60,7 +62,7 @@ def compare_page(
     """The whole page. units: SI or own, by channel; tested: the constancy, where it is known already."""
     records, errors, fit = found.fitter.records, found.errors, found.fit
     page = Page(f"Where does the model fail?{' ' + name if name else ''}")
-    page.verdict(verdict_of(found), found.adequate)
+    page.verdict(verdict_of(found), None if found.says_nothing else found.adequate)
     failing = {test.record for test in found.tests if test.fails}
     page.tiles(
         (

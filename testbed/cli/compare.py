@@ -90,7 +90,7 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
         answer.say("the fit did not converge: the figures above are those of its last step")
     for line in _of_silence(found):
         answer.say(line)
-    if len(found.silent) < len(found.records):
+    if not found.says_nothing:
         answer.say(_in_words(found))
 
 
