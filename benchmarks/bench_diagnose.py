@@ -19,8 +19,8 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from analysis.diagnose import diagnose
-from analysis.observed import observe
+from analysis.fit.observed import observe
+from analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import mujoco_engine

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import mujoco
 import numpy as np
 
-from analysis.stability import stability_chart
+from analysis.linear.stability import stability_chart
 from benchmarks import peers
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling, whole_cut_sampling

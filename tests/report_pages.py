@@ -8,20 +8,21 @@ from types import SimpleNamespace
 from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import MARK_ANGLE, TESTS, synthetic_campaign
 
-import analysis.compare
-from analysis.add_effect import Addition
-from analysis.compare import Comparison, compare, estimates
-from analysis.diagnosis import Candidate, Diagnosis
-from analysis.effect_start import effect_parameters
-from analysis.first_passes import first_nuisances
-from analysis.fit_state import State
-from analysis.held_out import errors_in_fit, held_out_errors, pooled
-from analysis.observed import observe
+import analysis.comparison.compare
+from analysis.comparison.compare import Comparison, compare
+from analysis.fit.effect_start import effect_parameters
+from analysis.fit.estimates import estimates
+from analysis.fit.first_passes import first_nuisances
+from analysis.fit.fit_state import State
+from analysis.fit.held_out import errors_in_fit, held_out_errors, pooled
+from analysis.fit.observed import observe
+from analysis.fit.starts import free_parameters, polish
+from analysis.fit.waveform import Fitter
 from analysis.report.compare_page import compare_page
 from analysis.report.page import Page, Panel
 from analysis.report.story_page import addition_page, diagnosis_page
-from analysis.starts import free_parameters, polish
-from analysis.waveform import Fitter
+from analysis.search.add_effect import Addition
+from analysis.search.diagnosis import Candidate, Diagnosis
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 
@@ -55,12 +56,12 @@ def fit_from(model, chosen, effects=()):
 @cache
 def comparison(true=HIDDEN) -> Comparison:
     """compare() without its search for a start."""
-    search = analysis.compare.model_fit
-    analysis.compare.model_fit = lambda plant, chosen, model, known: fit_from(TRUE, chosen)
+    search = analysis.comparison.compare.model_fit
+    analysis.comparison.compare.model_fit = lambda plant, chosen, model, known: fit_from(TRUE, chosen)
     try:
         return compare(PLANT, records(true), BELIEVED, CATALOGUE)
     finally:
-        analysis.compare.model_fit = search
+        analysis.comparison.compare.model_fit = search
 
 
 @cache

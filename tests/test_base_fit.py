@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.fit_state import Linearised
-from analysis.observed import observe
-from analysis.starts import base_fit
-from analysis.waveform import Fitter, too_slow
+from analysis.fit.fit_state import Linearised
+from analysis.fit.observed import observe
+from analysis.fit.starts import base_fit
+from analysis.fit.waveform import Fitter, too_slow
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.validation.blind.draw import draw

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import analysis.identify
-from analysis.identify import Estimate
+import analysis.multipliers.identify
+from analysis.estimate import Estimate
 from testbed.cli._answer import interval_shown
-from testbed.cli._measured import at_an_end, identify_by_multipliers
+from testbed.cli._identification import at_an_end, identify_by_multipliers
 from testbed.engines import fast
 from testbed.model_file import read_model
 from testbed.workshop import write_campaign
@@ -83,13 +83,13 @@ def test_a_parameter_at_the_end_of_the_range_searched_is_told(testbed):
 
 
 def test_the_ends_of_the_ranges_are_those_of_the_search(monkeypatch):
-    searched, fitted = set(), analysis.identify.least_squares
+    searched, fitted = set(), analysis.multipliers.identify.least_squares
 
     def noted(*given, bounds, **more):
         searched.add(tuple(map(tuple, np.exp(bounds))))
         return fitted(*given, bounds=bounds, **more)
 
-    monkeypatch.setattr(analysis.identify, "least_squares", noted)
+    monkeypatch.setattr(analysis.multipliers.identify, "least_squares", noted)
     identify_by_multipliers(BELIEVED, cuts((10, 40, 0), (10, 40, 0)), "campaign.yaml", 0)  # no free decay to begin from
     (ends,) = searched
     for place, name in enumerate(("natural_frequency", "damping_ratio", "tangential_coefficient")):

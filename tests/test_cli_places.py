@@ -108,8 +108,8 @@ def test_a_file_where_a_folder_is_wanted_is_refused_before_the_work(testbed: She
     def read(*_: object) -> None:
         pytest.fail("the work had begun")
 
-    monkeypatch.setattr("testbed.cli._measured.load_records", read)
-    monkeypatch.setattr("analysis.inspection.inspect", read)
+    monkeypatch.setattr("testbed.cli._fitting.load_records", read)
+    monkeypatch.setattr("analysis.records.inspection.inspect", read)
     assert "cannot be made" in testbed.refused(*arguments)
 
 

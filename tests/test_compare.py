@@ -9,10 +9,10 @@ import pytest
 import report_pages as pages
 from matplotlib.figure import Figure
 
-from analysis.compare import LEFT_EXPLAINED, Adequacy, controlled, said_left
-from analysis.compare_plots import by_test, spectrum, worst_record
-from analysis.constancy import Constancy, TestFit
-from analysis.identify import Estimate
+from analysis.comparison.adequacy import LEFT_EXPLAINED, Adequacy, controlled, said_left
+from analysis.comparison.compare_plots import by_test, spectrum, worst_record
+from analysis.comparison.constancy import Constancy, TestFit
+from analysis.estimate import Estimate
 from testbed.cli import compare as compared
 from testbed.cli import main
 from testbed.cli._answer import Answer

@@ -5,10 +5,10 @@ from functools import partial
 import numpy as np
 from synthetic_campaign import synthetic_record
 
-from analysis.candidate_round import candidate_of, with_effect
-from analysis.effect_start import Origin, switched_on
-from analysis.model_fit import model_fit
-from analysis.observed import observe
+from analysis.fit.effect_start import Origin, switched_on
+from analysis.fit.model_fit import model_fit
+from analysis.fit.observed import observe
+from analysis.search.candidate_round import candidate_of, with_effect
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast

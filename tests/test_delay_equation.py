@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from analysis.collocation import collocation_multipliers
-from analysis.delay_equation import DelayEquation, mathieu_equation, milling_equation
+from analysis.linear.collocation import collocation_multipliers
+from analysis.linear.delay_equation import DelayEquation, mathieu_equation, milling_equation
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
 

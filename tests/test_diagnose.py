@@ -8,17 +8,17 @@ import pytest
 from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
-from analysis.begun_anew import begun_anew
-from analysis.candidate_round import candidate_of
-from analysis.diagnose import diagnose
-from analysis.diagnosis import Candidate, as_json, verdict_of
-from analysis.effect_start import all_free
-from analysis.fit_state import Free
-from analysis.forward_search import _certain, below_a_guess, worth_naming
-from analysis.held_out import pooled
-from analysis.observed import observe
-from analysis.starts import at_a_bound, base_fit
-from analysis.waveform import Fitter
+from analysis.fit.effect_start import all_free
+from analysis.fit.fit_state import Free
+from analysis.fit.held_out import pooled
+from analysis.fit.observed import observe
+from analysis.fit.starts import at_a_bound, base_fit
+from analysis.fit.waveform import Fitter
+from analysis.search.begun_anew import begun_anew
+from analysis.search.candidate_round import candidate_of
+from analysis.search.diagnose import diagnose
+from analysis.search.diagnosis import Candidate, as_json, verdict_of
+from analysis.search.forward_search import _certain, below_a_guess, worth_naming
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure

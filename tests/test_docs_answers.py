@@ -11,21 +11,23 @@ import click
 import numpy as np
 import pytest
 
-from analysis import diagnosis, explain_force, information, observed
-from analysis.baseline_scores import Baseline, ClassifierScore, RegressorScore
-from analysis.baseline_scores import as_json as baseline_json
-from analysis.chatter import LineTrack
-from analysis.compare import FALSE_DISCOVERIES
-from analysis.diagnosis import Candidate, Diagnosis, OtherForm
-from analysis.force_ranking import Ranked
-from analysis.inspection import inspect
-from analysis.lines import CombSpeed, LineKind
-from analysis.next_test import NextTest
-from analysis.noise import Basis
+from analysis.comparison.adequacy import FALSE_DISCOVERIES
+from analysis.fit import evidence, observed
+from analysis.force import explain_force
+from analysis.force.ranking import Ranked
+from analysis.linear.chart_plot import ChartTest
+from analysis.linear.stability import CLASSES
+from analysis.multipliers.baseline_scores import Baseline, ClassifierScore, RegressorScore
+from analysis.multipliers.baseline_scores import as_json as baseline_json
 from analysis.paper.part import Part, Picture, Statement, Table, as_dict
-from analysis.plots import ChartTest
-from analysis.segments import Kind
-from analysis.stability import CLASSES
+from analysis.records.chatter import LineTrack
+from analysis.records.inspection import inspect
+from analysis.records.lines import CombSpeed, LineKind
+from analysis.records.noise import Basis
+from analysis.records.segments import Kind
+from analysis.search import diagnosis
+from analysis.search.diagnosis import Candidate, Diagnosis, OtherForm
+from analysis.search.next_test import NextTest
 from testbed.cli import doctor
 from testbed.cli import testbed as commands
 from testbed.cli._answer import plain
@@ -160,7 +162,8 @@ def test_of_diagnosis(shell):
 
 
 def test_the_verdicts_are_those_of_the_program():
-    source = "".join((ROOT / "analysis" / name).read_text() for name in ("diagnosis.py", "diagnose.py", "law_form.py"))
+    sources = ("diagnosis.py", "diagnose.py", "law_form.py")
+    source = "".join((ROOT / "analysis" / "search" / name).read_text() for name in sources)
     given = set(re.findall(r'(?:answer\(|return |verdict=)\s*"([a-z_]+)"', source))
     assert given == set(PATHS["What the verdicts mean, and what to do next"].keys()) and len(given) == 5
 
@@ -175,7 +178,7 @@ def test_the_exit_codes_are_those_of_the_program():
     f"at most {diagnosis.ADEQUATE} times the noise floor", f"or up to {diagnosis.FAINT_REST} times",
     f"at most {diagnosis.COMPLETE} times the noise floor", f"take away {100 * diagnosis.EXPLAINED:g} %",
     f"(three or more effects: {diagnosis.ADEQUATE})",
-    f"Above {information.DELTA_BIC:g} a gain is worth having", f"with {100 * FALSE_DISCOVERIES:g} % of false discoveries",
+    f"Above {evidence.DELTA_BIC:g} a gain is worth having", f"with {100 * FALSE_DISCOVERIES:g} % of false discoveries",
     f"a polynomial of {observed.DRIFT_ORDER} terms, and one more for each second, {observed.MOST_DRIFT} at",
     f"and {observed.UNRESOLVED:.0e} of the channel's".replace("e-0", "e-"),
 ])

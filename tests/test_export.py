@@ -11,7 +11,7 @@ import pytest
 from export_files import SCENARIO, export, run, simulate
 from ruamel.yaml import YAML
 
-from analysis.run_labels import contact_loss_time
+from analysis.multipliers.run_labels import contact_loss_time
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.data_set import read_data_set
 from testbed.engines.fast import simulate as engine

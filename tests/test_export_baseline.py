@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.baseline_scores import FEATURES, baseline, features, fit_ridge, fit_softmax
-from analysis.run_labels import class_of_linear
+from analysis.multipliers.baseline_scores import FEATURES, baseline, features, fit_ridge, fit_softmax
+from analysis.multipliers.run_labels import class_of_linear
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.engines.fast import simulate
 from testbed.machine import Cutter, Cutting, Model, Structure

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from independent_simulator import simulate
 
-from analysis.belief import foreign_modes
-from analysis.collocation import collocation_multipliers
-from analysis.delay_equation import milling_equation
-from analysis.floquet import (
+from analysis.linear.collocation import collocation_multipliers
+from analysis.linear.delay_equation import milling_equation
+from analysis.multipliers.belief import foreign_modes
+from analysis.multipliers.floquet import (
     delay_embedding_multipliers,
     empirical_multipliers,
     once_per_period_samples,
     revolution_period,
     tooth_period,
 )
-from analysis.multiplier_fit import fit_multipliers
+from analysis.multipliers.multiplier_fit import fit_multipliers
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.recording import Recording

@@ -9,10 +9,10 @@ import pytest
 from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import MARK_ANGLE
 
-from analysis.add_effect import add_effect
-from analysis.force_jumps import BESIDE
-from analysis.model_fit import model_fit
-from analysis.observed import observe
+from analysis.fit.force_jumps import BESIDE
+from analysis.fit.model_fit import model_fit
+from analysis.fit.observed import observe
+from analysis.search.add_effect import add_effect
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
@@ -73,7 +73,7 @@ def test_what_the_jumps_show_bends_nothing(records, monkeypatch):
         assert record.size == record.count < record.samples
         laid_out = record.on_samples(record.project(record.data))
         assert np.count_nonzero(laid_out[0] == 0.0) == record.samples - record.count
-    monkeypatch.setattr("analysis.model_fit.at_its_jumps", lambda fitter, fit: (fitter, fit))
+    monkeypatch.setattr("analysis.fit.model_fit.at_its_jumps", lambda fitter, fit: (fitter, fit))
     assert FITTED(records=records, model=believed)[1].mean_squares.max() > 1.3
 
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from independent_simulator import simulate
 
-from analysis.collocation import collocation_multipliers
-from analysis.delay_equation import milling_equation
-from analysis.floquet import EmpiricalMultipliers
-from analysis.identify import identify, identify_multipliers
-from analysis.recorded_cut import cut_bounds, started_from_ring_down
+from analysis.linear.collocation import collocation_multipliers
+from analysis.linear.delay_equation import milling_equation
+from analysis.multipliers.floquet import EmpiricalMultipliers
+from analysis.multipliers.identify import identify, identify_multipliers
+from analysis.multipliers.recorded_cut import cut_bounds, started_from_ring_down
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.recording import Recording

@@ -14,9 +14,9 @@ from made_files import write
 from real_data import MANIFESTS, MEASUREMENTS, needs
 from synthetic_cut import milling_record
 
-from analysis.inspection import inspect
-from analysis.inspection_plot import envelope
-from analysis.lines import follow_line
+from analysis.records.inspection import inspect
+from analysis.records.inspection_plot import envelope
+from analysis.records.lines import follow_line
 from testbed.campaign import load_campaign
 from testbed.cli import main
 from testbed.cli._fitting import doubts

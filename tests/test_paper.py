@@ -96,10 +96,10 @@ def test_the_plain_estimate_is_exact_without_noise():
 
 
 def test_a_plain_search_from_the_ring_down_arrives():
-    from analysis.delay_equation import milling_equation
+    from analysis.linear.delay_equation import milling_equation
+    from analysis.linear.temporal_elements import characteristic_multipliers
     from analysis.paper.bench import cut_at
     from analysis.paper.table2 import ELEMENTS, TESTS
-    from analysis.temporal_elements import characteristic_multipliers
 
     cuts = [cut_at(*test) for test in TESTS]
     exact = np.array([characteristic_multipliers(milling_equation(IDENTIFIED, cut), ELEMENTS)[0] for cut in cuts])

@@ -10,10 +10,10 @@ from campaign_files import BELIEVED
 from direct import KN, KT, MODEL, WINDOW, cut, error, integrate
 from synthetic_campaign import synthetic_record
 
-from analysis.model_fit import model_fit
-from analysis.nuisances import Nuisances
-from analysis.observed import observe
-from analysis.part_search import FINE, VALLEYS, _placed
+from analysis.fit.model_fit import model_fit
+from analysis.fit.nuisances import Nuisances
+from analysis.fit.observed import observe
+from analysis.fit.part_search import FINE, VALLEYS, _placed
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.cut import Cut, Sampling, whole_cut_sampling
@@ -81,7 +81,7 @@ def test_a_campaign_of_such_cuts_is_fitted_down_to_its_noise(observed, monkeypat
     found, true = fit.state.model, TRUE
     assert found.structure.damping_ratio == pytest.approx(true.structure.damping_ratio, rel=0.02)
     assert found.cutting.tangential_coefficient == pytest.approx(true.cutting.tangential_coefficient, rel=0.06)
-    monkeypatch.setattr("analysis.starts.with_parts_of_passes", lambda fitter, fit: fit)
+    monkeypatch.setattr("analysis.fit.starts.with_parts_of_passes", lambda fitter, fit: fit)
     assert FITTED(records=observed)[1].mean_squares.max() > 2.0
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.published import PUBLISHED, linear_multipliers, linear_verdict
-from analysis.verdict import once_per_tooth_samples, simulated_verdict
+from analysis.linear.published import PUBLISHED, linear_multipliers, linear_verdict
+from analysis.multipliers.verdict import once_per_tooth_samples, simulated_verdict
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.engines import fast, mujoco_engine
 from testbed.scenario_file import read_scenario

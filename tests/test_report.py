@@ -14,13 +14,12 @@ import report_pages as pages
 from campaign_files import BELIEVED, TRUE
 from matplotlib.figure import Figure
 
-from analysis.compare import as_json as comparison_json
-from analysis.compare_plots import force_state_map
-from analysis.constancy import TestFit, judged
-from analysis.diagnosis import as_json, unaided
-from analysis.diagnosis import verdict_of as verdict_over
-from analysis.force_state import ForceState
-from analysis.identify import Estimate
+from analysis.comparison.compare import as_json as comparison_json
+from analysis.comparison.compare_plots import force_state_map
+from analysis.comparison.constancy import TestFit, judged
+from analysis.comparison.residual_views import by_angle, by_frequency
+from analysis.estimate import Estimate
+from analysis.force.force_state import ForceState
 from analysis.report.compare_page import compare_page, verdict_of
 from analysis.report.constants import add_constancy
 from analysis.report.force_map import add_force_map, force_map_says
@@ -28,7 +27,8 @@ from analysis.report.machine import said_change
 from analysis.report.packed import packed, thinned
 from analysis.report.page import Page, Panel, heat_colour
 from analysis.report.story_page import addition_page, diagnosis_page
-from analysis.residual_views import by_angle, by_frequency
+from analysis.search.diagnosis import as_json, unaided
+from analysis.search.diagnosis import verdict_of as verdict_over
 from testbed.cli.diagnose import _force_maps
 
 

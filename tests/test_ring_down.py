@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.ring_down import fit_receptance, fit_ring_down, receptance, ring_down
+from analysis.multipliers.ring_down import fit_receptance, fit_ring_down, receptance, ring_down
 from testbed.recording import Recording
 
 RATE = 12800.0

@@ -209,7 +209,7 @@ def test_refinement_crowds_about_the_border():
 
 
 def test_the_trial_cuts_agree_with_the_stability_chart():
-    from analysis.stability import stability_chart
+    from analysis.linear.stability import stability_chart
 
     model = scenario(TEST).model.without_effect("process_damping")
     speeds, depths = np.linspace(2500, 4500, 14) * RPM, np.linspace(0.3e-3, 5e-3, 10)

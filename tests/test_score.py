@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from export_files import run, simulate
 
-from analysis.identify_as_published import identify_as_published
-from analysis.score import Case, Outcome, binomial_interval, score, study_scores
+from analysis.multipliers.identify_as_published import identify_as_published
+from analysis.multipliers.score import Case, Outcome, binomial_interval, score, study_scores
 from testbed.cli._scoring import Order, Sealed
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.engines.fast import simulate as engine

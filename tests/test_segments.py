@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from synthetic_cut import FREQUENCY, RHO, Truth, milling_record
 
-from analysis.lines import comb_speed, follow_line, spectral_lines
-from analysis.noise import noise_floor, samples_of
-from analysis.segments import Segment, find_segments, main_channel
+from analysis.records.lines import comb_speed, follow_line, spectral_lines
+from analysis.records.noise import noise_floor, samples_of
+from analysis.records.segments import Segment, find_segments, main_channel
 from testbed.recording import Recording
 
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from analysis.diagnose import diagnose
-from analysis.diagnosis import SILENT
-from analysis.observed import observe
+from analysis.fit.observed import observe
+from analysis.search.diagnose import diagnose
+from analysis.search.diagnosis import SILENT
 from testbed.campaign import Record
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from analysis.chart_border import refined
-from analysis.collocation import collocation_multipliers
-from analysis.delay_equation import milling_equation
-from analysis.plots import ChartTest, plot_chart, plot_multipliers, plot_once_per_period, save
-from analysis.stability import CLASSES, StabilityChart, classify, stability_chart
+from analysis.linear.chart_border import refined
+from analysis.linear.chart_plot import ChartTest, plot_chart, plot_multipliers, plot_once_per_period, save
+from analysis.linear.collocation import collocation_multipliers
+from analysis.linear.delay_equation import milling_equation
+from analysis.linear.stability import CLASSES, StabilityChart, classify, stability_chart
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
 

@@ -8,11 +8,11 @@ import pytest
 from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import TESTS, synthetic_record
 
-from analysis.add_effect import add_effect
-from analysis.diagnose import diagnose
-from analysis.model_fit import model_fit
-from analysis.observed import observe
-from analysis.swing_start import Clock, marks_show, swing_clocks
+from analysis.fit.model_fit import model_fit
+from analysis.fit.observed import observe
+from analysis.fit.swing_start import Clock, marks_show, swing_clocks
+from analysis.search.add_effect import add_effect
+from analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast

@@ -7,10 +7,10 @@ import pytest
 from independent_simulator import simulate
 from scipy.interpolate import CubicSpline
 
-from analysis.collocation import collocation_entry_state, collocation_multipliers
-from analysis.delay_equation import mathieu_equation, milling_equation
-from analysis.stability import classify
-from analysis.temporal_elements import (
+from analysis.linear.collocation import collocation_entry_state, collocation_multipliers
+from analysis.linear.delay_equation import mathieu_equation, milling_equation
+from analysis.linear.stability import classify
+from analysis.linear.temporal_elements import (
     characteristic_multipliers,
     converged_multipliers,
     temporal_element_map,

@@ -13,7 +13,7 @@ import analysis
 for found in pkgutil.walk_packages(analysis.__path__, "analysis."):
     importlib.import_module(found.name)
 from test_identify import PAPER_START, records
-print("DAMPING", analysis.identify.identify(PAPER_START, records()).parameters["damping_ratio"].value)
+print("DAMPING", analysis.multipliers.identify.identify(PAPER_START, records()).parameters["damping_ratio"].value)
 """
 
 

@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from analysis.delay_equation import milling_equation
-from analysis.floquet import EmpiricalMultipliers, empirical_multipliers
-from analysis.identify import identify_multipliers
 from analysis.information import Z_95
+from analysis.linear.delay_equation import milling_equation
+from analysis.linear.stability import stability_chart
+from analysis.linear.temporal_elements import characteristic_multipliers
+from analysis.multipliers.floquet import EmpiricalMultipliers, empirical_multipliers
+from analysis.multipliers.identify import identify_multipliers
 from analysis.paper.bench import IDENTIFIED, MASS, Bench, clean_record, course_of, cut_at, measured
 from analysis.paper.errors import START, TESTS
 from analysis.paper.fig6 import DEPTHS, ELEMENTS, SPEEDS
 from analysis.paper.part import Part, Picture, Statement, Table
 from analysis.paper.style import PAGE, RED, figure, letter, rpm
 from analysis.paper.table2 import machine
-from analysis.stability import stability_chart
-from analysis.temporal_elements import characteristic_multipliers
 from testbed.cut import Cut
 from testbed.machine import Model
 

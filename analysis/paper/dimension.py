@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.delayed_mathieu import Mathieu, mathieu_recording, simulate_mathieu
-from analysis.embedding_dimension import (
+from analysis.linear.delayed_mathieu import Mathieu, mathieu_recording, simulate_mathieu
+from analysis.multipliers.embedding_dimension import (
     SingularValues,
     false_nearest_neighbours,
     first_minimum,

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from analysis.collocation import collocation_multipliers
-from analysis.delayed_mathieu import Mathieu, simulate_mathieu, state_multipliers
+from analysis.linear.collocation import collocation_multipliers
+from analysis.linear.delayed_mathieu import Mathieu, simulate_mathieu, state_multipliers
+from analysis.linear.stability import classify
+from analysis.linear.temporal_elements import characteristic_multipliers
 from analysis.paper.bench import Bench
 from analysis.paper.part import Part, Picture, Statement
 from analysis.paper.style import ORANGE, PAGE, PURPLE, RED, figure, letter, named, unit_circle
-from analysis.stability import classify
-from analysis.temporal_elements import characteristic_multipliers
 
 ELEMENTS = 20
 EPS = 1.0

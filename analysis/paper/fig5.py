@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.embedding_dimension import singular_values
-from analysis.floquet import once_per_period_samples, tooth_period
+from analysis.multipliers.embedding_dimension import singular_values
+from analysis.multipliers.floquet import once_per_period_samples, tooth_period
 from analysis.paper.bench import IDENTIFIED, NOISE, PASSES, Bench, clean_record, course_of, cut_at, measured
 from analysis.paper.part import Part, Picture, Statement
 from analysis.paper.style import BLUE, GREY, ORANGE, PAGE, RED, figure, letter

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from analysis.collocation import collocation_multipliers
-from analysis.delay_equation import milling_equation
-from analysis.lines import amplitude_spectrum
+from analysis.linear.collocation import collocation_multipliers
+from analysis.linear.delay_equation import milling_equation
+from analysis.linear.published import PUBLISHED, PublishedTest, linear_multipliers
+from analysis.linear.stability import classify
+from analysis.linear.temporal_elements import characteristic_multipliers
+from analysis.multipliers.verdict import SampleVerdict, once_per_tooth_samples, simulated_verdict
 from analysis.paper.bench import IDENTIFIED, RATE, Bench, measured
 from analysis.paper.part import Part, Picture, Statement, Table
 from analysis.paper.style import OUTCOME_COLOURS, PAGE, figure, letter, named, rpm, shown
-from analysis.published import PUBLISHED, PublishedTest, linear_multipliers
-from analysis.stability import classify
-from analysis.temporal_elements import characteristic_multipliers
-from analysis.verdict import SampleVerdict, once_per_tooth_samples, simulated_verdict
+from analysis.records.lines import amplitude_spectrum
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.recording import Recording
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.stability import said_class
+from analysis.linear.stability import said_class
 
 COLUMN, PAGE = 3.4, 6.9  # inches: one column of the journal, two
 BLUE, ORANGE, GREEN, RED, GREY, PURPLE = "#1f5fa8", "#d9822b", "#2f8f5b", "#b8322a", "#7a7a7a", "#7b4fa3"

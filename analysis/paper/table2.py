@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from analysis.delay_equation import milling_equation
-from analysis.floquet import EmpiricalMultipliers, empirical_multipliers
-from analysis.identify import Identification, identify_multipliers
+from analysis.linear.delay_equation import milling_equation
+from analysis.linear.temporal_elements import characteristic_multipliers
+from analysis.multipliers.floquet import EmpiricalMultipliers, empirical_multipliers
+from analysis.multipliers.identify import Identification, identify_multipliers
+from analysis.multipliers.ring_down import RingDown, ring_down
 from analysis.paper.bench import (
     FOUND_GAMMA,
     FOUND_OMEGA,
@@ -32,9 +34,7 @@ from analysis.paper.bench import (
 )
 from analysis.paper.part import Part, Picture, Statement, Table
 from analysis.paper.style import BLUE, ORANGE, PAGE, RED, figure, letter
-from analysis.ring_down import RingDown, ring_down
-from analysis.segments import find_segments
-from analysis.temporal_elements import characteristic_multipliers
+from analysis.records.segments import find_segments
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.recording import Recording

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import spearmanr
 
-from analysis.held_out import RecordError
-from analysis.observed import Observed
+from analysis.comparison.residual_views import ChartView, on_chart
+from analysis.fit.held_out import RecordError
+from analysis.fit.observed import Observed
 from analysis.report.packed import even, listed, packed
 from analysis.report.page import Page, Panel
-from analysis.residual_views import ChartView, on_chart
 from testbed.machine import Model
 
 

@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from analysis.amplitude import free_decays
-from analysis.compare import Comparison, said_at_bound
-from analysis.constancy import Constancy, constancy
-from analysis.diagnosis import judged_on
+from analysis.comparison.amplitude import free_decays
+from analysis.comparison.compare import Comparison
+from analysis.comparison.constancy import Constancy, constancy
+from analysis.comparison.residual_views import map_units
+from analysis.fit.estimates import said_at_bound
 from analysis.report.chart import add_chart
 from analysis.report.constants import add_amplitude, add_constancy
 from analysis.report.force_map import add_force_map
@@ -17,7 +18,7 @@ from analysis.report.machine import add_nuisances, add_parameters
 from analysis.report.page import Page
 from analysis.report.residuals import add_angle, add_records, add_spectrum
 from analysis.report.waveforms import add_waveforms, looks, worst_first
-from analysis.residual_views import map_units
+from analysis.search.diagnosis import judged_on
 from testbed.effect import Effect
 from testbed.machine import Model
 

@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from analysis.compare import said_at_bound
-from analysis.identify import Estimate
+from analysis.comparison.residual_views import shown_unit
+from analysis.estimate import Estimate
+from analysis.fit.estimates import said_at_bound
 from analysis.report.page import Page
-from analysis.residual_views import shown_unit
 from testbed.machine import Model
 from testbed.units import format_quantity
 

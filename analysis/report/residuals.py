@@ -8,13 +8,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from analysis.compare import LEFT_EXPLAINED, Adequacy, RecordComparison, said_left
-from analysis.fit_state import State
-from analysis.held_out import RecordError
+from analysis.comparison.adequacy import LEFT_EXPLAINED, Adequacy, said_left
+from analysis.comparison.compare import RecordComparison
+from analysis.comparison.residual_views import AngleView, SpectrumView, by_angle, by_frequency
+from analysis.fit.fit_state import State
+from analysis.fit.held_out import RecordError
 from analysis.report.packed import even, packed, thinned
 from analysis.report.page import Cell, Page, Panel
 from analysis.report.waveforms import LEFT, Look
-from analysis.residual_views import AngleView, SpectrumView, by_angle, by_frequency
 
 View = TypeVar("View", AngleView, SpectrumView)
 KINDS = ("idle", "entry", "steady", "exit", "ring-down")

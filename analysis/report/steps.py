@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from analysis.compare import unit_of
-from analysis.diagnosis import Candidate, Diagnosis, judged_on
+from analysis.fit.estimates import unit_of
 from analysis.report.constants import COLOURS
 from analysis.report.machine import shown
 from analysis.report.packed import listed
 from analysis.report.page import Page, Panel
 from analysis.report.ticked import named
 from analysis.report.waveforms import LEFT
+from analysis.search.diagnosis import Candidate, Diagnosis, judged_on
 from testbed.effect import Effect
 
 Step = tuple[str, float, float]  # what was done, error, noise floor

@@ -6,12 +6,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from analysis.add_effect import Addition
-from analysis.compare import at_bound, estimates
-from analysis.diagnosis import Diagnosis, judged_on, unaided
-from analysis.held_out import RecordError, pooled
-from analysis.identify import Estimate
-from analysis.observed import Observed
+from analysis.comparison.residual_views import map_units
+from analysis.estimate import Estimate
+from analysis.fit.estimates import at_bound, estimates
+from analysis.fit.held_out import RecordError, pooled
+from analysis.fit.observed import Observed
 from analysis.report.compare_page import ForceMap
 from analysis.report.force_map import add_force_map
 from analysis.report.machine import AT_BOUND, far, interval, said_change, settled, shown
@@ -19,7 +18,8 @@ from analysis.report.page import Page
 from analysis.report.steps import Step, add_candidates, add_steps
 from analysis.report.ticked import add_before_after, add_ticks, leading, points_for
 from analysis.report.waveforms import looks, worst_first
-from analysis.residual_views import map_units
+from analysis.search.add_effect import Addition
+from analysis.search.diagnosis import Diagnosis, judged_on, unaided
 from testbed.effect import Effect
 from testbed.machine import Model
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit_state import State
-from analysis.held_out import RecordError, pooled
+from analysis.comparison.residual_views import by_angle, by_frequency
+from analysis.fit.fit_state import State
+from analysis.fit.held_out import RecordError, pooled
 from analysis.report.packed import even, packed, thinned
 from analysis.report.page import Page, Panel
 from analysis.report.waveforms import BEFORE, LEFT, MEASURED, PREDICTED, Look, line_trace, shading, without_drift
-from analysis.residual_views import by_angle, by_frequency
 
 BUDGET = 350_000  # points of the page's waveforms together
 MOST_SETS = 16

@@ -56,9 +56,9 @@ def data_set(name: str, folder: Path, seed: int | None, show: Callable[[int, int
 
 def observe(path: Path, names: Sequence[str] = (), published: Sequence[str] = ()) -> list[Observed]:
     """The verdicts on every cut of a data set, from multipliers and from once-per-tooth samples."""
-    from analysis.published import PublishedTest, linear_multipliers
-    from analysis.stability import classify
-    from analysis.verdict import once_per_tooth_samples, simulated_verdict
+    from analysis.linear.published import PublishedTest, linear_multipliers
+    from analysis.linear.stability import classify
+    from analysis.multipliers.verdict import once_per_tooth_samples, simulated_verdict
     from testbed.data_set import read_data_set
 
     data = read_data_set(path)
@@ -86,8 +86,9 @@ class Scored:
 
 def identified(path: Path, show: Callable[[int, int], None]) -> Scored:
     """The paper's identification of each repeat of a data set's three tests, from the paper's starting guess."""
-    from analysis.score import score
-    from testbed.cli._measured import identify_by_multipliers, records_of
+    from analysis.multipliers.score import score
+    from testbed.cli._identification import identify_by_multipliers
+    from testbed.cli._records import records_of
     from testbed.data_set import read_data_set
 
     data = read_data_set(path)
@@ -120,8 +121,8 @@ def chart(path: Path, spindle_speeds: tuple[float, float], deepest: float) -> An
 
     import numpy as np
 
-    from analysis.chart_border import refined
-    from analysis.stability import stability_chart
+    from analysis.linear.chart_border import refined
+    from analysis.linear.stability import stability_chart
     from testbed.data_set import read_data_set
 
     fill = partial(stability_chart, read_data_set(path).true_model(), elements=6)
@@ -141,7 +142,7 @@ def hammer_test(folder: Path) -> dict[str, dict[str, Any]]:
     """First mode of the measured tool, from the blow itself and from the receptance its owners computed."""
     import numpy as np
 
-    from analysis.ring_down import fit_receptance, receptance
+    from analysis.multipliers.ring_down import fit_receptance, receptance
 
     time, force, acceleration = np.loadtxt(folder / "impact_Point1_time.txt").T
     frequency, real, imaginary = np.loadtxt(folder / "FRF_Point_1.txt").T[:, 1:]  # the line at 0 Hz is drift

@@ -129,9 +129,9 @@ def run_loop(sealed: Sealed, say: Callable[[str], None] = lambda text: None) -> 
 
     Tied effects: the first of them is added. Nothing named: nothing is added.
     """
-    from analysis.add_effect import add_effect
-    from analysis.diagnose import diagnose
-    from analysis.diagnosis import as_json
+    from analysis.search.add_effect import add_effect
+    from analysis.search.diagnose import diagnose
+    from analysis.search.diagnosis import as_json
     from testbed.catalogue import catalogue
     from testbed.cli._fitting import channel_units, plant_of, read_both
     from testbed.model_file import read_model, write_model
@@ -184,11 +184,11 @@ def open_truth(sealed: Sealed, loop: Loop) -> Revealed:
 
 def add_story(page: Any, loop: Loop) -> None:
     """The error falling, the candidates, effects to tick, and what was left before and after, on the demo's page."""
-    from analysis.diagnosis import unaided
-    from analysis.held_out import pooled
+    from analysis.fit.held_out import pooled
     from analysis.report.steps import add_candidates, add_steps
     from analysis.report.ticked import add_before_after, add_ticks, leading, points_for
     from analysis.report.waveforms import looks, worst_first
+    from analysis.search.diagnosis import unaided
     from testbed.catalogue import catalogue
 
     found, error = loop.diagnosis, loop.error

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from testbed.cli._records import load_records, unfit
 from testbed.problem import InputProblem
 
 MOST_NOTES = 12
@@ -26,8 +27,7 @@ def plant_of(catalogue: Any) -> Any:
 
 def observed_records(records: Sequence[Any], model: Any, path: object, model_file: object) -> list[Any]:
     """Records made ready for a fit of the model. InputProblem names the record that cannot be predicted, and why."""
-    from analysis.observed import observe
-    from testbed.cli._measured import unfit
+    from analysis.fit.observed import observe
 
     chosen = [record for record in records if record.kind in PREDICTED]
     if not chosen:
@@ -48,8 +48,7 @@ def observed_records(records: Sequence[Any], model: Any, path: object, model_fil
 
 def read_both(campaign: str, model_file: str, catalogue: Any) -> tuple[Any, list[Any], tuple[Any, ...]]:
     """(model, records ready for a fit, records as read) of a command's two files."""
-    from analysis.spindle_speed import at_modelled_speed
-    from testbed.cli._measured import load_records
+    from analysis.fit.spindle_speed import at_modelled_speed
     from testbed.model_file import read_model
 
     model = read_model(model_file, catalogue)
@@ -75,7 +74,7 @@ def uncalibrated(records: Sequence[Any]) -> list[str]:
 def doubts(records: Sequence[Any], model: Any) -> list[str]:
     """What is doubtful of each record: what reading found, sampling too slow for the model, a speed that the signal of a cut
     without tachometer contradicts."""
-    from analysis.record_report import report
+    from analysis.records.record_report import report
     from testbed.readers.checks import rate_notes
 
     found = []
@@ -94,7 +93,7 @@ def doubts(records: Sequence[Any], model: Any) -> list[str]:
 
 def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
     """A line where cuts were measured by their motion alone, which tells forces only relative to the mass."""
-    from analysis.observed import DERIVATIVES
+    from analysis.fit.observed import DERIVATIVES
 
     moving = any(record.kind == "cut" and any(name in DERIVATIVES for name in record.recording.channels) for record in records)
     if not moving or any(record.kind == "excited" for record in records):

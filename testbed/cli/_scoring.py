@@ -92,7 +92,7 @@ def _one_machine(source: Any) -> None:
 
 def _groups(source: Any) -> dict[float, list[list[Any]]]:
     """Noise level -> campaigns: each a record of every operating point, one campaign a repeat."""
-    from testbed.cli._measured import records_of
+    from testbed.cli._records import records_of
 
     found: dict[float, dict[tuple[float, float], list[Any]]] = {}
     by_run = {f"run {run}": float(level) for run, level in zip(source.scenario_run, source.noise["displacement"],
@@ -127,21 +127,21 @@ def method_named(name: str) -> Callable[[Sealed, Sequence[Any], Any], Mapping[st
 
 
 def _multipliers(sealed: Sealed, records: Sequence[Any], belief: Any) -> Mapping[str, Any]:
-    from testbed.cli._measured import identify_by_multipliers
+    from testbed.cli._identification import identify_by_multipliers
 
     # a belief has the true ratio of the coefficients
     return identify_by_multipliers(belief, records, sealed.order.data, 0, ratio_doubt=0.0).parameters
 
 
 def _waveform(sealed: Sealed, records: Sequence[Any], belief: Any) -> Mapping[str, Any]:
-    from testbed.cli._measured import identify_by_waveform
+    from testbed.cli._identification import identify_by_waveform
 
     return identify_by_waveform(belief, records, sealed.order.data, sealed.catalogue, sealed.order.data).parameters
 
 
 def _published(sealed: Sealed, records: Sequence[Any], belief: Any) -> Mapping[str, Any]:
-    from analysis.identify_as_published import identify_as_published
-    from testbed.cli._measured import cut_tests, start_from_ring_downs
+    from analysis.multipliers.identify_as_published import identify_as_published
+    from testbed.cli._identification import cut_tests, start_from_ring_downs
 
     tests = cut_tests(records, belief.cutter.flutes, sealed.order.data)
     start = start_from_ring_downs(belief, records, tests)
@@ -210,7 +210,7 @@ def _checked(path: Path, answer: Any) -> Mapping[str, tuple[float, float, float]
         if not math.isfinite(value) or low > high:
             raise ValueError(f"{name}: {value:g} within {low:g} to {high:g}")
         checked[str(name)] = (value, low, high)
-    from analysis.score import PARAMETERS
+    from analysis.multipliers.score import PARAMETERS
 
     if not set(PARAMETERS) & set(checked):
         raise InputProblem(path, f"identify returned none of {', '.join(PARAMETERS)}", form)
@@ -219,7 +219,7 @@ def _checked(path: Path, answer: Any) -> Mapping[str, tuple[float, float, float]
 
 def identified(sealed: Sealed, case: Any) -> Any:
     """The Outcome of one case. A ValueError or ArithmeticError of the method is a failure, told with its reason."""
-    from analysis.score import PARAMETERS, Outcome
+    from analysis.multipliers.score import PARAMETERS, Outcome
 
     records, belief, method = sealed.campaign(case), sealed.belief(case.number), method_named(case.method)
     begin = time.process_time()

@@ -29,7 +29,7 @@ def command(name: str, model_file: str, campaign: str, output: str, report: str 
     The errors before and after are those on records whose operating condition the fit left out. Intervals are 95 %.
     Nothing here is random: --seed changes nothing.
     """
-    from analysis.add_effect import add_effect, as_json
+    from analysis.search.add_effect import add_effect, as_json
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
     from testbed.model_file import write_model
 

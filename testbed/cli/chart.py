@@ -33,8 +33,8 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     """
     import numpy as np
 
-    from analysis.plots import plot_chart, save
-    from analysis.stability import CLASSES
+    from analysis.linear.chart_plot import plot_chart, save
+    from analysis.linear.stability import CLASSES
 
     answer = Answer(json_file, quiet)
     if len(speed) * len(depth) > MOST_CELLS:
@@ -58,7 +58,7 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
 
 
 def _linear(model: Any, speeds: Any, depths: Any) -> Any:
-    from analysis.stability import stability_chart
+    from analysis.linear.stability import stability_chart
 
     return stability_chart(model, speeds, depths, elements=ELEMENTS)
 
@@ -67,7 +67,7 @@ def _drawn(chart: Any, model: Any) -> Any:
     """The chart for a picture, its borders finer than its cells; with effects, where a cell costs much, as it is."""
     from functools import partial
 
-    from analysis.chart_border import refined
+    from analysis.linear.chart_border import refined
 
     return chart if model.effects else refined(chart, partial(_linear, model))
 
@@ -76,7 +76,7 @@ def _with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: b
     """The chart cell by cell. Over a period of several passes, the multiplier's modulus is given per tooth pass."""
     import numpy as np
 
-    from analysis.stability import CLASSES, StabilityChart
+    from analysis.linear.stability import CLASSES, StabilityChart
     from testbed.cli.multipliers import multipliers
     from testbed.cut import Cut
 
@@ -104,10 +104,11 @@ def _with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: b
 
 def _tests(model: Any, data: str) -> list[Any]:
     """The cuts of a data set or campaign with the class that their own multipliers show."""
-    from analysis.plots import ChartTest
-    from analysis.recorded_cut import measured_multipliers
-    from analysis.stability import classify
-    from testbed.cli._measured import cut_tests, load_records
+    from analysis.linear.chart_plot import ChartTest
+    from analysis.linear.stability import classify
+    from analysis.multipliers.recorded_cut import measured_multipliers
+    from testbed.cli._identification import cut_tests
+    from testbed.cli._records import load_records
 
     flutes = model.cutter.flutes
     overlay = []

@@ -27,11 +27,11 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
 
     error = rms(measured - predicted) / rms(measured about its mean). Nothing here is random: --seed changes nothing.
     """
-    from analysis.compare import as_json, compare
-    from analysis.length_cut import length_note
-    from analysis.mark_delay import delay_note
-    from analysis.other_way import other_way_note
-    from analysis.switched import switch_note
+    from analysis.comparison.compare import as_json, compare
+    from analysis.fit.length_cut import length_note
+    from analysis.fit.switched import switch_note
+    from analysis.search.mark_delay import delay_note
+    from analysis.search.other_way import other_way_note
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
 
     answer = Answer(json_file, quiet)
@@ -47,11 +47,11 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     _say(answer, found, notes, model)
     notes += _of_silence(found)
     if pictures is not None:
-        from analysis.compare_plots import save
-        from analysis.constancy import constancy
-        from analysis.force_state import force_states
+        from analysis.comparison.compare_plots import save
+        from analysis.comparison.constancy import constancy
+        from analysis.comparison.residual_views import map_units
+        from analysis.force.force_state import force_states
         from analysis.report.compare_page import compare_page
-        from analysis.residual_views import map_units
 
         with sign_of_life("fitting test by test, drawing", quiet):
             tested, units = constancy(found.fitter, found.fit, catalogue), channel_units(read)
@@ -68,7 +68,8 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
 
 
 def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
-    from analysis.compare import LEFT_EXPLAINED, said_at_bound, said_left
+    from analysis.comparison.adequacy import LEFT_EXPLAINED, said_left
+    from analysis.fit.estimates import said_at_bound
 
     for note in notes:
         answer.say(note)

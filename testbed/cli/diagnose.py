@@ -39,11 +39,11 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 
     An honest "these records cannot tell" is an answer too. Only --false-alarms draws random numbers, from --seed.
     """
-    from analysis.diagnose import diagnose
-    from analysis.diagnosis import as_json, unaided
-    from analysis.length_cut import length_note
-    from analysis.mark_delay import delay_note
-    from analysis.other_way import other_way_note
+    from analysis.fit.length_cut import length_note
+    from analysis.search.diagnose import diagnose
+    from analysis.search.diagnosis import as_json, unaided
+    from analysis.search.mark_delay import delay_note
+    from analysis.search.other_way import other_way_note
     from testbed.catalogue import DECOYS
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
     from testbed.model_file import effect_text
@@ -93,8 +93,8 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 
 def _force_maps(found: Any, catalogue: Any) -> list[Any]:
     """Force-state maps of what the best model still lacks; none where that is but noise."""
-    from analysis.diagnosis import ADEQUATE
-    from analysis.force_state import force_states
+    from analysis.force.force_state import force_states
+    from analysis.search.diagnosis import ADEQUATE
     from testbed.cli._fitting import plant_of
 
     best = found.best
@@ -107,8 +107,8 @@ def _force_maps(found: Any, catalogue: Any) -> list[Any]:
 def _propose(answer: Answer, found: Any, records: Any, model: Any, catalogue: Any, folder: str, campaign: str,
              model_file: str, folders: tuple[str, ...]) -> Any:
     """Estimate what force is missing, say what it depends on, and write it as an effect; None where nothing is left."""
-    from analysis.explain_force import as_json, left_unexplained, write_effect
-    from analysis.formula_trial import Jury
+    from analysis.force.explain_force import as_json, left_unexplained, write_effect
+    from analysis.force.formula_trial import Jury
     from testbed.cli._fitting import plant_of, sign_of_life
     from testbed.proposal import free_name
 
@@ -143,7 +143,7 @@ def _decoys(answer: Answer, found: Any, catalogue: Any) -> dict[str, Any]:
 
 
 def _false_alarms(answer: Answer, found: Any, catalogue: Any, count: int, seed: int) -> dict[str, Any]:
-    from analysis.false_alarms import false_alarms
+    from analysis.search.false_alarms import false_alarms
     from testbed.cli._fitting import plant_of, sign_of_life
 
     with sign_of_life("diagnosing campaigns without a hidden effect", answer.quiet) as say:

@@ -86,14 +86,14 @@ class _Notes:
         self.rows: list[int] = []
         self.stability: list[str | None] = []
         self.modulus: list[float] = []
-        from analysis.baseline_scores import MOST_TRAINED
+        from analysis.multipliers.baseline_scores import MOST_TRAINED
 
         self.every = max(1, -(-len(source) // (2 * MOST_TRAINED)))  # of many runs the baseline sees an even share
 
     def of_run(self, index: int, recording: Any) -> Mapping[str, Any]:
         """The label columns of a run."""
-        from analysis.baseline_scores import features
-        from analysis.run_labels import labels
+        from analysis.multipliers.baseline_scores import features
+        from analysis.multipliers.run_labels import labels
 
         model = self._model(index)
         linear = self._linear(model, index)
@@ -122,7 +122,7 @@ class _Notes:
         return model if all(model.value(path) == value for path, value in here.items()) else model.with_values(here)
 
     def _linear(self, model: Any, index: int) -> Any:
-        from analysis.run_labels import NO_CLASS, class_of_linear, linear_class
+        from analysis.multipliers.run_labels import NO_CLASS, class_of_linear, linear_class
         from testbed.cli.multipliers import multipliers
         from testbed.cut import Cut
 
@@ -148,7 +148,7 @@ class _Notes:
         """The two simple methods, trained and scored."""
         import numpy as np
 
-        from analysis.baseline_scores import as_json, baseline
+        from analysis.multipliers.baseline_scores import as_json, baseline
         from testbed.export.schema import truth_column
 
         rows = np.array(self.rows)

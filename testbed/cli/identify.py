@@ -35,9 +35,10 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
     The multipliers of a cut are those of the linear machine: they know nothing of effects. --method waveform simulates
     the model with its effects, and fits their parameters too. Intervals are 95 %.
     """
-    from analysis.diagnosis import SILENT
+    from analysis.search.diagnosis import SILENT
     from testbed.cli._fitting import doubts, of_the_mass, uncalibrated
-    from testbed.cli._measured import identify_by_multipliers, identify_by_waveform, load_records
+    from testbed.cli._identification import identify_by_multipliers, identify_by_waveform
+    from testbed.cli._records import load_records
     from testbed.model_file import read_model, write_model
 
     answer = Answer(json_file, quiet)
@@ -91,8 +92,8 @@ def _of_the_misfit(found: Any) -> str:
 
 def _of_the_bounds(found: Any, multipliers: bool) -> str:
     """What it means that parameters ended at the end of the range searched, and of multipliers which range that is."""
-    from analysis.compare import said_at_bound
-    from testbed.cli._measured import COEFFICIENTS, FREQUENCIES
+    from analysis.fit.estimates import said_at_bound
+    from testbed.cli._identification import COEFFICIENTS, FREQUENCIES
 
     said = said_at_bound(found.at_bound)
     if not multipliers:
@@ -125,7 +126,7 @@ def _speeds_found(records: Any, found: Any) -> list[str]:
 
 def _of_the_ratio(found: Any) -> str:
     """That the ratio of the coefficients is not found, what hangs on it, and what the intervals allow for."""
-    from testbed.cli._measured import RATIO_DOUBT
+    from testbed.cli._identification import RATIO_DOUBT
 
     cutting, more = found.model.cutting, (1.0 + RATIO_DOUBT) ** found.quality["ratio_slope"] - 1.0
     ratio = cutting.normal_coefficient / cutting.tangential_coefficient

@@ -13,8 +13,8 @@ from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
 if TYPE_CHECKING:
-    from analysis.inspection import Inspection
-    from analysis.record_report import RecordReport
+    from analysis.records.inspection import Inspection
+    from analysis.records.record_report import RecordReport
 
 FASTEST = 1e9  # Hz: no recorder of vibration comes near it
 _RPM = 30.0 / math.pi
@@ -53,7 +53,7 @@ def command(
     DATA is a campaign.yaml, an HDF5 data set (or the folder that `testbed run --shards` wrote), one measured file, or what
     `testbed export` wrote. Nothing here is random: --seed changes nothing.
     """
-    from analysis.inspection import inspect
+    from analysis.records.inspection import inspect
     from testbed.units import UnitProblem, parse_sampling_rate
 
     answer = Answer(json_file, quiet)
@@ -73,7 +73,7 @@ def command(
     for line in _text(found):
         answer.say(line)
     if pictures is not None:
-        from analysis.inspection_plot import save
+        from analysis.records.inspection_plot import save
 
         with progress("drawing", quiet) as tell:
             for number, record in enumerate(found.records, 1):

@@ -60,10 +60,10 @@ def multipliers(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, An
     """
     import numpy as np
 
-    from analysis.delay_equation import milling_equation
-    from analysis.linearise import linearise
-    from analysis.stability import classify
-    from analysis.temporal_elements import converged_multipliers
+    from analysis.linear.delay_equation import milling_equation
+    from analysis.linear.linearise import linearise
+    from analysis.linear.stability import classify
+    from analysis.linear.temporal_elements import converged_multipliers
     from testbed.engines.regenerative_loop import regenerative_loop
 
     loop: Any

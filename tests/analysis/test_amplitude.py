@@ -8,12 +8,12 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
-from analysis.amplitude import amplitude_dependence, course, free_decays
-from analysis.compare_plots import by_amplitude
-from analysis.observed import Observed, drift_basis
+from analysis.comparison.amplitude import amplitude_dependence, course, free_decays
+from analysis.comparison.compare_plots import by_amplitude
+from analysis.fit.observed import Observed, drift_basis
+from analysis.records.segments import Segment
 from analysis.report.constants import add_amplitude
 from analysis.report.page import Page
-from analysis.segments import Segment
 
 FREQUENCY, RATE, START, NOISE = 147.0, 12800.0, 1e-4, 1e-6
 OMEGA = 2 * math.pi * FREQUENCY

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.chatter import chatter_track
-from analysis.lines import SpectralLine
+from analysis.records.chatter import chatter_track
+from analysis.records.lines import SpectralLine
 
 RATE, START = 5000.0, 2.0
 TIME = START + np.arange(40000) / RATE

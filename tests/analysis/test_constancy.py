@@ -9,13 +9,13 @@ import pytest
 from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import MARK_ANGLE, synthetic_record
 
-from analysis.constancy import COVARIATES, PARAMETERS, TestFit, constancy, judged
-from analysis.first_passes import first_nuisances
-from analysis.fit_state import State
-from analysis.identify import Estimate
-from analysis.observed import observe
-from analysis.starts import free_parameters, polish
-from analysis.waveform import Fitter
+from analysis.comparison.constancy import COVARIATES, PARAMETERS, TestFit, constancy, judged
+from analysis.estimate import Estimate
+from analysis.fit.first_passes import first_nuisances
+from analysis.fit.fit_state import State
+from analysis.fit.observed import observe
+from analysis.fit.starts import free_parameters, polish
+from analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 

@@ -7,12 +7,12 @@ import pytest
 from plain_cut import MARK, RELEASED, TRUE, free_decays, record
 from test_latent_force import PLANT, cut_state
 
-from analysis.explain_force import as_json, explain, formula_text, write_effect
-from analysis.fit_state import State
-from analysis.force_ranking import explained, rank
-from analysis.latent_force import missing_force
-from analysis.nuisances import Nuisances
-from analysis.observed import observe
+from analysis.fit.fit_state import State
+from analysis.fit.nuisances import Nuisances
+from analysis.fit.observed import observe
+from analysis.force.explain_force import as_json, explain, formula_text, write_effect
+from analysis.force.latent_force import missing_force
+from analysis.force.ranking import explained, rank
 from testbed.catalogue import read_effect
 
 WRONG = TRUE.with_values({"natural_frequency": 146.7, "damping_ratio": 0.0045})

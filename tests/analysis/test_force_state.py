@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.force_state import maps_of
-from analysis.residual_views import CALIBRATED, map_units
+from analysis.comparison.residual_views import CALIBRATED, map_units
+from analysis.force.force_state import maps_of
 from testbed.cli import main
 from testbed.engines import fast
 from testbed.workshop import write_campaign

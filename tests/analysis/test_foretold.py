@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from analysis.begun_anew import from_believed
-from analysis.diagnosis import verdict_of
-from analysis.held_out import NOTABLE, SUSPECT, pooled
-from analysis.observed import observe
+from analysis.fit.held_out import NOTABLE, SUSPECT, pooled
+from analysis.fit.observed import observe
+from analysis.search.begun_anew import from_believed
+from analysis.search.diagnosis import verdict_of
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE

@@ -8,11 +8,11 @@ import pytest
 from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
-from analysis.begun_anew import from_believed
-from analysis.effect_start import gradual_entry, state_without
-from analysis.held_out import pooled
-from analysis.observed import observe
-from analysis.starts import anchored_states, base_fit, polish
+from analysis.fit.effect_start import gradual_entry, state_without
+from analysis.fit.held_out import pooled
+from analysis.fit.observed import observe
+from analysis.fit.starts import anchored_states, base_fit, polish
+from analysis.search.begun_anew import from_believed
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure

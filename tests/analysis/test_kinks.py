@@ -7,21 +7,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis import scale_profile
-from analysis.begun_anew import begun_anew
-from analysis.candidate_round import candidate_of
-from analysis.compare import estimates
-from analysis.diagnosis import Candidate, verdict_of
-from analysis.effect_start import effect_parameters, far_step
-from analysis.fine_steps import fine, finely, has_kinks, times_finer
-from analysis.held_out import RecordError, pooled_doubt
-from analysis.model_fit import model_fit
-from analysis.observed import observe
-from analysis.pass_search import at_rest
-from analysis.scale_hops import hopped
-from analysis.scale_profile import ALIKE, SAME, along_scales
-from analysis.starts import base_fit, free_parameters, rested
-from analysis.waveform import Fitter
+from analysis.fit import scale_profile
+from analysis.fit.effect_start import effect_parameters, far_step
+from analysis.fit.estimates import estimates
+from analysis.fit.fine_steps import fine, finely, has_kinks, times_finer
+from analysis.fit.held_out import RecordError, pooled_doubt
+from analysis.fit.model_fit import model_fit
+from analysis.fit.observed import observe
+from analysis.fit.pass_search import at_rest
+from analysis.fit.scale_hops import hopped
+from analysis.fit.scale_profile import ALIKE, SAME, along_scales
+from analysis.fit.starts import base_fit, free_parameters, rested
+from analysis.fit.waveform import Fitter
+from analysis.search.begun_anew import begun_anew
+from analysis.search.candidate_round import candidate_of
+from analysis.search.diagnosis import Candidate, verdict_of
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
 from testbed.engines import fast, predict

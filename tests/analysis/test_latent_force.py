@@ -8,13 +8,13 @@ import pytest
 from plain_cut import COURSE, MARK, TRUE, record
 from scipy.signal import StateSpace, lsim
 
-from analysis.cut_variables import SUBSTEPS, Trajectory, course_of, model_force
-from analysis.fit_state import State
-from analysis.force_response import response
-from analysis.force_smoother import Prior, smooth
-from analysis.latent_force import missing_force, prior_of, with_force
-from analysis.nuisances import Nuisances
-from analysis.observed import Observed, drift_basis, observe
+from analysis.fit.fit_state import State
+from analysis.fit.nuisances import Nuisances
+from analysis.fit.observed import Observed, drift_basis, observe
+from analysis.force.cut_variables import SUBSTEPS, Trajectory, course_of, model_force
+from analysis.force.latent_force import missing_force, prior_of, with_force
+from analysis.force.response import response
+from analysis.force.smoother import Prior, smooth
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Model, Structure
 

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import pytest
 from plain_cut import TRUE, free_decays
 
-from analysis.begun_anew import from_believed
-from analysis.diagnose import diagnose
-from analysis.diagnosis import as_json
-from analysis.law_form import other_form
+from analysis.search.begun_anew import from_believed
+from analysis.search.diagnose import diagnose
+from analysis.search.diagnosis import as_json
+from analysis.search.law_form import other_form
 from testbed.catalogue import catalogue
 from testbed.engines import predict
 

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from analysis.begun_anew import from_believed
-from analysis.length_cut import asks_length, carried_on, length_note
-from analysis.observed import observe
+from analysis.fit.length_cut import asks_length, carried_on, length_note
+from analysis.fit.observed import observe
+from analysis.search.begun_anew import from_believed
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE

@@ -2,8 +2,8 @@
 
 import pytest
 
-from analysis.diagnosis import Candidate
-from analysis.mains import hum_of
+from analysis.search.diagnosis import Candidate
+from analysis.search.mains import hum_of
 from testbed.catalogue import catalogue
 
 KNOWN = catalogue()

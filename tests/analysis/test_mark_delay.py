@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from analysis.mark_delay import delay_note
-from analysis.model_fit import model_fit
-from analysis.observed import observe
+from analysis.fit.model_fit import model_fit
+from analysis.fit.observed import observe
+from analysis.search.mark_delay import delay_note
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from analysis.delay_equation import milling_equation
-from analysis.next_test import STABLE, next_test
-from analysis.observed import observe
-from analysis.temporal_elements import characteristic_multipliers
+from analysis.fit.observed import observe
+from analysis.linear.delay_equation import milling_equation
+from analysis.linear.temporal_elements import characteristic_multipliers
+from analysis.search.next_test import STABLE, next_test
 from testbed.cut import Cut
 from testbed.engines import fast, predict
 from tests.campaign_files import TRUE

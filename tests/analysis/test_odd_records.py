@@ -10,15 +10,15 @@ import pytest
 from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
-from analysis.compare import adequacy_tests, controlled
-from analysis.diagnose import diagnose
-from analysis.fit_state import Free, State
-from analysis.held_out import RecordError, pooled, pooled_doubt
-from analysis.nuisances import Nuisances
-from analysis.observed import Observed, drift_basis, observe
-from analysis.recorded_cut import at_measured_speed
-from analysis.starts import base_fit, decay_start
-from analysis.waveform import Fitter
+from analysis.comparison.adequacy import adequacy_tests, controlled
+from analysis.fit.fit_state import Free, State
+from analysis.fit.held_out import RecordError, pooled, pooled_doubt
+from analysis.fit.nuisances import Nuisances
+from analysis.fit.observed import Observed, drift_basis, observe
+from analysis.fit.starts import base_fit, decay_start
+from analysis.fit.waveform import Fitter
+from analysis.multipliers.recorded_cut import at_measured_speed
+from analysis.search.diagnose import diagnose
 from testbed.campaign import Record
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict

@@ -6,10 +6,10 @@ from functools import lru_cache, partial
 from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import synthetic_campaign
 
-from analysis.compare import compare
-from analysis.diagnose import diagnose
-from analysis.observed import observe
-from analysis.other_way import _ways, other_way_note
+from analysis.comparison.compare import compare
+from analysis.fit.observed import observe
+from analysis.search.diagnose import diagnose
+from analysis.search.other_way import _ways, other_way_note
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.entry_passes import REACH, best_moves, entries_together
-from analysis.observed import observe
-from analysis.pass_count import recounted
-from analysis.starts import base_fit
+from analysis.fit.entry_passes import REACH, best_moves, entries_together
+from analysis.fit.observed import observe
+from analysis.fit.pass_count import recounted
+from analysis.fit.starts import base_fit
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE
 from tests.synthetic_campaign import synthetic_campaign

@@ -9,13 +9,13 @@ import pytest
 from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
-from analysis.effect_start import Origin, first_step
-from analysis.held_out import own_refit
-from analysis.nuisances import Nuisances, turned_by
-from analysis.observed import observe
-from analysis.recurring_start import recurring_starts, residual_peaks
-from analysis.starts import base_fit, polish
-from analysis.waveform import Fitter
+from analysis.fit.effect_start import Origin, first_step
+from analysis.fit.held_out import own_refit
+from analysis.fit.nuisances import Nuisances, turned_by
+from analysis.fit.observed import observe
+from analysis.fit.recurring_start import recurring_starts, residual_peaks
+from analysis.fit.starts import base_fit, polish
+from analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure

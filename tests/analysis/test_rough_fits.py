@@ -9,16 +9,16 @@ import pytest
 from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
-from analysis.candidate_round import candidate_of
-from analysis.effect_start import starting_points
-from analysis.first_passes import first_nuisances
-from analysis.forward_search import ROUGH, _weighed
-from analysis.forward_search import by_noise as in_noise
-from analysis.held_out import pooled
-from analysis.nuisances import Nuisances, other_teeth
-from analysis.observed import Observed, drift_basis, observe
-from analysis.prediction import predict as predicted
-from analysis.starts import base_fit
+from analysis.fit.effect_start import starting_points
+from analysis.fit.first_passes import first_nuisances
+from analysis.fit.held_out import pooled
+from analysis.fit.nuisances import Nuisances, other_teeth
+from analysis.fit.observed import Observed, drift_basis, observe
+from analysis.fit.prediction import predict as predicted
+from analysis.fit.starts import base_fit
+from analysis.search.candidate_round import candidate_of
+from analysis.search.forward_search import ROUGH, _weighed
+from analysis.search.forward_search import by_noise as in_noise
 from testbed.catalogue import catalogue
 from testbed.cut import Cut
 from testbed.engines import fast, predict

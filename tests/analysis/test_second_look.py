@@ -6,14 +6,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from analysis.begun_anew import from_believed
-from analysis.believed_look import BelievedLook
-from analysis.candidate_round import shifts_in_time
-from analysis.diagnosis import ADEQUATE
-from analysis.forward_search import Path, forward
-from analysis.held_out import pooled
-from analysis.observed import observe
-from analysis.second_look import CLEARLY, begun_with, looked_again
+from analysis.fit.held_out import pooled
+from analysis.fit.observed import observe
+from analysis.search.begun_anew import from_believed
+from analysis.search.believed_look import BelievedLook
+from analysis.search.candidate_round import shifts_in_time
+from analysis.search.diagnosis import ADEQUATE
+from analysis.search.forward_search import Path, forward
+from analysis.search.second_look import CLEARLY, begun_with, looked_again
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE

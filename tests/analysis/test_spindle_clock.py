@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from analysis.spindle_clock import clock_error, clock_of, digital, smoothed, turns_of
+from analysis.records.spindle_clock import clock_error, clock_of, digital, smoothed, turns_of
 
 RATE = 12800.0  # samples/s
 

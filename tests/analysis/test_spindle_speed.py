@@ -7,12 +7,12 @@ import pytest
 from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import synthetic_campaign
 
-from analysis.add_effect import add_effect
-from analysis.compare import compare
-from analysis.diagnose import diagnose
-from analysis.observed import observe
-from analysis.spindle_clock import along_marks
-from analysis.spindle_speed import at_modelled_speed, speed_swing
+from analysis.comparison.compare import compare
+from analysis.fit.observed import observe
+from analysis.fit.spindle_speed import at_modelled_speed, speed_swing
+from analysis.records.spindle_clock import along_marks
+from analysis.search.add_effect import add_effect
+from analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast

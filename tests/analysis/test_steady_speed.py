@@ -7,13 +7,13 @@ import numpy as np
 from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import TESTS, synthetic_record
 
-from analysis.candidate_round import candidate_of
-from analysis.effect_start import all_free
-from analysis.fit_state import State
-from analysis.nuisances import Nuisances, turned_by
-from analysis.observed import observe
-from analysis.steady_speed import no_swing
-from analysis.waveform import Fitter
+from analysis.fit.effect_start import all_free
+from analysis.fit.fit_state import State
+from analysis.fit.nuisances import Nuisances, turned_by
+from analysis.fit.observed import observe
+from analysis.fit.waveform import Fitter
+from analysis.search.candidate_round import candidate_of
+from analysis.search.steady_speed import no_swing
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast

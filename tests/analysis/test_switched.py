@@ -5,9 +5,9 @@ from functools import partial
 
 import pytest
 
-from analysis.observed import observe
-from analysis.starts import base_fit
-from analysis.switched import switch_note, switchable
+from analysis.fit.observed import observe
+from analysis.fit.starts import base_fit
+from analysis.fit.switched import switch_note, switchable
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from analysis.begun_anew import from_believed
-from analysis.diagnosis import Candidate, verdict_of
-from analysis.held_out import pooled
-from analysis.observed import observe
-from analysis.ties import with_rivals
+from analysis.fit.held_out import pooled
+from analysis.fit.observed import observe
+from analysis.search.begun_anew import from_believed
+from analysis.search.diagnosis import Candidate, verdict_of
+from analysis.search.ties import with_rivals
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE

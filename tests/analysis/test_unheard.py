@@ -6,11 +6,11 @@ from functools import partial
 import numpy as np
 import pytest
 
-from analysis.add_effect import add_effect
-from analysis.diagnose import diagnose
-from analysis.observed import observe
-from analysis.starts import base_fit
-from analysis.unheard import agreed
+from analysis.fit.observed import observe
+from analysis.fit.starts import base_fit
+from analysis.search.add_effect import add_effect
+from analysis.search.diagnose import diagnose
+from analysis.search.unheard import agreed
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast

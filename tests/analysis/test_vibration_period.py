@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from independent_simulator import simulate
 
-from analysis.identify import identify
-from analysis.recorded_cut import at_measured_speed
-from analysis.vibration_period import vibration_period
+from analysis.multipliers.identify import identify
+from analysis.multipliers.recorded_cut import at_measured_speed
+from analysis.multipliers.vibration_period import vibration_period
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.recording import Recording

@@ -11,10 +11,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from analysis.first_passes import first_nuisances
-from analysis.fit_state import State
-from analysis.observed import observe
-from analysis.starts import base_fit, polish
+from analysis.fit.first_passes import first_nuisances
+from analysis.fit.fit_state import State
+from analysis.fit.observed import observe
+from analysis.fit.starts import base_fit, polish
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter

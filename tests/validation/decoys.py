@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from concurrent.futures import ProcessPoolExecutor
 
-from analysis.diagnose import diagnose
-from analysis.observed import observe
+from analysis.fit.observed import observe
+from analysis.search.diagnose import diagnose
 from testbed.catalogue import DECOYS, catalogue
 from testbed.cli._fitting import plant_of
 from tests.validation.blind.draw import SINGLES, draw

@@ -11,9 +11,9 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from analysis.diagnose import diagnose
-from analysis.diagnosis import Candidate, Diagnosis
-from analysis.observed import observe
+from analysis.fit.observed import observe
+from analysis.search.diagnose import diagnose
+from analysis.search.diagnosis import Candidate, Diagnosis
 from testbed.campaign import Record, load_campaign
 from testbed.catalogue import catalogue
 from testbed.cli.diagnose import MANY

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from analysis.ring_down import fit_receptance, receptance
+from analysis.multipliers.ring_down import fit_receptance, receptance
 from tests.real_data import MEASUREMENTS
 from tests.validation.claims import Claim, Section
 

@@ -15,9 +15,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from analysis.diagnose import diagnose
-from analysis.diagnosis import Diagnosis
-from analysis.observed import observe
+from analysis.fit.observed import observe
+from analysis.search.diagnose import diagnose
+from analysis.search.diagnosis import Diagnosis
 from testbed.campaign import Record
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling

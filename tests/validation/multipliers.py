@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.collocation import collocation_multipliers
-from analysis.delay_equation import milling_equation
-from analysis.temporal_elements import characteristic_multipliers, converged_multipliers
+from analysis.linear.collocation import collocation_multipliers
+from analysis.linear.delay_equation import milling_equation
+from analysis.linear.temporal_elements import characteristic_multipliers, converged_multipliers
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
 from tests.validation.claims import MASS, PAPER, Claim, Section, below, rpm

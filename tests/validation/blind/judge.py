@@ -21,11 +21,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from analysis.compare import estimates
-from analysis.diagnose import diagnose
-from analysis.held_out import held_out_errors, pooled
-from analysis.model_fit import model_fit
-from analysis.observed import observe
+from analysis.fit.estimates import estimates
+from analysis.fit.held_out import held_out_errors, pooled
+from analysis.fit.model_fit import model_fit
+from analysis.fit.observed import observe
+from analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.engines import predict
 from tests.validation.blind.draw import draw

@@ -20,11 +20,11 @@ import sys
 import tempfile
 from typing import Any
 
-from analysis.add_effect import add_effect
-from analysis.diagnose import diagnose
-from analysis.explain_force import formula_text, left_unexplained, write_effect
-from analysis.formula_trial import Jury
-from analysis.observed import observe
+from analysis.fit.observed import observe
+from analysis.force.explain_force import formula_text, left_unexplained, write_effect
+from analysis.force.formula_trial import Jury
+from analysis.search.add_effect import add_effect
+from analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from tests.validation.blind.count import misfit

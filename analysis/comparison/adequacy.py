@@ -1,0 +1,92 @@
+"""Whether anything but noise is left of a record: tests of its residual, with the false discoveries controlled."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from analysis.fit.held_out import RecordError
+from analysis.fit.nuisances import Nuisances
+from analysis.fit.observed import Observed
+from analysis.information import autocorrelation, independent
+from analysis.records.spindle_clock import turns_of
+
+LAGS = 20  # autocorrelations that the Ljung-Box test looks at
+SECTORS = 36  # of the tooth's turn, for the test against its angle
+FALSE_DISCOVERIES = 0.05  # share of false alarms among the tests that fail (Benjamini and Hochberg 1995)
+TRIVIAL = 0.02  # of the noise: what the rms may exceed it by before it counts
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """One test of a record's residual: statistic, p value, and whether it fails with the false discoveries controlled."""
+
+    record: str
+    test: str
+    statistic: float
+    p_value: float
+    fails: bool = False
+
+
+def tooth_angle(record: Observed, angle: float, own: Nuisances) -> np.ndarray:
+    """Angle (rad) of the spindle since a tooth last stood at its entry, at every sample of a cut: 0 to one pitch."""
+    time = record.start + np.arange(record.samples) / record.rate
+    if record.marks is not None:
+        turns = np.interp(time, record.marks, turns_of(record.marks)) - (angle + own.angle) / (2 * math.pi)
+    else:
+        turns = (time - record.pass_start(0, angle, own)) / record.period * own.speed
+    return (turns * 2 * math.pi) % (2 * math.pi / record.flutes)
+
+
+_LEFT = {"rms": "too large", "autocorrelation": "not random", "tooth angle": "recurring with the tooth"}
+LEFT_EXPLAINED = ("what is left is more than noise where it is larger than that, not random (a sample foretells the next), "
+                  "or recurring with the angle of the tooth")
+
+
+def said_left(tests: Sequence[Adequacy], record: str) -> str:
+    """In words, what a record's residual is, by the tests that fail."""
+    failing = [test.test.partition(", ") for test in tests if test.record == record and test.fails]
+    return ", ".join(_LEFT[name] + (f" in {channel}" if channel else "") for name, _, channel in failing) or "noise"
+
+
+def adequacy_tests(record: Observed, error: RecordError, angle: float, own: Nuisances) -> list[Adequacy]:
+    """Every channel's rms against its noise (an F test), Ljung-Box on the effective sample size, dependence on tooth angle.
+
+    Of several channels the tests of the second and further ones are named with theirs.
+    """
+    return [replace(test, test=test.test if place == 0 else f"{test.test}, {channel}")
+            for place, channel in enumerate(record.channels)
+            for test in _channel_tests(record, error.residual[place] / record.noise[place], angle, own)]
+
+
+def _channel_tests(record: Observed, rest: np.ndarray, angle: float, own: Nuisances) -> list[Adequacy]:
+    """The tests of one channel's residual (samples,) in units of its noise."""
+    rest = rest - rest.mean()
+    correlation = autocorrelation(rest)
+    size = max(independent(correlation), LAGS + 2.0)
+    idle = max((s.stop - s.start for s in record.segments if s.kind == "idle"), default=0.0) * record.rate
+    ratio = float(rest @ rest) / len(rest)
+    p_rms = float(stats.f.sf(ratio / (1.0 + TRIVIAL) ** 2, size, max(idle, 100.0)))
+    lags = np.arange(1, LAGS + 1)
+    ljung_box = size * (size + 2.0) * float(np.sum(correlation[1:LAGS + 1] ** 2 / np.maximum(size - lags, 1.0)))
+    tests = [Adequacy(record.name, "rms", math.sqrt(ratio), p_rms),
+             Adequacy(record.name, "autocorrelation", ljung_box, float(stats.chi2.sf(ljung_box, LAGS)))]
+    if record.cut is not None:
+        place = (tooth_angle(record, angle, own) * record.flutes / (2 * math.pi) * SECTORS).astype(int) % SECTORS
+        count = np.bincount(place, minlength=SECTORS)
+        mean = np.bincount(place, rest, minlength=SECTORS) / np.maximum(count, 1)
+        statistic = float(np.sum(count * mean**2)) * size / len(rest) / max(ratio, 1e-300)
+        tests.append(Adequacy(record.name, "tooth angle", statistic, float(stats.chi2.sf(statistic, SECTORS - 1))))
+    return tests
+
+
+def controlled(tests: Sequence[Adequacy], level: float = FALSE_DISCOVERIES) -> list[Adequacy]:
+    """The tests, each marked whether it fails (Benjamini and Hochberg 1995, J. R. Stat. Soc. B 57, 289)."""
+    order = sorted(range(len(tests)), key=lambda place: tests[place].p_value)
+    last = max((rank for rank, place in enumerate(order, 1) if tests[place].p_value <= level * rank / len(tests)), default=0)
+    failing = set(order[:last])
+    return [replace(test, fails=place in failing) for place, test in enumerate(tests)]

@@ -1,0 +1,1 @@
+"""The simulated machine fitted to whole waveforms with every nuisance: entries, exits, speeds, angles, offsets, drifts."""

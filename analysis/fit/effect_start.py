@@ -1,0 +1,329 @@
+"""Where the fit of a candidate effect starts: its strengths, frequencies and angles, tried by one Gauss-Newton step each."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.fit.fit_state import Free, Linearised, State, WaveformFit
+from analysis.fit.observed import Observed
+from analysis.fit.pass_search import at_rest, place_entries, settle_passes, turn_phases
+from analysis.fit.prediction import Plant
+from analysis.fit.recurring_start import SCREENED, recurring_starts, residual_peaks
+from analysis.fit.starts import anchored_states, free_parameters, softened
+from analysis.fit.waveform import Fitter
+from testbed.effect import Effect
+from testbed.machine import Model
+
+ANCHOR = 1.5  # error over noise floor above which candidates also start from the small-amplitude structure
+SHARES = (0.1, 0.4, 1.0)  # of an effect's example strength, tried as starts
+SLIGHT = (0.01,)  # of it: from so close to nothing one step leads to the best strength, as far as the effect is linear
+BESIDE = 0.25  # of the step between angles tried: at quarter turns an effect may do nothing (runout square to two teeth)
+SMALL = 1e-3  # relative gain of a first step below which a sensor effect is fitted a little further
+TOGETHER = 24  # passes by which the entries of all records are moved at the most
+SETTLING, SETTLED = 10, 0.98  # rounds of placing entries and fitting at the most, and the share of the cost one must beat
+CORNER = 8  # iterations of a fit that only has to find its valley
+GROWTH = (0.006, 0.02, 0.06, 0.2, 0.6, 1.0)  # shares of free decays that are fitted one after the other
+
+
+def fitting_example(fitter: Fitter, effect: Effect, fit: WaveformFit) -> Effect:
+    """The effect with examples that suit these records, where its own would swamp them (records in volts, say).
+
+    Each parameter that switches the effect is lowered by tens until the prediction moves by less than a third of the record.
+    """
+    index = fit.worst(1)[0]
+    record, state = fitter.records[index], fit.state
+    size = float(np.sqrt(np.mean(record.project(record.data) ** 2)))
+    base = fit.residuals[index]
+    fitted = []
+    for parameter in effect.parameters:
+        example = parameter.example
+        for _ in range(20 if parameter.vanishes else 0):
+            values = {
+                one.name: example if one is parameter else one.neutral if one.vanishes else one.example
+                for one in effect.parameters
+            }
+            model = state.model.with_effect(effect.name, **values)
+            moved = fitter.residual_of(index, replace(state, model=model))[: len(base)] - base
+            if float(np.sqrt(np.mean(moved**2))) <= 0.3 * size:
+                break
+            example = parameter.neutral + 0.1 * (example - parameter.neutral)
+        fitted.append(replace(parameter, example=example))
+    return replace(effect, parameters=tuple(fitted))
+
+
+def starting_points(
+    effect: Effect, records: Sequence[Observed], fit: WaveformFit, shares: Sequence[float] = SHARES
+) -> list[dict[str, float]]:
+    """Parameter values a fit of the effect starts from: frequencies at the residual's lines, angles all round, signs both."""
+    choices: list[list[float]] = []
+    for parameter in effect.parameters:
+        low, high = parameter.bounds
+        if not parameter.vanishes and parameter.unit == "Hz":
+            peaks = [peak for peak in residual_peaks(records, fit) if low <= peak <= high]
+            choices.append(peaks or [parameter.start or parameter.example])
+        elif parameter.each_record:
+            choices.append([parameter.start or 0.0])  # every record is turned to where it fits
+        elif not parameter.vanishes and parameter.unit == "rad":
+            turn = min(high - low, 2 * math.pi)  # wider bounds would only bring the same angles again
+            choices.append([low + turn * (k + BESIDE) / 4 for k in range(4)])
+        elif parameter.vanishes:
+            away = [share * (parameter.example - parameter.neutral) for share in shares]
+            signed = [parameter.neutral + sign * size for size in away for sign in (1.0, -1.0)]
+            choices.append([value for value in signed if low <= value <= high])
+        else:
+            choices.append([parameter.start if parameter.start is not None else parameter.example])
+    names = [parameter.name for parameter in effect.parameters]
+    return [dict(zip(names, values, strict=True)) for values in itertools.islice(itertools.product(*choices), 24)]
+
+
+def effect_parameters(effect: Effect, records: Sequence[Observed]) -> list[Free]:
+    """The effect's parameters as unknowns of a fit, but for those that no channel of these records shows."""
+    recorded = {channel for record in records for channel in record.channels}
+    free = []
+    for parameter in effect.parameters:
+        if parameter.channels and recorded.isdisjoint(parameter.channels):
+            continue
+        size = abs(parameter.example - parameter.neutral) or abs(parameter.example) or 1.0
+        low, high = parameter.bounds
+        if parameter.unit == "Hz":
+            size = 0.02 * max(abs(parameter.example), 1.0)
+        elif parameter.unit == "rad":
+            size = 0.3
+        round_about = parameter.unit == "rad" and not parameter.vanishes and high - low >= 2 * math.pi
+        step = size if parameter.unit in ("Hz", "rad") else 0.3 * size
+        free.append(Free(f"{effect.name}.{parameter.name}", step, parameter.bounds, round_about, parameter.each_record,
+                         "engagement" in effect.hooks))
+    return free
+
+
+def state_without(state: State, name: str, catalogue: Mapping[str, Effect]) -> State:
+    """The state whose model lacks an effect; without one that makes entries gradual, they are those of whole passes again."""
+    state = state.without_effect(name)
+    return state.with_whole_first_passes() if name in catalogue and "engagement" in catalogue[name].hooks else state
+
+
+def all_free(records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> list[Free]:
+    """The base parameters these records can speak of, and those of the effects the model has."""
+    own = [free for name in model.effects for free in effect_parameters(catalogue[name], records)]
+    return [*free_parameters(records, model), *own]
+
+
+def applicable(effect: Effect, records: Sequence[Observed], present: Container[str] | None = None) -> bool:
+    """Whether these records could show the effect at all: without a cut, only the structure's and the sensor's effects can.
+
+    present: the effects the model has already; an effect that requires one it lacks is not asked about yet. None: all are.
+    """
+    if present is not None and any(name not in present for name in effect.requires):
+        return False
+    if any(record.cut is not None for record in records):
+        return True
+    places = set(effect.hooks)
+    return bool(places & {"structure_force", "measure", "sensed_displacement"})
+
+
+def extended(fitter: Fitter, effect: Effect) -> Fitter:
+    """The same fit with the effect's parameters unknown, too."""
+    return Fitter(fitter.plant, fitter.records, [*fitter.unknowns, *effect_parameters(effect, fitter.records)])
+
+
+@dataclass(frozen=True)
+class Origin:
+    """A state of the base model that candidates start from, with its slopes by the base's unknowns.
+
+    scanned: the state of a mere scan behind it, with the coefficients' ratio as believed.
+    """
+
+    state: State
+    parts: tuple[Linearised, ...]
+    scanned: State | None = None
+
+
+def origins_of(plant: Plant, model: Model, fitter: Fitter, fit: WaveformFit, anchored: bool) -> list[Origin]:
+    """Where candidates start: the fit, and, where it is bad, the small-amplitude structure of the model as believed."""
+    origins = [Origin(fit.state, fit.parts)]
+    if anchored:
+        scanned, state = anchored_states(plant, fitter.records, model)
+        origins.append(Origin(state, fitter.linearise_all(state), scanned))
+    return origins
+
+
+def grown(fitter: Fitter, states: Sequence[State]) -> WaveformFit:
+    """A fit of free decays on ever longer openings, from the state that explains the second of them best.
+
+    Over a whole decay, phases that run apart hide where the fit should go.
+    """
+    first, second, *longer = [_opened(fitter, share) for share in GROWTH]
+    tries = [first.fit(_released(first, state), iterations=10) for state in states]
+    tries = [second.fit(one.state, iterations=10) for one in tries]
+    fit = min(tries, key=lambda one: one.cost)
+    for part in longer:
+        fit = part.fit(fit.state, iterations=15)
+    return fit
+
+
+def _opened(fitter: Fitter, share: float) -> Fitter:
+    """The fitter on the first part of every record."""
+    records = []
+    for record in fitter.records:
+        count = min(record.samples, max(64, round(share * record.samples)))
+        records.append(record.part(0, count, None if share > 0.5 else 1))
+    return fitter.on(records)
+
+
+def _released(fitter: Fitter, state: State) -> State:
+    """The state with every decay started where its record starts: displacement and velocity as the samples show them."""
+    own = []
+    for record, nuisances in zip(fitter.records, state.nuisances, strict=True):
+        if record.motion is not None:
+            displacement, velocity = _first_state(record, *record.motion)
+            nuisances = replace(nuisances, displacement=displacement, velocity=velocity)
+        own.append(nuisances)
+    return replace(state, nuisances=tuple(own))
+
+
+def _first_state(record: Observed, place: int, order: int, omega: float) -> tuple[float, float]:
+    """Displacement (m) and velocity (m/s) at the first sample, of a vibration at `omega` of which a derivative is measured."""
+    values = record.data[place] - record.data[place].mean()
+    level, slope = float(values[0]), float(np.polyfit(np.arange(5) / record.rate, values[:5], 1)[0])
+    for _ in range(order):  # integrated once: the slope of what is measured is -omega^2 times what is wanted
+        level, slope = -slope / omega**2, level
+    return level, slope
+
+
+def _cost(pair: tuple[float, State]) -> float:
+    return pair[0]
+
+
+def first_step(
+    fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequence[Origin], growing: bool = True
+) -> tuple[float, State, Fitter]:
+    """(cost, state, fitter) after the best single Gauss-Newton step from any of the effect's starting points.
+
+    The slopes by the base's own unknowns are those of the origin; only the effect's are computed. growing: free decays alone
+    are fitted from their openings on, too; needless where the effect can but be faint, so that no phase has run away.
+    """
+    gradual = "engagement" in effect.hooks  # it changes which pass seems to be the first: the entry is looked for anew
+    blind = any(record.cut is not None and record.first_mark is None and record.flutes > 1 for record in fitter.records)
+    unequal = blind and "edge_position" in effect.hooks  # which of the teeth was the first is open without marks
+    effect = effect if gradual else fitting_example(fitter, effect, fit)
+    wider = extended(fitter, effect)
+    best: tuple[float, State] = (math.inf, fit.state)
+    places = [place for place, one in enumerate(wider.free) if one.path.startswith(f"{effect.name}.")]
+    recurring = any(one.each_record for one in effect.parameters)
+    points = recurring_starts(wider, effect, fit) if recurring else starting_points(effect, fitter.records, fit)
+    slight = [] if recurring else starting_points(effect, fitter.records, fit, SLIGHT)
+    worst = fit.worst(SCREENED)
+    for origin in origins:
+        tried = []
+        for values in (*points, *slight):
+            state = replace(origin.state, model=origin.state.model.with_effect(effect.name, **values))
+            if gradual:  # in place of first passes cut in part, which had made up for it
+                state = place_entries(wider, state.with_whole_first_passes())
+            elif recurring:
+                state = turn_phases(wider, state)
+            elif unequal:
+                state, _ = settle_passes(wider, state)
+            tried.append((wider.cost(state, worst), state))
+        plain, faint = sorted(tried[: len(points)], key=_cost), sorted(tried[len(points) :], key=_cost)
+        likely = tried[:1] if recurring and plain[0] is not tried[0] else []  # explains most to first order, its line a bit off
+        tried = [(wider.cost(state), state) for _, state in (*plain[:2], *faint[:1], *likely)]
+        for cost, state in tried:
+            parts = wider.with_slopes(origin.parts, state, places)
+            for damping in (1e-3, 1.0):
+                move, own = wider.step(parts, damping)
+                trial = wider.with_own(wider.moved(state, move), own)
+                new = wider.cost(trial)
+                if new < cost:
+                    cost, state = new, trial
+                    break
+            if cost < best[0]:
+                best = (cost, state)
+    if growing and all(record.kind == "ring-down" for record in fitter.records):
+        base = origins[-1].state
+        starts = [replace(base, model=base.model.with_effect(effect.name, **values)) for values in points]
+        found = grown(wider, starts)
+        best = min(best, (found.cost, found.state), key=lambda one: one[0])
+    elif best[0] > fit.cost * (1.0 - SMALL) and all(one.cut is None for one in fitter.records):
+        further = wider.descend(best[1] if effect.name in best[1].model.effects else tried[0][1], iterations=CORNER)
+        best = min(best, (further.cost, further.state), key=lambda one: one[0])
+    return best[0], best[1], wider
+
+
+def gradual_entry(
+    fitter: Fitter, effect: Effect, fit: WaveformFit, scanned: State, goal: float = math.inf
+) -> tuple[float, State, Fitter]:
+    """(cost, state, fitter) after a short fit of an entry that is not sudden, from coefficients that no sudden entry has bent.
+
+    Which pass is the first is nearly made up for by how gradual it is, and in all records alike: so they are placed in turn
+    with soft fits, then moved together, pass by pass, as long as that helps; where they are far above the cost `goal`, not.
+    """
+    wider = extended(fitter, effect)
+    soft = Fitter(fitter.plant, [softened(record) for record in fitter.records], wider.unknowns)
+    points = starting_points(effect, fitter.records, fit)
+    points.append({one.name: one.example if one.start is None else one.start for one in effect.parameters})
+    own = tuple(replace(one, exit=seen.exit) for one, seen in zip(scanned.nuisances, fit.state.nuisances, strict=True))
+    tried = []
+    for values in points:
+        state = replace(scanned, model=scanned.model.with_effect(effect.name, **values), nuisances=own)
+        cost, found = math.inf, soft.descend(place_entries(soft, state), iterations=6)
+        for _ in range(SETTLING):
+            if found.cost > SETTLED * cost:
+                break
+            cost, found = found.cost, soft.descend(place_entries(soft, found.state), iterations=6)
+        tried.append((wider.cost(found.state), found.state))
+    best = wider.descend(min(tried, key=_cost)[1], iterations=CORNER)
+    for passes in (-1, 1) if best.cost <= goal else ():
+        for _ in range(TOGETHER):
+            moved = tuple(replace(one, entry=min(one.entry + passes, one.exit - 1)) for one in best.state.nuisances)
+            trial = wider.descend(replace(best.state, nuisances=moved), iterations=CORNER)
+            if not trial.cost < best.cost:
+                break
+            best = trial
+    return best.cost, best.state, wider
+
+
+def switched_on(fitter: Fitter, effect: Effect, origins: Sequence[Origin]) -> tuple[float, State, Fitter]:
+    """(cost, state, fitter) after a short fit with an effect without parameters, from the origin that then explains most.
+
+    What the model lacked it had made up for by all it has: no single step leads back.
+    """
+    states = [replace(one.state, model=one.state.model.with_effect(effect.name)) for one in origins]
+    found = [fitter.descend(state, iterations=2 * CORNER) for state in states]
+    best = min(found, key=lambda one: one.cost)
+    return best.cost, best.state, fitter
+
+
+def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit, goal: float = math.inf, nearer: bool = False
+             ) -> tuple[float, State, Fitter]:  # fmt: skip
+    """(cost, state, fitter) after a short fit that begins with the effect at its largest start.
+
+    What shifts the record in time (a sensor's lag, a speed that falls), mark angle, speed and coefficients have made up
+    for: near nothing the valley is flat and bent, and no single step leads along it. From far outside it is short.
+    A law with a kink begins at whichever strength explains most: far too strong it holds everything stuck. It takes twice as
+    long, and is given up where it would not come below the cost `goal`; the others, slow at first, need all their steps.
+    nearer: where the largest start of a smooth law does not come below the goal, a middle one is tried as well: from too far
+    there are not steps enough.
+    """
+    effect = fitting_example(fitter, effect, fit)
+    wider = extended(fitter, effect)
+    worst = fit.worst(SCREENED)
+
+    def begun(shares: Sequence[float]) -> State:
+        points = starting_points(effect, fitter.records, fit, shares)
+        states = [replace(fit.state, model=fit.state.model.with_effect(effect.name, **values)) for values in points]
+        if not effect.smooth:
+            states = [at_rest(wider, state)[0] for state in states]
+        return min(((wider.cost(state, worst), state) for state in states), key=_cost)[1]
+
+    if not effect.smooth:
+        found = wider.descend(begun(SHARES), iterations=2 * CORNER, goal=goal)
+        return found.cost, found.state, wider
+    found = wider.descend(begun(SHARES[-1:]), iterations=CORNER)
+    if nearer and not found.cost < goal:
+        found = min(found, wider.descend(begun(SHARES[-2:-1]), iterations=CORNER), key=lambda one: one.cost)
+    return found.cost, found.state, wider

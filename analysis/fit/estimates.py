@@ -1,0 +1,66 @@
+"""The machine's parameters as a fit found them, with intervals, and whether these records determine them at all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from analysis.estimate import Estimate
+from analysis.fit.evidence import effective_size
+from analysis.fit.fit_state import Free, WaveformFit
+from analysis.fit.waveform import Fitter
+from analysis.information import Z_95
+from testbed.effect import Effect
+from testbed.machine import BASE_UNITS
+
+AT_BOUND = 1e-6  # of a bound: what is closer lies at it
+NO_INTERVAL = 1e-9  # of a value: a narrower interval is none
+DIRECTED = 1.5  # rad: half an interval of an angle from which the direction is unknown
+
+
+def at_bound(free: Sequence[Free], found: Mapping[str, Estimate]) -> tuple[str, ...]:
+    """Those of the parameters that lie at an end of the range searched, or have no interval."""
+    bounds = {one.path: one.bounds for one in free}
+    return tuple(path for path, one in found.items() if one.high - one.low <= NO_INTERVAL * abs(one.value)
+                 or any(math.isclose(one.value, end, rel_tol=AT_BOUND) for end in bounds.get(path, ())))
+
+
+def said_at_bound(paths: Sequence[str]) -> str:
+    """In words, what it means that parameters lie at a bound."""
+    which = "it" if len(paths) == 1 else "them"
+    return f"{', '.join(paths)} at the end of the range searched: these records do not determine {which} with this model"
+
+
+def unit_of(path: str, catalogue: Mapping[str, Effect]) -> str:
+    """SI unit of a fitted parameter by its path."""
+    if path == "mark_angle":
+        return "rad"
+    effect, _, parameter = path.partition(".")
+    return catalogue[effect].parameter(parameter).unit if parameter else BASE_UNITS[path]
+
+
+def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> dict[str, Estimate]:
+    """Every fitted machine parameter with its 95 % interval.
+
+    The interval is that of the linearised fit, widened for residuals that are larger than the noise and correlated, and to
+    hold what other states that explain as much would give, within what is possible. A strength whose direction is unknown
+    is at least what it is along the direction found.
+    """
+    count = sum(rest.size for rest in fit.residuals)
+    wider = math.sqrt(max(1.0, count / effective_size(fit)))
+    spread = Z_95 * wider * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    found = {}
+    adrift = {one.path.partition(".")[0] for one, half in zip(fitter.free, spread, strict=False)
+              if "." in one.path and unit_of(one.path, catalogue) == "rad" and half > DIRECTED}
+    for one, half in zip(fitter.free, spread, strict=False):
+        value, (least, most) = fit.state.model.value(one.path), one.bounds
+        others = [state.model.value(one.path) for state in fit.alike]
+        low, high = min([value, *others]) - float(half), max([value, *others]) + float(half)
+        name, _, parameter = one.path.partition(".")
+        if name in adrift and catalogue[name].parameter(parameter).vanishes:
+            high = max(high, most)
+        low, high = min(max(low, least), value), max(min(high, most), value)
+        found[one.path] = Estimate(value, low, high, unit_of(one.path, catalogue))
+    return found

@@ -1,0 +1,25 @@
+"""How much the residuals of a fit say: the independent values in them, and the Bayesian information criterion."""
+
+from __future__ import annotations
+
+import math
+
+from analysis.fit.fit_state import WaveformFit
+from analysis.information import autocorrelation, independent
+
+DELTA_BIC = 10.0  # gain in the criterion from which something is worth having: very strong evidence
+
+
+def effective_size(fit: WaveformFit) -> float:
+    """Number of independent residuals of all records."""
+    return max(sum(independent(autocorrelation(rest)) for rest in fit.residuals), 10.0)
+
+
+def bic(fit: WaveformFit, size: float) -> float:
+    """Bayesian information criterion with the noise's variance unknown, on `size` independent values.
+
+    Counted are the shared unknowns and what every record has for itself, an effect's phase for instance.
+    """
+    count = sum(rest.size for rest in fit.residuals)
+    unknowns = len(fit.names) + sum(part.own.shape[1] for part in fit.parts)
+    return size * math.log(max(fit.squares, 1e-300) / count) + unknowns * math.log(size)

@@ -1,0 +1,65 @@
+"""Samples at the jumps of a cutting force, which no fit should believe.
+
+A tooth that enters or leaves the work lets the force jump, and with it an acceleration. A sample at the very jump shows one
+side or the other by a hair of timing, or something between, as the sensor's bandwidth has it; each would weigh as much as all
+the noise of a pass. Next to the jump both sides are told all the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.fit.fit_state import State, WaveformFit
+from analysis.fit.nuisances import Nuisances
+from analysis.fit.observed import DERIVATIVES, Observed
+from analysis.fit.waveform import Fitter
+
+BESIDE = 1.5  # samples to either side of a jump that are left out
+FEWEST = 0.5  # share of a record's samples that must be left; else all are believed
+ROUNDS = 3
+
+
+def at_its_jumps(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
+    """The fit without the samples at the jumps where it places them, and where it places them then; itself if none are seen."""
+    for _ in range(ROUNDS):
+        records = [_without_jumps(record, fit.state, own)
+                   for record, own in zip(fitter.records, fit.state.nuisances, strict=True)]
+        if all(new is old for new, old in zip(records, fitter.records, strict=True)):
+            break
+        fitter = fitter.on(records)
+        fit = fitter.fit(fit.state)
+    return fitter, fit
+
+
+def _without_jumps(record: Observed, state: State, own: Nuisances) -> Observed:
+    """The record with the samples believed that are not at a jump; itself where they are the ones believed so far."""
+    if record.cut is None or not any(name.startswith("force") or DERIVATIVES[name] == 2 for name in record.channels):
+        return record
+    believed = np.ones(record.samples, dtype=bool)
+    places = (_jumps(record, state, own) - record.start) * record.rate
+    nearest = np.rint(places).astype(int)
+    for beside in range(-int(BESIDE) - 1, int(BESIDE) + 2):
+        sample = nearest + beside
+        left_out = (np.abs(sample - places) < BESIDE) & (sample >= 0) & (sample < record.samples)
+        believed[sample[left_out]] = False
+    if believed.mean() < FEWEST:
+        return record
+    same = believed.all() if record.believed is None else np.array_equal(believed, record.believed)
+    return record if same else replace(record, believed=believed)
+
+
+def _jumps(record: Observed, state: State, own: Nuisances) -> np.ndarray:
+    """Times (s) at which a tooth enters the work or leaves it, or is in it when the cut begins or ends."""
+    cut, sampling = record.timeline(state.angle, own)
+    durations = record.pass_durations(cut, sampling)
+    if durations is None:
+        durations = np.full(cut.total_passes, cut.tooth_passing_period(record.flutes))
+    starts = record.start - sampling.start + np.concatenate([[0.0], np.cumsum(durations)])
+    passes = slice(cut.idle_passes, cut.idle_passes + cut.passes)
+    entries = starts[:-1][passes]
+    first, last = durations[passes][[0, -1]]
+    begun, ended = entries[0] + own.late_entry * first, entries[-1] + (1.0 - own.early_exit) * last
+    ends = [time for time, missing in ((begun, own.late_entry), (ended, own.early_exit)) if missing > 0.0]
+    return np.concatenate([entries, entries + state.passes_in_arc(record) * durations[passes], ends])

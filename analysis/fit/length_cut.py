@@ -1,0 +1,72 @@
+"""The length a tool has cut before each record, where nobody wrote it down: afresh in every cut, or from record to record.
+
+What grows with the length cut (wear) goes on where the last record ended if the tool stayed the same and the campaign lists
+its cuts in their order; with a fresh edge every time, it begins anew. Both are tried, and the data choose.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+from analysis.fit.first_passes import first_nuisances
+from analysis.fit.fit_state import WaveformFit
+from analysis.fit.nuisances import Nuisances
+from analysis.fit.observed import Observed
+from analysis.fit.waveform import Fitter
+from testbed.effect import Effect
+
+LENGTH = "length_cut"
+AGAIN = 10  # iterations of a fit with other lengths
+
+
+def asks_length(names: Iterable[str], catalogue: Mapping[str, Effect]) -> bool:
+    """Whether any of these effects depends on the length cut."""
+    hooks = (hook for name in names if name in catalogue for hook in catalogue[name].hooks.values())
+    return any(LENGTH in inspect.signature(hook).parameters for hook in hooks)
+
+
+def carried_on(records: Sequence[Observed]) -> list[Observed] | None:
+    """The records as cut one after the other by one tool, in their order; None where a length is stated or but one cut is.
+
+    A cut is as long as its feed from the entry to the exit that its segments show, to a few passes.
+    """
+    cuts = [record.cut for record in records if record.cut is not None]
+    if len(cuts) < 2 or any(cut.length_cut_before for cut in cuts):
+        return None
+    return _summed(records, [first_nuisances(record, 0.0) for record in records], 0.0)
+
+
+def with_lengths_found(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
+    """The fit to records that were `carried_on`, with the lengths from the entry to the exit that it found."""
+    records = _summed(fitter.records, fit.state.nuisances, fit.state.angle)
+    found = fitter.on(records)
+    return found, found.fit(fit.state, iterations=AGAIN)
+
+
+def _summed(records: Sequence[Observed], nuisances: Sequence[Nuisances], angle: float) -> list[Observed]:
+    """The records with the lengths of all before, from these entries and exits."""
+    found, before = [], 0.0
+    for record, own in zip(records, nuisances, strict=True):
+        if record.cut is None:
+            found.append(record)
+            continue
+        found.append(replace(record, cut=replace(record.cut, length_cut_before=before)))
+        passes = min(own.exit, record.last_pass(angle, own) + 1) - max(own.entry, record.first_pass)
+        before += max(0, passes) * record.cut.feed_per_tooth
+    return found
+
+
+def _before(record: Observed) -> float:
+    return 0.0 if record.cut is None else record.cut.length_cut_before
+
+
+def length_note(records: Sequence[Observed], used: Sequence[Observed]) -> list[str]:
+    """In words, that records were taken as cut by one tool, where `used` were and `records` do not say so."""
+    if all(_before(one) == _before(other) for one, other in zip(records, used, strict=True)):
+        return []
+    longest = max(map(_before, used))
+    return ["the tool is taken to have cut the records one after the other, as the campaign lists them "
+            f"({longest * 1e3:.4g} mm before the last): that explains them better than a fresh edge in each; "
+            "length_cut_before of a record states it"]

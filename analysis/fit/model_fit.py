@@ -1,0 +1,74 @@
+"""A model, with whatever effects it has, fitted to records from what is believed of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from analysis.fit.effect_start import all_free, grown
+from analysis.fit.fine_steps import kinked
+from analysis.fit.fit_state import Free, WaveformFit
+from analysis.fit.force_jumps import at_its_jumps
+from analysis.fit.length_cut import asks_length, carried_on, with_lengths_found
+from analysis.fit.observed import Observed
+from analysis.fit.prediction import Plant
+from analysis.fit.scale_hops import hopped
+from analysis.fit.starts import at_a_bound, base_fit, structure_start, with_courses
+from analysis.fit.swing_start import swung_fit
+from analysis.fit.waveform import Fitter
+from testbed.effect import Effect
+from testbed.machine import Model
+
+
+def model_fit(
+    plant: Plant,
+    records: Sequence[Observed],
+    model: Model,
+    catalogue: Mapping[str, Effect],
+    free: Sequence[Free] | None = None,
+    goal: float = math.inf,
+) -> tuple[Fitter, WaveformFit]:
+    """The model refitted with every nuisance; without `free`, all that these records can speak of is unknown.
+
+    Laws with kinks have valleys beside the deepest, into which even the true scale may slip on the way from a wrong opening:
+    theirs are looked for. So have free decays alone, whose phases run apart: those are fitted from their openings on.
+    goal: the cost above which the fit is of no use, and is given up. Where an effect asks for the length cut and no record
+    states one, the fitter's records have that which explains them better, see `length_cut`.
+    """
+    if free is None and model.effects:
+        free = all_free(records, model, catalogue)
+    found = _fitted(plant, records, model, catalogue, free, goal)
+    if asks_length(model.effects, catalogue) and (longer := carried_on(records)) is not None:
+        worn = _fitted(plant, longer, model, catalogue, free, goal)
+        found = with_lengths_found(*worn) if worn[1].cost < found[1].cost else found
+    return found
+
+
+def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
+            free: Sequence[Free] | None, goal: float) -> tuple[Fitter, WaveformFit]:  # fmt: skip
+    """The fit to the records with the lengths cut before as they have them."""
+    swung = swung_fit(plant, records, model, catalogue, free) if free is not None else None
+    fitter, fit = swung or base_fit(plant, records, model, free=free, goal=goal)
+    if model.effects and all(record.kind == "ring-down" for record in records):
+        believed = replace(fit.state, model=structure_start(records, model))
+        fit = min(fit, grown(fitter, [believed, fit.state]), key=lambda one: one.cost)
+    if fit.cost > goal:
+        return fitter, fit
+    if at_a_bound(fitter.free, fit.state.model):
+        fit = min(fit, _from_believed_coefficients(fitter, model), key=lambda one: one.cost)
+    fit = hopped(fitter, kinked(model.effects, catalogue), fit)
+    without, fit = at_its_jumps(fitter, fit)
+    if without is fitter:
+        return fitter, fit
+    return at_its_jumps(without, with_courses(without, fit))  # samples at jumps hid what entries and exits a pass off leave
+
+
+def _from_believed_coefficients(fitter: Fitter, model: Model) -> WaveformFit:
+    """The fit begun where the cutting coefficients as believed lead: free from the beginning, they went to where no machine is.
+
+    On the way there the passes of entries and exits have bent to suit them.
+    """
+    held = [one for one in fitter.unknowns if not one.path.endswith("_coefficient")]
+    _, fit = base_fit(fitter.plant, fitter.records, model, free=held)
+    return with_courses(fitter, fitter.fit(fit.state))

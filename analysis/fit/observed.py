@@ -1,0 +1,348 @@
+"""A measured record made ready for fitting: its samples, its noise, and what is unknown of its course.
+
+Nuisances are kept apart from the machine: offset and slow drift are projected out (they enter linearly), the state at the
+start, the passes of entry and exit, and, without a tachometer, speed and tooth angle belong to the record; the angle between
+tachometer mark and tooth entry belongs to the campaign.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from analysis.fit.force_window import windowed
+from analysis.fit.nuisances import Nuisances
+from analysis.records.free_decay import spectral_peak
+from analysis.records.noise import noise_floor, rounding
+from analysis.records.segments import Segment, find_segments
+from analysis.records.spindle_clock import along_marks, check_speed, clock_error, clock_of, digital, smoothed
+from testbed.cut import Cut, Sampling
+from testbed.machine import Cutter, Model
+
+DRIFT_ORDER = 3  # offset and slow drift: a polynomial of this many terms, and one more for every
+DRIFT_TIME = 1.0  # s of the record
+MOST_DRIFT = 10  # terms
+SWING = 8  # samples at the least in which a free decay's first large swing is looked for
+OPENING = 12  # revolutions from the entry that an opening holds at the least
+UNRESOLVED = 1e-4  # of a channel's rms: the engines' own error, which in data without noise would be a missing effect
+WARM_UP = 60  # revolutions simulated before a record that starts in the cut
+
+
+@dataclass(frozen=True)
+class Observed:
+    """One record. data (channels, samples) in SI; noise (channels,) standard deviations; drift (samples, terms) orthonormal.
+
+    period: of one revolution (s); first_mark: time of the first mark, s. durations: measured time of every revolution
+    where the speed is not constant. clock_error: standard deviations of a record's own tooth angle (rad) and relative
+    speed, from the scatter of its marks. segments and conditions as read. force (samples,) drives an excited record.
+    heard: whether it has a say in the fit. noise_doubt: standard error of the first channel's noise over itself. believed
+    (samples,): those that count; all, where None. measured: the record at the speed that its marks show, where those are
+    left out here. slots: of how many slots of the spindle the marks may be any; they do not tell its teeth apart.
+    steady_marks: times (s) of all marks, where they show a constant speed.
+    """
+
+    name: str
+    kind: str
+    channels: tuple[str, ...]
+    data: np.ndarray
+    rate: float
+    start: float
+    noise: np.ndarray
+    noise_basis: str
+    drift: np.ndarray
+    segments: tuple[Segment, ...]
+    condition: tuple[Any, ...]
+    cut: Cut | None = None
+    flutes: int = 1
+    period: float = 0.0
+    first_mark: float | None = None
+    marks: np.ndarray | None = None
+    force: np.ndarray | None = None
+    starts_in_cut: bool = False
+    clock_error: tuple[float, float] | None = None
+    weight: np.ndarray | None = None
+    heard: bool = True
+    noise_doubt: float = 0.0
+    believed: np.ndarray | None = None
+    measured: Observed | None = None
+    slots: int = 1
+    steady_marks: np.ndarray | None = None
+
+    @property
+    def forces_only(self) -> bool:
+        """Whether every channel is a force: a dynamometer's, which says nothing of a motion."""
+        return all(channel.startswith("force") for channel in self.channels)
+
+    @property
+    def scale(self) -> np.ndarray:
+        """What a residual of 1 stands for, per channel: the noise, or the `weight` that a rough model's misfit asks for."""
+        return self.noise if self.weight is None else self.weight
+
+    @property
+    def samples(self) -> int:
+        """Number of samples a channel."""
+        return self.data.shape[1]
+
+    @cached_property
+    def motion(self) -> tuple[int, int, float] | None:
+        """(place of the first channel of motion, how often the displacement is differentiated in it, its main rad/s)."""
+        for place, name in enumerate(self.channels):
+            if name in DERIVATIVES:
+                values = self.data[place] - self.data[place].mean()
+                return place, DERIVATIVES[name], 2 * math.pi * max(spectral_peak(values), 1.0 / self.samples) * self.rate
+        return None
+
+    @cached_property
+    def motion_size(self) -> float:
+        """Standard deviation (m) of the displacement, as the first channel of motion shows it; by forces alone, the feed."""
+        if self.motion is None:
+            return self.cut.feed_per_tooth if self.cut is not None else 1e-4
+        place, order, omega = self.motion
+        return float(np.std(self.data[place])) / omega**order or 1.0
+
+    @property
+    def count(self) -> int:
+        """Number of samples a channel that count."""
+        return self.samples if self.believed is None else int(np.count_nonzero(self.believed))
+
+    @property
+    def size(self) -> int:
+        """Number of values that count, over all channels: the length of a residual."""
+        return len(self.channels) * self.count
+
+    def project(self, values: np.ndarray) -> np.ndarray:
+        """Values (..., channels, samples) in units of the scale, without what offset and drift could explain.
+
+        Returned are the samples that count: shape (..., channels, count).
+        """
+        scaled, drift = values / self.scale[:, None], self.drift
+        if self.believed is not None:
+            scaled, drift = scaled[..., self.believed], self._believed_drift
+        scaled -= (scaled @ drift) @ drift.T
+        return scaled
+
+    @cached_property
+    def _believed_drift(self) -> np.ndarray:
+        return np.asfortranarray(np.linalg.qr(self.drift[self.believed])[0])
+
+    def on_samples(self, residual: np.ndarray) -> np.ndarray:
+        """A residual (size,) laid out as the data are, (channels, samples), with 0 where a sample does not count."""
+        rows = residual.reshape(len(self.channels), self.count)
+        if self.believed is None:
+            return rows
+        whole = np.zeros(self.data.shape)
+        whole[:, self.believed] = rows
+        return whole
+
+    @property
+    def anchor(self) -> float:
+        """Time (s) that passes are counted from: the first mark, or the record's start."""
+        return self.start if self.first_mark is None else self.first_mark
+
+    @property
+    def first_pass(self) -> int:
+        """Index of the pass a simulation starts with: well before the record, the same at any tooth angle, a whole turn.
+
+        Teeth are counted from there; so the same tooth follows the mark in every record.
+        """
+        return (math.floor((self.start - self.anchor) / self.period) - 2) * self.flutes
+
+    def pass_start(self, index: float, angle: float, nuisances: Nuisances) -> float:
+        """Time (s) of the start of a pass, or of a place within one; index 0 belongs to the anchor."""
+        turns = (angle + nuisances.angle) / (2 * math.pi) + index / self.flutes
+        return self.anchor + turns * self.period / nuisances.speed
+
+    def last_pass(self, angle: float, nuisances: Nuisances) -> int:
+        """Index of the last pass that begins within the record."""
+        past = self.start + self.samples / self.rate - self.pass_start(0, angle, nuisances)
+        return math.floor(past * nuisances.speed / self.period * self.flutes)
+
+    def at_constant_speed(self) -> Observed:
+        """The record without what unsteady marks say of its course; itself where the speed is constant."""
+        if self.marks is None:
+            return self
+        return replace(self, marks=None, first_mark=None, clock_error=None, measured=self, slots=1)
+
+    def loudest(self, count: int) -> Observed:
+        """The `count` samples of an excited record in which it moves most, as a record; a record of another kind itself."""
+        if self.force is None or self.kind != "excited" or self.samples <= count:
+            return self
+        places = np.arange(0, self.samples - count + 1, max(1, count // 4))
+        first = int(places[int(np.argmax([self.data[0, place : place + count].std() for place in places]))])
+        return self.part(first, count)
+
+    def part(self, first: int, count: int, drift_terms: int | None = None) -> Observed:
+        """`count` samples from `first` on as a record; its drift has as many terms as before where none are named."""
+        return replace(
+            self,
+            data=self.data[:, first : first + count],
+            force=None if self.force is None else self.force[first : first + count],
+            start=self.start + first / self.rate,
+            believed=None if self.believed is None else self.believed[first : first + count],
+            measured=None if self.measured is None else self.measured.part(first, count, drift_terms),
+            drift=drift_basis(count, self.drift.shape[1] if drift_terms is None else drift_terms),
+        )
+
+    def opening(self) -> Observed:
+        """The record up to the middle of what seems to be the cut, where the exit cannot matter; itself without a cut."""
+        if self.cut is None:
+            return self
+        entry = min((s.start for s in self.segments if s.kind in ("entry", "steady")), default=self.start)
+        seen = [s.stop for s in self.segments if s.kind in ("entry", "steady")]
+        stop = 0.5 * (entry + max(seen, default=self.start + self.samples / self.rate))
+        count = round((max(stop, entry + OPENING * self.period) - self.start) * self.rate)
+        if count >= self.samples:
+            return self
+        kept = tuple(s for s in self.segments if s.start < stop and s.kind in ("idle", "entry", "steady"))
+        return replace(self.part(0, count), segments=kept)
+
+    def timeline(self, angle: float, nuisances: Nuisances) -> tuple[Cut, Sampling]:
+        """The cut and the sampling that simulate this record."""
+        assert self.cut is not None
+        pitch = self.period / nuisances.speed / self.flutes
+        index = self.first_pass - (WARM_UP * self.flutes if self.starts_in_cut else 0)
+        first = self.pass_start(index, angle, nuisances)
+        end = self.start + self.samples / self.rate
+        total = math.ceil((end - self.pass_start(index, 0.0, Nuisances())) / pitch) + self.flutes
+        idle = min(max(0, nuisances.entry - index), total)
+        passes = max(0, min(total - idle, nuisances.exit - index - idle))
+        cut = replace(
+            self.cut,
+            spindle_speed=2 * math.pi / (pitch * self.flutes),
+            idle_passes=idle,
+            passes=passes,
+            ring_down_passes=total - idle - passes,
+            initial_displacement=nuisances.displacement,
+            initial_velocity=nuisances.velocity,
+            late_entry=nuisances.late_entry if idle > 0 else 0.0,
+            early_exit=nuisances.early_exit,
+        )
+        return cut, Sampling(self.rate, self.samples, self.start - first)
+
+    def pass_durations(self, cut: Cut, sampling: Sampling) -> np.ndarray | None:
+        """Measured durations of the simulated passes, or None at a constant speed."""
+        if self.marks is None or self.first_mark is None:
+            return None
+        first = self.start - sampling.start
+        nominal = first + np.arange(cut.total_passes + 1) * self.period / self.flutes
+        return np.diff(along_marks(self.marks, (nominal - self.first_mark) / self.period, self.period))
+
+
+def drift_basis(samples: int, order: int = DRIFT_ORDER) -> np.ndarray:
+    """Orthonormal polynomials over a record, shape (samples, order)."""
+    if order == 0:
+        return np.zeros((samples, 0))
+    powers = np.polynomial.legendre.legvander(np.linspace(-1, 1, samples), order - 1)
+    return np.asfortranarray(np.linalg.qr(powers)[0])  # column by column it is projected out twice as fast
+
+
+def _drift_order(duration: float) -> int:
+    return min(MOST_DRIFT, DRIFT_ORDER + int(duration / DRIFT_TIME))
+
+
+DERIVATIVES = {"displacement": 0, "velocity": 1, "acceleration": 2}
+_ORDER = (*DERIVATIVES, "force_x", "force_y")
+
+
+def observe(record: Any, model: Model) -> Observed:
+    """Make a campaign's record (testbed.campaign.Record) ready. ValueError where it holds nothing that can be predicted."""
+    recording = record.recording
+    excited = record.kind == "excited"
+    names = tuple(name for name in recording.channels if name in _ORDER and not (excited and name.startswith("force")))
+    if record.kind == "ring-down":
+        names = tuple(name for name in names if not name.startswith("force"))
+    if not names:
+        raise ValueError(f"record {record.name} has no channel that a model predicts")
+    segments = find_segments(recording, kind=record.kind)
+    data = np.array([recording.channels[name] for name in names], dtype=float)
+    first, last = _used(record.kind, segments, recording, names[0], model.structure.natural_frequency)
+    data = data[:, first:last]
+    floors = [noise_floor(recording, segments, name) for name in names]
+    noise = np.array([max(floor.rms, rounding(row), UNRESOLVED * float(np.std(row)), 1e-300)
+                      for floor, row in zip(floors, data, strict=True)])
+    conditions = record.conditions
+    known = ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth", "feed_per_revolution")
+    condition = (record.kind, *(round(float(conditions[key]), 9) for key in known if key in conditions))
+    if record.kind != "cut":
+        condition = (record.kind, record.name)
+    base = Observed(
+        record.name,
+        record.kind,
+        names,
+        data,
+        recording.sampling_rate,
+        recording.start + first / recording.sampling_rate,
+        noise,
+        floors[0].basis,
+        drift_basis(data.shape[1], _drift_order(data.shape[1] / recording.sampling_rate)),
+        segments,
+        condition,
+        noise_doubt=floors[0].doubt,
+    )
+    if excited:
+        drive = next(name for name in record.excitations)
+        return replace(base, force=windowed(np.asarray(recording.channels[drive], dtype=float))[first:last])
+    if record.kind == "ring-down":
+        return replace(base, force=np.zeros(data.shape[1]))
+    ready = _with_clock(base, record, (model.cutter or Cutter()).flutes)
+    if ready.starts_in_cut and ready.forces_only:
+        # nothing in the record shows the dynamometer's zero, and the mean force speaks of the edge: the zero is believed
+        return replace(ready, drift=drift_basis(data.shape[1], 0))
+    return ready
+
+
+def _used(kind: str, segments: Sequence[Segment], recording: Any, name: str, frequency: float) -> tuple[int, int]:
+    """The samples of a record that are predicted: all, but a free decay only from its first large swing on.
+
+    Before that, something pushed the structure or held it: a single sample of that weighs more than all the noise. A velocity
+    or an acceleration swings most while it is still pushed: of those, half a period more is left out. frequency: Hz, believed.
+    """
+    count = len(recording)
+    for segment in segments:
+        if kind == "ring-down" and segment.kind == "ring-down":
+            first = max(0, min(count - 64, round((segment.start - recording.start) * recording.sampling_rate)))
+            values = np.asarray(recording.channels[name], dtype=float)
+            opening = np.abs(values[first : first + max(SWING, (count - first) // 50)] - float(np.median(values)))
+            first += int(np.argmax(opening))
+            if DERIVATIVES.get(name, 0) > 0:
+                first += math.ceil(0.5 * recording.sampling_rate / frequency)
+            return max(0, min(count - 64, first)), count
+    return 0, count
+
+
+def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
+    cut = record.cut(flutes)
+    marks = np.asarray(record.recording.marks)
+    period, anchor, kept, error, slots, calm = 2 * math.pi / cut.spindle_speed, None, None, None, 1, None
+    if len(marks) >= 3:
+        halfway = digital(marks, base.rate, record.recording.start)
+        sample = 1.0 / base.rate if halfway else 0.0
+        period, anchor, steady = clock_of(marks, sample)
+        check_speed(period, 2 * math.pi / cut.spindle_speed)
+        slots = record.recording.pulses_per_revolution
+        calm = marks if steady else None
+        if flutes % slots:  # which pulse came first is open: the marks tell the speed alone
+            anchor = None
+        elif steady:
+            error = clock_error(marks, period, anchor, base.rate, halfway=halfway)
+        else:  # passes are then laid between the marks themselves
+            kept = smoothed(marks, sample) if halfway else marks
+            anchor = float(kept[0])
+    kinds = {segment.kind for segment in base.segments}
+    return replace(
+        base,
+        cut=cut,
+        flutes=flutes,
+        period=period,
+        first_mark=anchor,
+        marks=kept,
+        clock_error=error,
+        slots=slots if anchor is not None else 1,
+        steady_marks=calm,
+        starts_in_cut="idle" not in kinds and "entry" not in kinds,
+    )

@@ -1,0 +1,134 @@
+"""Whole numbers and angles of single records looked for at fixed machine parameters: passes of entry and exit, phases."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.fit.fit_state import State
+from analysis.fit.nuisances import Nuisances, other_teeth, turned_by
+from analysis.fit.waveform import Fitter
+from analysis.threads import threaded
+
+COARSE = 24  # places over a record at which an exit is looked for first
+EARLIER = 5  # passes by which a gentle entry may precede what is seen of it
+TURNS = (0.0, -0.4, -0.25, -0.15, -0.07, 0.07, 0.15, 0.25, 0.4)  # rad: where the angle of a record without marks is tried
+ROUND = 8  # places round the circle at which a record's own phase is looked for
+
+
+def settle_passes(fitter: Fitter, state: State, reach: int = 1) -> tuple[State, bool]:
+    """The state with every cut's entry and exit pass at the best of their neighbours; and whether any moved.
+
+    Without a tachometer the record's tooth angle is looked for around where it was, too, and which tooth came first, as where
+    its marks may be any of several.
+    """
+
+    def one(index: int) -> Nuisances:
+        record, nuisances = fitter.records[index], state.nuisances[index]
+        nuisances = _turned(fitter, index, state)
+        if record.cut is None:
+            return nuisances
+        if record.first_mark is None:
+            turns = [replace(nuisances, angle=nuisances.angle + turn) for turn in TURNS]
+            nuisances = _best(fitter, index, state, [*turns, *other_teeth(nuisances, record.flutes)])
+        elif record.slots > 1:
+            others = other_teeth(nuisances, record.flutes, record.flutes // record.slots)
+            nuisances = _best(fitter, index, state, [nuisances, *others])
+        last = record.last_pass(state.angle, nuisances)
+        held = record.starts_in_cut and nuisances.entry < record.first_pass
+        entries = range(0) if held else range(nuisances.entry - EARLIER, nuisances.entry + reach + 1)
+        exits = range(0) if nuisances.exit > last else range(nuisances.exit - reach, nuisances.exit + reach + 1)
+        nuisances = _best_place(fitter, index, state, nuisances, "entry", entries)
+        return _best_place(fitter, index, state, nuisances, "exit", exits)
+
+    best = threaded(one, range(len(fitter.records)))
+    return replace(state, nuisances=best), best != state.nuisances
+
+
+def at_rest(fitter: Fitter, state: State) -> tuple[State, bool]:
+    """The state with every cut begun at rest where that explains it better; and whether any does.
+
+    A vibration that a model without friction needed at the start of a record leads, with friction, to where no slope shows
+    the way back.
+    """
+
+    def one(index: int) -> Nuisances:
+        nuisances = state.nuisances[index]
+        still = replace(nuisances, displacement=0.0, velocity=0.0)
+        movable = fitter.records[index].cut is not None and not fitter.records[index].starts_in_cut
+        return _best(fitter, index, state, [nuisances, still]) if movable else nuisances
+
+    best = threaded(one, range(len(fitter.records)))
+    return replace(state, nuisances=best), best != state.nuisances
+
+
+def turn_phases(fitter: Fitter, state: State) -> State:
+    """The state with the phases that every record has for itself at the best of places all round."""
+    return replace(state, nuisances=threaded(lambda index: _turned(fitter, index, state), range(len(fitter.records))))
+
+
+def _turned(fitter: Fitter, index: int, state: State) -> Nuisances:
+    nuisances = state.nuisances[index]
+    for free in fitter.shifting:
+        turns = [turned_by(nuisances, free.path, 2 * math.pi * part / ROUND) for part in range(ROUND)]
+        nuisances = _best(fitter, index, state, turns)
+    return nuisances
+
+
+def place_entries(fitter: Fitter, state: State) -> State:
+    """The state with every cut's entry looked for from the record's start to the exit, coarse first.
+
+    A record that seems to start in the cut may idle amid loud ambient vibration: of forces alone that cannot be.
+    """
+    return _placed(fitter, state, "entry")
+
+
+def place_exits(fitter: Fitter, state: State) -> State:
+    """The state with every cut's exit looked for from the entry to the record's end, coarse first.
+
+    No segment is believed. The cost falls towards the true exit from both sides: too early, the model rings down while
+    the teeth still cut; too late, it cuts where the structure rings down.
+    """
+    return _placed(fitter, state, "exit")
+
+
+def _placed(fitter: Fitter, state: State, field: str) -> State:
+    def one(index: int) -> Nuisances:
+        record, nuisances = fitter.records[index], state.nuisances[index]
+        if record.cut is None or (field == "entry" and record.starts_in_cut and record.forces_only):
+            return nuisances
+        last = record.last_pass(state.angle, nuisances) + 1
+        first = record.first_pass if field == "entry" else nuisances.entry + 1
+        last = min(last, nuisances.exit - 1) if field == "entry" else last
+        if last <= first:
+            return nuisances
+        now = getattr(nuisances, field)
+        step = max(1, (last - first) // COARSE)
+        nuisances = _best_place(fitter, index, state, nuisances, field, sorted({*range(first, last + 1, step), now, last}))
+        reach = max(step, 2 * EARLIER)  # close to it a few kicks may cancel: no descent, every pass is tried
+        now = getattr(nuisances, field)
+        near = range(max(first, now - reach), min(last, now + reach) + 1)
+        return _best_place(fitter, index, state, nuisances, field, sorted({*near, now}))
+
+    return replace(state, nuisances=threaded(one, range(len(fitter.records))))
+
+
+def _best_place(fitter: Fitter, index: int, state: State, nuisances: Nuisances, field: str, places: Sequence[int]) -> Nuisances:
+    """The nuisances of one record with `field` (entry or exit) at the place of the smallest residual."""
+    tried = [nuisances.with_fields(**{field: place}) for place in places]
+    tried = [other for other in tried if other.entry < other.exit]
+    return _best(fitter, index, state, tried) if tried else nuisances
+
+
+def _best(fitter: Fitter, index: int, state: State, tried: Sequence[Nuisances]) -> Nuisances:
+    """Those nuisances of one record that leave the smallest residual."""
+    return tried[int(np.argmin(squares_of(fitter, index, state, tried)))]
+
+
+def squares_of(fitter: Fitter, index: int, state: State, tried: Sequence[Nuisances]) -> np.ndarray:
+    """Sums of squared residuals (tried,) of one record with each of these nuisances, what its marks say among them."""
+    rest = fitter.residuals_of(index, [(state.model, state.angle, one) for one in tried])
+    return np.einsum("ij,ij->i", rest, rest)

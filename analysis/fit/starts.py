@@ -1,0 +1,332 @@
+"""Where a waveform fit starts: frequency and damping from free decays, cutting coefficients and tooth angle by a scan."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.signal import csd
+
+from analysis.fit.entry_passes import entries_together
+from analysis.fit.first_passes import FirstPasses, first_nuisances
+from analysis.fit.fit_state import Free, State, WaveformFit
+from analysis.fit.held_out import own_refit
+from analysis.fit.nuisances import Nuisances
+from analysis.fit.observed import Observed
+from analysis.fit.parts_of_passes import with_parts_of_passes
+from analysis.fit.pass_count import recounted
+from analysis.fit.pass_search import at_rest, place_entries, place_exits, settle_passes
+from analysis.fit.prediction import Plant, predict
+from analysis.fit.waveform import Fitter
+from analysis.records.free_decay import fit_free_decay, spectral_peak
+from analysis.threads import threaded
+from testbed.machine import Model
+
+ANGLES = 24
+COEFFICIENTS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
+OPENING = 8192  # samples of an excited record that the first fits see
+GLANCE = 8  # iterations of a fit that only tells which models are worth another
+SOFT = 0.1  # of a record's own size: what the first rounds forgive, so that no record rules them alone
+UNEVEN = 1.5  # mean square residual of the worst record over the median's, from which the worst are doubted
+_STRUCTURE_BOUNDS = {"natural_frequency": (1.0, 1e5), "damping_ratio": (1e-6, 0.9), "mass": (1e-12, 1e12)}
+
+
+def free_parameters(records: Sequence[Observed], model: Model) -> list[Free]:
+    """The base parameters these records can speak of.
+
+    A displacement under a cut knows stiffness and cutting coefficients only relative to the mass, which stays as believed;
+    a measured force that drives the structure makes the mass known. A dynamometer's forces say nothing of the structure.
+    """
+    kinds = {record.kind for record in records}
+    moving = not all(record.forces_only for record in records)
+    free = []
+    if moving:
+        structure = model.structure
+        free += [
+            Free("natural_frequency", 0.01 * structure.natural_frequency, _STRUCTURE_BOUNDS["natural_frequency"]),
+            Free("damping_ratio", max(0.2 * structure.damping_ratio, 1e-4), _STRUCTURE_BOUNDS["damping_ratio"]),
+        ]
+    if "excited" in kinds:
+        free.append(Free("mass", 0.05 * model.structure.mass, _STRUCTURE_BOUNDS["mass"]))
+    if "cut" in kinds and model.cutting is not None:
+        size = max(abs(model.cutting.tangential_coefficient), abs(model.cutting.normal_coefficient))
+        free += [
+            Free("tangential_coefficient", 0.2 * size, (1e-3 * size, 100 * size)),
+            Free("normal_coefficient", 0.2 * size, (-20 * size, 100 * size)),
+        ]
+    return free
+
+
+def at_a_bound(free: Sequence[Free], model: Model) -> bool:
+    """Whether a parameter of the machine itself ended where no machine is: a fit made up for something by it."""
+    return any("." not in one.path and model.value(one.path) in one.bounds for one in free)
+
+
+def decay_start(records: Sequence[Observed], model: Model) -> Model:
+    """The model with frequency and damping of the records' free decays, weighted by how well each knows its decay."""
+    found = []
+    for record in records:
+        for segment in record.segments:
+            if segment.kind != "ring-down" or record.channels[0].startswith("force"):
+                continue
+            first = max(0, round((segment.start - record.start) * record.rate))
+            last = min(record.samples, round((segment.stop - record.start) * record.rate))
+            first += (last - first) // 3  # the later, smaller part is the more linear one
+            values = record.data[0, first:last]
+            if len(values) < 64 or np.std(values) < 2.0 * record.noise[0]:
+                continue
+            fit = fit_free_decay(values, first, spectral_peak(values - values.mean()), 1.0 / len(values))
+            if fit is None or fit.decay <= 0 or not fit.decay_error < fit.decay:
+                continue
+            damped, decay = 2 * math.pi * fit.frequency * record.rate, fit.decay * record.rate
+            natural = math.hypot(damped, decay)
+            found.append((natural / (2 * math.pi), decay / natural, (fit.decay / max(fit.decay_error, 1e-12)) ** 2))
+    if not found:
+        return model
+    frequency, damping, weight = np.array(found).T
+    near = np.abs(frequency / np.median(frequency) - 1) < 0.05
+    if not near.any():  # of two modes that ring, half of the decays each: the one that is believed in
+        believed = frequency[np.argmin(np.abs(frequency / model.structure.natural_frequency - 1))]
+        near = np.abs(frequency / believed - 1) < 0.05
+    weight = np.minimum(weight, 20 * np.median(weight)) * near
+    return model.with_values(
+        {
+            "natural_frequency": float(np.sum(frequency * weight) / weight.sum()),
+            "damping_ratio": float(np.sum(damping * weight) / weight.sum()),
+        }
+    )
+
+
+def excited_start(records: Sequence[Observed], model: Model) -> Model:
+    """The model with mass, frequency and damping of the receptance between a measured force and the response.
+
+    1 / H = k - m w^2 + i c w, fitted by least squares with the weights of Sanathanan and Koerner (1963, IEEE Trans.
+    Autom. Control 8, 56) around the highest peak, from Welch's averaged spectra.
+    """
+    driven = [record for record in records if record.force is not None and record.kind == "excited"]
+    if not driven:
+        return model
+    record = max(driven, key=lambda one: float(np.std(one.data[0])) * one.samples)
+    force = np.asarray(record.force, dtype=float)
+    length = min(record.samples, max(256, int(record.samples // 8)))
+    frequency, cross = csd(force, record.data[0], record.rate, nperseg=length)
+    _, power = csd(force, force, record.rate, nperseg=length)
+    omega = 2 * math.pi * frequency[2:]
+    response = cross[2:] / np.maximum(power[2:].real, 1e-300)
+    loud = power[2:].real > 1e-4 * power[2:].real.max()
+    order = {"displacement": 0, "velocity": 1, "acceleration": 2}[record.channels[0].split("_")[0]]
+    receptance = response / (1j * omega) ** order
+    strength = np.where(loud, np.abs(response), 0.0)
+    peak = int(np.argmax(strength))
+    near = loud & (omega > 0.3 * omega[peak]) & (omega < 1.7 * omega[peak])
+    w, h = omega[near], receptance[near]
+    if len(w) < 8:
+        return model
+    weight, mass, damping, stiffness = np.ones(len(w)), 0.0, 0.0, 0.0
+    for _ in range(8):
+        columns = np.stack([-(w**2) * h, 1j * w * h, h], axis=1) * weight[:, None]
+        scale = np.linalg.norm(columns, axis=0)
+        rows = np.vstack([(columns / scale).real, (columns / scale).imag])
+        right = np.concatenate([weight, np.zeros(len(w))])
+        mass, damping, stiffness = np.linalg.lstsq(rows, right, rcond=None)[0] / scale
+        weight = 1.0 / np.maximum(np.abs(stiffness - mass * w**2 + 1j * damping * w), 1e-300)
+        weight /= weight.max()
+    if not (mass > 0 and stiffness > 0 and damping > 0):
+        return model
+    natural = math.sqrt(stiffness / mass)
+    zeta = min(damping / (2 * mass * natural), 0.5)
+    return model.with_values({"mass": mass, "natural_frequency": natural / (2 * math.pi), "damping_ratio": zeta})
+
+
+def softened(record: Observed) -> Observed:
+    """The record with a share of its own size added to its noise."""
+    size = record.data.std(axis=1)
+    return replace(record, noise=np.hypot(record.noise, SOFT * size), weight=None)
+
+
+def _scan(plant: Plant, passes: Sequence[FirstPasses], model: Model) -> tuple[float, float, tuple[Nuisances, ...]]:
+    """(cost, mark angle, nuisances) of the best tooth angle, with entry and exit as the segments show them."""
+    cuts = [first for first in passes if first.observed.cut is not None]
+    pitch = 2 * math.pi / max([first.observed.flutes for first in cuts], default=1)
+    angles = np.arange(ANGLES) * pitch / ANGLES
+
+    def one(first: FirstPasses) -> np.ndarray:
+        record = first.observed
+        variants = [
+            (model, angle, first.at(angle))
+            if record.first_mark is not None
+            else (model, 0.0, replace(first.at(angle), angle=angle))
+            for angle in angles
+        ]
+        rest = record.project(record.data - np.nan_to_num(predict(plant, record, variants), nan=1.0))
+        rest = np.clip(rest, -1e6, 1e6)
+        return np.log(np.mean(rest**2, axis=(1, 2))) * record.count
+
+    costs = dict(zip([id(first.observed) for first in cuts], threaded(one, cuts), strict=True))
+    shared = [costs[id(first.observed)] for first in cuts if first.observed.first_mark is not None]
+    best = int(np.argmin(sum(shared))) if shared else 0
+    total, nuisances = 0.0, []
+    for first in passes:
+        record = first.observed
+        if record.cut is None:
+            nuisances.append(Nuisances())
+            continue
+        place = best if record.first_mark is not None else int(np.argmin(costs[id(record)]))
+        total += float(costs[id(record)][place])
+        own = 0.0 if record.first_mark is not None else float(angles[place])
+        nuisances.append(replace(first.at(float(angles[place])), angle=own))
+    return total, float(angles[best]) if shared else 0.0, tuple(nuisances)
+
+
+def scan_starts(plant: Plant, records: Sequence[Observed], model: Model, count: int = 3,
+                factors: Sequence[float] = COEFFICIENTS) -> list[State]:  # fmt: skip
+    """The best few starts over tooth angle and cutting coefficients, which are multiplied by the factors."""
+    if model.cutting is None or all(record.cut is None for record in records):
+        return [State(model, 0.0, tuple(Nuisances() for _ in records))]
+    found, passes = [], [FirstPasses(record) for record in records]
+    for factor in factors:
+        trial = model.with_values(
+            {
+                "tangential_coefficient": factor * model.cutting.tangential_coefficient,
+                "normal_coefficient": factor * model.cutting.normal_coefficient,
+            }
+        )
+        cost, angle, nuisances = _scan(plant, passes, trial)
+        found.append((cost, State(trial, angle, nuisances)))
+    return [state for _, state in sorted(found, key=lambda pair: pair[0])[:count]]
+
+
+def polish(
+    fitter: Fitter, state: State, *, rounds: int = 4, iterations: int = 40, goal: float = math.inf
+) -> WaveformFit:
+    """Fit and put entry and exit passes right in turn, until they stay, or it would not come to the cost that is the goal."""
+    state, _ = settle_passes(fitter, state)
+    fit = fitter.fit(state, iterations=iterations, goal=goal)
+    for _ in range(rounds - 1):
+        if fit.cost > goal:
+            break
+        state, moved = settle_passes(fitter, fit.state)
+        if not moved:
+            break
+        fit = fitter.fit(state, iterations=iterations, goal=goal)
+    return fit
+
+
+def anchored_states(plant: Plant, records: Sequence[Observed], model: Model) -> tuple[State, State]:
+    """The best of a scan with the coefficients' ratio as believed; and, from there, the cut fitted softly.
+
+    Frequency and damping are held at what the small end of the free decays shows.
+
+    Where the structure is not linear, a free fit bends its frequency to the large amplitudes and never comes back; this
+    start keeps it.
+    """
+    started = decay_start(records, model)
+    soft = [softened(record) for record in records]
+    free = [one for one in free_parameters(records, started) if one.path.endswith("_coefficient")]
+    fitter = Fitter(plant, soft, free)
+    scanned = scan_starts(plant, soft, started, 1)[0]
+    return scanned, polish(fitter, scanned, rounds=2, iterations=8).state
+
+
+def glance(plant: Plant, records: Sequence[Observed], model: Model, free: Sequence[Free]) -> float:
+    """The cost of a short fit to the openings from the coefficients as believed: a fifth of the work of `opening_fit`."""
+    opening = fitter_of_openings(plant, records, free)
+    start = scan_starts(plant, opening.records, model, 1, (1.0,))[0]
+    return opening.descend(place_entries(opening, start), iterations=GLANCE).cost
+
+
+def fitter_of_openings(plant: Plant, records: Sequence[Observed], free: Sequence[Free]) -> Fitter:
+    """A soft fit to the openings of all records."""
+    return Fitter(plant, [softened(record.opening().loudest(OPENING)) for record in records], free)
+
+
+def opening_fit(plant: Plant, records: Sequence[Observed], model: Model, free: Sequence[Free], *,
+                goal: float = math.inf) -> WaveformFit:  # fmt: skip
+    """The model fitted softly to the openings of all records, from several starts: a fifth of the work of `base_fit`.
+
+    goal: the cost above which the fit is of no use, and is given up.
+    """
+    opening = fitter_of_openings(plant, records, free)
+    starts = scan_starts(plant, opening.records, model)
+    tries = [polish(opening, state, rounds=3, iterations=12, goal=goal) for state in starts]
+    best = min(tries, key=lambda fit: fit.cost)
+    if best.cost > goal:
+        return best
+    return polish(opening, place_entries(opening, best.state), rounds=2, iterations=12)
+
+
+def structure_start(records: Sequence[Observed], model: Model) -> Model:
+    """The model with the structure as free decays and driven records show it, before any fit."""
+    return excited_start(records, decay_start(records, model))
+
+
+def base_fit(
+    plant: Plant,
+    records: Sequence[Observed],
+    model: Model,
+    *,
+    free: Sequence[Free] | None = None,
+    goal: float = math.inf,
+) -> tuple[Fitter, WaveformFit]:
+    """The believed model refitted to all records, from several starts, with every nuisance.
+
+    goal: the cost above which the fit is of no use, and is given up.
+    """
+    started = structure_start(records, model)
+    free = list(free) if free is not None else free_parameters(records, started)
+    best = opening_fit(plant, records, started, free)
+    soft = Fitter(plant, [softened(record) for record in records], free)
+    best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
+    fitter = Fitter(plant, records, free)
+    fit = polish(fitter, place_exits(fitter, best.state), goal=goal)
+    if fit.cost > goal:
+        return fitter, fit
+    return fitter, with_courses(fitter, rested(fitter, from_the_best_half(fitter, fit)))
+
+
+def with_courses(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
+    """The fit with the course of every cut looked for again: entries of all together, numbers of passes, parts of passes."""
+    return with_parts_of_passes(fitter, recounted(fitter, entries_together(fitter, fit)))
+
+
+def rested(fitter: Fitter, fit: WaveformFit, *, rounds: int = 4, iterations: int = 40) -> WaveformFit:
+    """The fit begun again with cuts at rest, where that explains them better as they stand."""
+    state, moved = at_rest(fitter, fit.state)
+    return polish(fitter, state, rounds=rounds, iterations=iterations) if moved else fit
+
+
+def with_exits(fitter: Fitter, state: State) -> State:
+    """A state found on the records' openings with the exits of the whole records."""
+    known = []
+    for record, nuisances in zip(fitter.records, state.nuisances, strict=True):
+        seen = first_nuisances(record, state.angle + nuisances.angle)
+        known.append(replace(nuisances, exit=max(seen.exit, nuisances.entry + 1)))
+    return place_exits(fitter, replace(state, nuisances=tuple(known)))
+
+
+def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2) -> WaveformFit:
+    """The fit started again from the better half of the records, where a few records stand out; kept if it costs less.
+
+    A record whose entry or exit is a pass wrong drags the coefficients to where that pass seems right; without it they
+    are free, and its passes are looked for again.
+    """
+    for _ in range(tries):
+        ratio = fit.mean_squares
+        if len(ratio) < 4 or ratio.max() < UNEVEN * float(np.median(ratio)):
+            return fit
+        kept = sorted(int(place) for place in np.argsort(ratio)[: (len(ratio) + 1) // 2])
+        found = polish(fitter.of_records(kept), fit.state.of_records(kept), rounds=2, iterations=12).state
+        nuisances = []
+        for place, record in enumerate(fitter.records):
+            fresh = first_nuisances(record, found.angle + fit.state.nuisances[place].angle)
+            fresh = replace(fresh, angle=fit.state.nuisances[place].angle, speed=fit.state.nuisances[place].speed)
+            nuisances.append(found.nuisances[kept.index(place)] if place in kept else fresh)
+        state, _ = settle_passes(fitter, replace(found, nuisances=tuple(nuisances)), reach=2)
+        state = own_refit(fitter, state, [place for place in range(len(ratio)) if place not in kept])
+        again = polish(fitter, state)
+        if not again.cost < 0.999 * fit.cost:
+            return fit
+        fit = again
+    return fit

@@ -1,0 +1,395 @@
+"""Fit a model to all records of a campaign at once, sample by sample: Levenberg-Marquardt over the engine's predictions.
+
+The machine's parameters are shared; every record keeps its own nuisances, which are eliminated from the normal equations
+record by record (Schur complement), so that the cost of a step grows linearly with the number of records.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from analysis.fit.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit
+from analysis.fit.nuisances import MISSING, Nuisances, end_moved, end_moved_in_arc, turned_by
+from analysis.fit.observed import Observed
+from analysis.fit.prediction import Plant, predict
+from analysis.threads import threaded
+from testbed.machine import Model
+
+SLOWEST = 0.8  # of the nominal speed, that a record without marks may turn out to have had
+FAINTEST = 1e-3  # slope by an unknown, in units of the noise over a natural step, below which it is as good as none
+ROUNDED = 1e-12  # share of an unknown's squared slopes below which what the records' own unknowns leave is rounding
+COLLINEAR = 1e-10  # eigenvalue of the unknowns' correlations below which a combination of them is as good as unknown
+SLOPE_STEP = 1e-4  # of a natural step, by which slopes are taken
+ANGLE_STEP = 0.1  # rad: a natural step of the mark angle
+LATE_STEP = 0.1  # of a pass: a natural step of the first touch
+PART_STEP = 0.1  # of an arc: a natural step of where a cut that begins or ends within one does so
+HELIX = "helix.angle"
+BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
+PACE = 4  # iterations over which the pace of a descent is measured,
+SPARE = 3.0  # and times that pace: what even so would not reach its goal in the iterations left is given up
+
+
+def _padded(rows: np.ndarray, count: int) -> np.ndarray:
+    """The rows with `count` rows of zeros after them; themselves with none."""
+    return np.vstack([rows, np.zeros((count, rows.shape[1]))]) if count else rows
+
+
+def _linearised(rest: np.ndarray, shared: np.ndarray, own: np.ndarray, held: np.ndarray,
+                steps: Sequence[Mapping[str, float]]) -> Linearised:  # fmt: skip
+    """A record about a state, its products summed at once: on the thread of the record, not in the step of them all.
+
+    held: what its marks say of it, which no shared unknown moves; `own` has rows for it. steps: of its own unknowns.
+    """
+    found = Linearised(np.append(rest, held), _padded(shared, len(held)), own, _names(steps))
+    _ = found.products
+    return found
+
+
+def _names(steps: Sequence[Mapping[str, float]]) -> tuple[str, ...]:
+    return tuple(name for step in steps for name in step)
+
+
+def _upright(model: Model, path: str, value: float) -> float:
+    """A parameter's value, a helix such that the whole angle has the sign of the believed one: its size alone counts."""
+    if path != HELIX or model.cutter is None:
+        return value
+    believed = model.cutter.helix_angle
+    return math.copysign(believed + value, -1.0 if believed < 0.0 else 1.0) - believed
+
+
+def too_slow(costs: Sequence[float], iterations: int, goal: float) -> bool:
+    """Whether a descent of so many iterations would not come down to its goal at the best pace of its last ones."""
+    done = len(costs) - 1
+    if done < PACE:
+        return False
+    pace = max(before - after for before, after in itertools.pairwise(costs[-PACE - 1 :]))
+    return costs[-1] - SPARE * pace * (iterations - done) > goal
+
+
+class Fitter:
+    """Records, an engine, and the parameters that are free."""
+
+    def __init__(self, plant: Plant, records: Sequence[Observed], free: Sequence[Free]) -> None:
+        self.plant, self.records = plant, tuple(records)
+        self.unknowns = tuple(free)
+        self.free = tuple(one for one in free if not one.each_record)
+        self.shifting = tuple(one for one in free if one.each_record)
+        self.gradual = any(one.gradual for one in free)
+        self.fits_angle = any(record.cut is not None and record.first_mark is not None for record in records)
+        self.names = (*(one.path for one in self.free), *(("mark_angle",) if self.fits_angle else ()))
+
+    def without(self, path: str) -> Fitter:
+        """The same fit with a parameter, or all of an effect, no longer unknown."""
+        known = [one for one in self.unknowns if path not in (one.path, one.path.partition(".")[0])]
+        return Fitter(self.plant, self.records, known)
+
+    def of_records(self, places: Sequence[int]) -> Fitter:
+        """The same fit to the records at these places alone."""
+        return self.on([self.records[place] for place in places])
+
+    def on(self, records: Sequence[Observed]) -> Fitter:
+        """The same fit to other records."""
+        return Fitter(self.plant, records, self.unknowns)
+
+    @property
+    def steps(self) -> np.ndarray:
+        """Natural steps of the shared unknowns, each in its own unit."""
+        return np.array([*(one.scale for one in self.free), *((ANGLE_STEP,) if self.fits_angle else ())])
+
+    # -- variants of a state -------------------------------------------------------------------------------------------
+
+    def moved(self, state: State, step: np.ndarray) -> State:
+        """The state after a step of the shared unknowns, in natural units, held inside the bounds."""
+        values = {}
+        for one, amount in zip(self.free, step, strict=False):
+            value = _upright(state.model, one.path, state.model.value(one.path) + amount * one.scale)
+            turned = math.remainder(value, 2 * math.pi) if one.periodic else min(max(value, one.bounds[0]), one.bounds[1])
+            values[one.path] = turned
+        angle = state.angle + (step[-1] * ANGLE_STEP if self.fits_angle else 0.0)
+        return replace(state, model=state.model.with_values(values), angle=angle)
+
+    def _own_steps(self, record: Observed, nuisances: Nuisances) -> list[dict[str, float]]:
+        enters = record.cut is not None and not record.starts_in_cut
+        own: list[dict[str, float]] = []
+        for one in reversed(self.unknowns):
+            if one.each_record:
+                own.append({one.path: one.scale})
+            elif one.gradual and enters and {"late_entry": LATE_STEP} not in own:
+                own.append({"late_entry": LATE_STEP})
+        own += [{end: PART_STEP} for end in nuisances.ends_in_arc(self.gradual)]
+        if not record.starts_in_cut:
+            size = record.motion_size
+            own += [{"displacement": size}, {"velocity": size * 2 * math.pi * 100.0}]
+        if record.cut is not None and record.first_mark is None:
+            own += [{"angle": 0.1}, {"speed": 1e-3}]
+        elif record.clock_error is not None:  # held by what the marks know of them, see _held
+            own += [{"angle": record.clock_error[0]}, {"speed": record.clock_error[1]}]
+        return own
+
+    @staticmethod
+    def _nudged(nuisances: Nuisances, change: Mapping[str, float], amount: float, arc: float) -> Nuisances:
+        values: dict[str, Any] = {}
+        for key, size in change.items():
+            if "." in key:
+                nuisances = turned_by(nuisances, key, amount * size)
+            elif key == "late_entry":
+                nuisances = end_moved(nuisances, "entry", amount * size)
+                nuisances = replace(nuisances, entry=min(nuisances.entry, nuisances.exit - 1))
+            elif key in MISSING:
+                moved = end_moved_in_arc(nuisances, key, amount * size, arc)
+                nuisances = moved if moved.entry < moved.exit else nuisances
+            else:
+                values[key] = getattr(nuisances, key) + amount * size
+        if "speed" in values:  # records that fit no cut at all must not turn the spindle back
+            values["speed"] = min(max(values["speed"], SLOWEST), 1.0 / SLOWEST)
+        return replace(nuisances, **values)
+
+    @staticmethod
+    def _held(record: Observed, nuisances: Nuisances) -> np.ndarray:
+        """What the marks say of a record's own clock, as residuals: its angle and speed in units of their errors."""
+        if record.clock_error is None:
+            return np.empty(0)
+        angle = math.remainder(nuisances.angle, 2 * math.pi / record.slots)
+        return np.array([angle / record.clock_error[0], (nuisances.speed - 1.0) / record.clock_error[1]])
+
+    # -- residuals and slopes ------------------------------------------------------------------------------------------
+
+    def _residuals(self, record: Observed, variants: list[tuple[Model, float, Nuisances]],
+                   first: np.ndarray | None = None) -> np.ndarray:  # fmt: skip
+        """Residuals (variants, values), in units of the record's scale. first: see `predict`."""
+        return self._left(record, predict(self.plant, record, variants, first))
+
+    @staticmethod
+    def _left(record: Observed, predicted: np.ndarray) -> np.ndarray:
+        """What predictions (variants, channels, samples) leave of a record: residuals (variants, values)."""
+        far = 1e3 * float(np.ptp(record.data)) + 1e-12  # what diverged is far off, but a number
+        if not (-far <= predicted.min() and predicted.max() <= far):  # a NaN is neither
+            predicted = np.clip(np.nan_to_num(predicted, nan=far, posinf=far, neginf=-far), -far, far)
+        rest = record.project(record.data - predicted)
+        if rest.min() < -BIG or rest.max() > BIG:
+            rest = np.clip(rest, -BIG, BIG)
+        return rest.reshape(len(predicted), -1)
+
+    def _shared_nudge(self, state: State, place: int, step: float) -> tuple[State, float]:
+        """The state with one shared unknown moved by a small step, and the step's sign: down at an upper bound."""
+        unit, sign = np.zeros(len(self.names)), 1.0
+        if place < len(self.free) and not self.free[place].periodic:
+            free = self.free[place]
+            sign = -1.0 if state.model.value(free.path) + step * free.scale > free.bounds[1] else 1.0
+        unit[place] = sign * step
+        return self.moved(state, unit), sign
+
+    def _shared_nudges(self, state: State) -> list[tuple[State, float]]:
+        return [self._shared_nudge(state, place, SLOPE_STEP) for place in range(len(self.names))]
+
+    def linearise(self, index: int, state: State, nudges: Sequence[tuple[State, float]] | None = None,
+                  first: np.ndarray | None = None) -> Linearised:  # fmt: skip
+        """Residual and slopes of one record by forward differences.
+
+        At hand: nudges, of the shared unknowns; first, what is predicted at the state, (1, channels, samples).
+        """
+        record, nuisances = self.records[index], state.nuisances[index]
+        own, arc = self._own_steps(record, nuisances), state.share_in_arc(record)
+        nudges = self._shared_nudges(state) if nudges is None else nudges
+        signs = [sign for _, sign in nudges]
+        variants = [(one.model, one.angle, nuisances) for one in (state, *(other for other, _ in nudges))]
+        variants += [(state.model, state.angle, self._nudged(nuisances, change, SLOPE_STEP, arc)) for change in own]
+        rest = self._residuals(record, variants, first)
+        slopes = (rest[1:] - rest[0]) / SLOPE_STEP
+        slopes[: len(signs)] *= np.array(signs)[:, None]
+        held = self._held(record, nuisances)
+        by_shared, by_own = slopes[: len(self.names)].T, slopes[len(self.names) :].T
+        if len(held):
+            by_own = np.vstack([by_own, np.eye(len(own))[len(own) - len(held) :]])
+        return _linearised(rest[0], by_shared, by_own, held, own)
+
+    def linearise_all(self, state: State, looked: Sequence[Looked] | None = None) -> tuple[Linearised, ...]:
+        """Every record about a state, on threads (the engine lets go of the interpreter). looked: what is known of it there.
+
+        The nudged models are the same objects for all records, so that the engine need not unpack each anew.
+        """
+        nudges, places = self._shared_nudges(state), range(len(self.records))
+        known = [None for _ in places] if looked is None else [one.predicted for one in looked]
+        return threaded(lambda index: self.linearise(index, state, nudges, known[index]), places)
+
+    def look(self, state: State) -> tuple[Looked, ...]:
+        """Every record's prediction and residual at a state."""
+
+        def one(index: int) -> Looked:
+            predicted = predict(self.plant, self.records[index], [(state.model, state.angle, state.nuisances[index])])
+            return Looked(predicted, self._left(self.records[index], predicted)[0])
+
+        return threaded(one, range(len(self.records)))
+
+    def residual_of(self, index: int, state: State) -> np.ndarray:
+        """One record's residual, in units of its scale."""
+        return self._residuals(self.records[index], [(state.model, state.angle, state.nuisances[index])])[0]
+
+    def residuals_of(self, index: int, variants: Sequence[tuple[Model, float, Nuisances]]) -> np.ndarray:
+        """One record's residuals (variants, values) for other models, mark angles and nuisances, and what its marks say."""
+        record = self.records[index]
+        held = [self._held(record, own) for _, _, own in variants]
+        return np.hstack([self._residuals(record, list(variants)), np.array(held)])
+
+    def residuals(self, state: State, indices: Sequence[int] | None = None) -> tuple[np.ndarray, ...]:
+        """Every record's residual, or some records', in units of their scale."""
+        places = range(len(self.records)) if indices is None else indices
+        return threaded(lambda index: self.residual_of(index, state), places)
+
+    def cost(self, state: State, indices: Sequence[int] | None = None) -> float:
+        """Half the sum of squared residuals of all records, or of some, in units of their scale."""
+        places = range(len(self.records)) if indices is None else indices
+        return self._cost_of(self.residuals(state, indices), state, places)
+
+    def _cost_of(self, residuals: Iterable[np.ndarray], state: State, places: Iterable[int]) -> float:
+        held = [self._held(self.records[place], state.nuisances[place]) for place in places]
+        return 0.5 * sum(float(rest @ rest) for rest in (*residuals, *held))
+
+    def with_slopes(
+        self,
+        parts: Sequence[Linearised],
+        state: State,
+        places: Sequence[int],
+        step: float = 1e-3,
+    ) -> tuple[Linearised, ...]:
+        """Residuals at a state, with slopes by the free parameters at `places` computed and all others taken from `parts`.
+
+        Own unknowns that `parts` do not know yet, an effect's shifts, are computed, too.
+        """
+
+        nudges = [self._shared_nudge(state, place, step) for place in places]
+        signs = [sign for _, sign in nudges]
+
+        def one(index: int) -> Linearised:
+            record, nuisances, part = self.records[index], state.nuisances[index], parts[index]
+            own, arc = self._own_steps(record, nuisances), state.share_in_arc(record)
+            new = [change for change in own if not set(change) <= set(part.known)]
+            variants = [(other.model, state.angle, nuisances) for other in (state, *(one for one, _ in nudges))]
+            variants += [(state.model, state.angle, self._nudged(nuisances, change, step, arc)) for change in new]
+            rest = self._residuals(record, variants)
+            shared = np.empty((rest.shape[1], len(self.names)))
+            known = [place for place in range(len(self.names)) if place not in places]
+            shared[:, known] = part.shared[: rest.shape[1]]
+            slopes = (rest[1:] - rest[0]) / step
+            shared[:, list(places)] = (slopes[: len(signs)] * np.array(signs)[:, None]).T
+            held = self._held(record, nuisances)
+            columns = dict(zip(part.known, part.own.T, strict=True))
+            columns |= dict(zip(_names(new), _padded(slopes[len(signs) :].T, len(held)).T, strict=True))
+            by_own = np.array([columns[name] for name in _names(own)]).reshape(-1, rest.shape[1] + len(held)).T
+            return _linearised(rest[0], shared, by_own, held, own)
+
+        return threaded(one, range(len(self.records)))
+
+    # -- steps ---------------------------------------------------------------------------------------------------------
+
+    def step(
+        self,
+        parts: Sequence[Linearised],
+        damping: float,
+        used: Sequence[int] | None = None,
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Damped Gauss-Newton step: (shared unknowns, every record's own unknowns); `used` names the records that count."""
+        shared = len(self.names)
+        normal, gradient = np.zeros((shared, shared)), np.zeros(shared)
+        solved = []
+        for index, part in enumerate(parts):
+            own, cross, pulled, by_shared, steepest = part.products
+            own = own + np.diag(damping * np.diag(own) + 1e-12 * max(1.0, float(np.trace(own))))
+            inverse = np.linalg.pinv(own) if len(own) else own
+            solved.append((inverse, cross, pulled))
+            if used is None or index in used:
+                normal += by_shared - cross.T @ inverse @ cross
+                gradient += steepest - cross.T @ inverse @ pulled
+        full = normal + np.diag(damping * np.diag(normal) + 1e-14 * max(1e-300, float(np.trace(normal))))
+        move = -np.linalg.lstsq(full, gradient, rcond=1e-14)[0]
+        return move, [-inverse @ (pulled + cross @ move) for inverse, cross, pulled in solved]
+
+    def covariance(self, parts: Sequence[Linearised], variance: float = 1.0) -> np.ndarray:
+        """Covariance of the shared unknowns in their own units, for residuals of the given variance.
+
+        What the records do not tell, alone or only together (the offset and angle of a runout of two teeth), has a large one.
+        """
+        normal, whole = np.zeros((len(self.names), len(self.names))), np.zeros(len(self.names))
+        for part in parts:
+            own, cross, _, by_shared, _ = part.products
+            whole += np.diag(by_shared)
+            normal += by_shared - (cross.T @ np.linalg.pinv(own) @ cross if len(own) else 0.0)
+        size = np.sqrt(np.maximum(np.diag(normal), np.maximum(FAINTEST**2, ROUNDED * whole)))
+        values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+        inverse = (vectors / np.maximum(values, COLLINEAR)) @ vectors.T
+        return variance * inverse * np.outer(self.steps / size, self.steps / size)
+
+    def with_own(self, state: State, moves: Sequence[np.ndarray]) -> State:
+        """The state after a step of the records' own unknowns."""
+        changed = []
+        for record, nuisances, move in zip(self.records, state.nuisances, moves, strict=True):
+            arc = state.share_in_arc(record)
+            for change, amount in zip(self._own_steps(record, nuisances), move, strict=True):
+                nuisances = self._nudged(nuisances, change, float(amount), arc)
+            changed.append(nuisances)
+        return replace(state, nuisances=tuple(changed))
+
+    def fit(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5, near: Descent | None = None,
+            goal: float = math.inf) -> WaveformFit:  # fmt: skip
+        """Levenberg-Marquardt from a state, or from where a descent ended that knows the slopes there.
+
+        Converged: the last step lowered the cost by less than `tolerance` of itself, or none, however short, lowers it any
+        more (at a kink of a law, or with an unknown at its bound). goal: see `descend`.
+        """
+        found = self.descend(state, iterations=iterations, tolerance=tolerance, near=near, goal=goal)
+        parts = found.parts if found.anew else self.linearise_all(found.state, found.looked)
+        size = sum(part.residual.size for part in parts)
+        covariance = self.covariance(parts, max(1.0, 2.0 * found.cost / size))
+        residuals = tuple(part.residual[: record.size] for part, record in zip(parts, self.records, strict=True))
+        return WaveformFit(
+            state=found.state, cost=found.cost, parts=parts, converged=found.converged, iterations=found.iterations,
+            residuals=residuals, names=self.names, covariance=covariance,
+        )
+
+    def descend(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5, near: Descent | None = None,
+                goal: float = math.inf) -> Descent:  # fmt: skip
+        """The same, for who asks for no covariance: slopes where it ends are not computed; `near` lends those of a first step.
+
+        Slopes are computed anew after every step: steps with kept slopes cost a tenth, but creep along the valley between
+        the cutting coefficients, and need tens of times as many. goal: the cost from which its end is of any use; a descent
+        is given up once, at its late pace, it would not come to that.
+        """
+        parts, anew = self._first_slopes(state, near)
+        cost = 0.5 * sum(float(part.residual @ part.residual) for part in parts)
+        damping, converged, count, costs = 1e-3, False, 0, [cost]
+        looked: tuple[Looked, ...] | None = None
+        while count < iterations and not converged and not too_slow(costs, iterations, goal):
+            if not anew and count:
+                parts, anew = self.linearise_all(state, looked), True
+            count += 1
+            move, own = self.step(parts, damping)
+            trial = self.with_own(self.moved(state, move), own)
+            seen = self.look(trial)
+            new = self._cost_of((one.residual for one in seen), trial, range(len(seen)))
+            if np.isfinite(new) and new < cost:
+                converged = anew and cost - new < tolerance * cost
+                state, looked, cost, anew, damping = trial, seen, new, False, max(damping / 8.0, 1e-9)
+            elif anew:
+                converged = damping > 1e4 or (np.isfinite(new) and abs(new - cost) < 1e-9 * cost)
+                damping *= 6.0
+            costs.append(cost)
+        return Descent(state=state, cost=cost, parts=parts, anew=anew, converged=converged, iterations=count, looked=looked)
+
+    def _first_slopes(self, state: State, near: Descent | None) -> tuple[tuple[Linearised, ...], bool]:
+        """Residuals and slopes to descend from a state with, and whether the slopes are its own and not lent from near by."""
+        if near is None:
+            return self.linearise_all(state), True
+        if near.anew and near.state is state:
+            return near.parts, True
+        own = [_names(self._own_steps(*each)) for each in zip(self.records, state.nuisances, strict=True)]
+        if own != [part.known for part in near.parts]:
+            return self.linearise_all(state), True
+        held = [self._held(record, own) for record, own in zip(self.records, state.nuisances, strict=True)]
+        rests = [np.append(rest, own) for rest, own in zip(self.residuals(state), held, strict=True)]
+        return tuple(replace(part, residual=rest) for part, rest in zip(near.parts, rests, strict=True)), False

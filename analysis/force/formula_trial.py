@@ -1,0 +1,114 @@
+"""Formulas that a regression prefers, told apart by fits of the whole model to the records.
+
+A regression takes the motion as measured and everything else as linear: neighbouring powers of a displacement then look
+alike, and what the base model made up for tells against the true law. In a fit the wrong one shifts the vibration's phase,
+which runs apart over a record.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from analysis.fit.effect_start import all_free
+from analysis.fit.fit_state import State
+from analysis.fit.model_fit import model_fit
+from analysis.fit.observed import Observed
+from analysis.fit.prediction import Plant
+from analysis.fit.starts import polish
+from analysis.fit.waveform import Fitter
+from analysis.force.explain_force import Explanation, explanations, formula_text
+from analysis.force.latent_force import missing_force
+from analysis.force.trial_law import NAME, trial_law
+from analysis.search.begun_anew import with_examples
+from analysis.search.unheard import SOUND, agreed, misfit
+from testbed.effect import Effect
+from testbed.machine import Model
+
+MOST_TRIALS = 7
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """An explanation with what its formula leaves when it is fitted (see `misfit`), and the fitted state without it."""
+
+    explanation: Explanation
+    misfit: float
+    left: float
+    bare: State
+
+
+@dataclass(frozen=True)
+class Jury:
+    """What every formula is tried with: the engine with a catalogue, the records, the believed model and its effects."""
+
+    plant_of: Callable[[Mapping[str, Effect]], Plant]
+    records: Sequence[Observed]
+    model: Model
+    catalogue: Mapping[str, Effect]
+    say: Callable[[str], None] = lambda text: None
+
+    def likeliest(self, told: Sequence[Explanation]) -> Explanation:
+        """The explanation whose formula, fitted to the records, leaves least. ValueError where nothing was told.
+
+        They are tried in turn until one leaves but noise. A fit leads the model's own parameters nearer to the truth: from
+        there the force is looked for again, and what is then found comes first.
+        """
+        if not told:
+            raise ValueError("no explanation to choose from")
+        if not told[0].formula:
+            return told[0]
+        waiting = [one for one in told if one.formula]
+        known = set(map(_terms, waiting))
+        best, seen_from = self._trial(waiting.pop(0)), None
+        for _ in range(MOST_TRIALS - 1):
+            if best.left <= SOUND:
+                break
+            if best is not seen_from:
+                seen_from = best
+                new = [one for one in self._from(best.bare) if one.formula and _terms(one) not in known]
+                known |= set(map(_terms, new))
+                waiting = [*new, *waiting]
+            if not waiting:
+                break
+            best = min(best, self._trial(waiting.pop(0)), key=lambda one: one.misfit)
+        return self._shortened(best).explanation
+
+    def _shortened(self, best: _Trial) -> _Trial:
+        """The trial of a shorter formula that leaves but noise, too, if there is one.
+
+        A term may only have made up for what the base model's parameters had made up for; from the right ones it is not seen.
+        """
+        terms = len(best.explanation.formula)
+        if terms > 1 and best.left <= SOUND:
+            shorter = next((one for one in self._from(best.bare) if 0 < len(one.formula) < terms), None)
+            trial = self._trial(shorter) if shorter is not None else best
+            return trial if trial.left <= SOUND else best
+        return best
+
+    def _from(self, bare: State) -> list[Explanation]:
+        """What explains the force that the model of a state without a formula lacks."""
+        missing = missing_force(self.plant_of(self.catalogue), self.records, bare, self.catalogue, self.say)
+        return explanations(missing, self.say)
+
+    def _trial(self, explanation: Explanation) -> _Trial:
+        self.say(f"fitting {formula_text(explanation.formula)}")
+        with tempfile.TemporaryDirectory() as folder:
+            wider = {**self.catalogue, NAME: trial_law(explanation, folder)}
+            plant, model = self.plant_of(wider), self.model
+            for name, values in explanation.state.model.effects.items():  # those that the diagnosis has named
+                model = model.with_effect(name, **values)
+            model = with_examples(model, [NAME], wider)
+            fitter = Fitter(plant, self.records, all_free(self.records, model, wider))
+            fitter, fit = agreed(fitter, polish(fitter, explanation.start(NAME)))
+            found = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(NAME))
+            if found.left <= SOUND:
+                return found
+            fitter, fit = agreed(*model_fit(plant, self.records, model, wider))  # the regression's own state may be astray
+        other = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(NAME))
+        return min(found, other, key=lambda one: one.misfit)
+
+
+def _terms(explanation: Explanation) -> frozenset[str]:
+    return frozenset(one.term.name for one in explanation.formula)

@@ -1,0 +1,109 @@
+"""What a simulated run is called: the class of its linear machine, what its samples show, whether a tooth left the work."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from analysis.linear.delay_equation import milling_equation
+from analysis.linear.stability import classify
+from analysis.linear.temporal_elements import characteristic_multipliers, converged_multipliers
+from analysis.multipliers.verdict import once_per_tooth_samples, simulated_verdict
+from testbed.cut import Cut
+from testbed.machine import Model
+from testbed.recording import Recording
+
+_ANGLES = 48  # places in the cut where the surface is followed
+_NOISES = 6.0  # a gap must exceed this many rms of the noise: thousands of looks at a run raise one false alarm in 1e5
+_ELEMENTS, _BORDER = 12, 1e-2
+_LINEAR = 1e-3  # of the chip: what interpolation may feign
+
+
+@dataclass(frozen=True)
+class LinearClass:
+    """Class of the largest multiplier, its modulus per tooth passing period, and its angle (rad, 0 to pi)."""
+
+    stability: str | None
+    modulus: float | None
+    angle: float | None
+
+
+NO_CLASS = LinearClass(None, None, None)
+
+
+def linear_class(multipliers: np.ndarray, period_passes: int = 1) -> LinearClass:
+    """The label of multipliers over `period_passes` tooth passing periods."""
+    values = np.asarray(multipliers, complex)
+    largest = complex(values[np.argmax(np.abs(values))])
+    return LinearClass(classify(values), abs(largest) ** (1.0 / period_passes), abs(math.atan2(largest.imag, largest.real)))
+
+
+def class_of_linear(model: Model, cut: Cut) -> LinearClass:
+    """The label of a machine without effects. Modulus to 1e-4; near the border the elements are refined until they stand."""
+    equation = milling_equation(model, cut)
+    values = characteristic_multipliers(equation, _ELEMENTS)
+    if abs(float(np.abs(values).max()) - 1.0) < _BORDER:
+        values = converged_multipliers(equation)
+    return linear_class(values)
+
+
+def contact_loss_time(recording: Recording, immersion: float, noise: float = 0.0, flutes: int = 1) -> float:
+    """When (s) a tooth first left the work while engaged; NaN if none did.
+
+    The surface is what the highest tooth left at each angle, S <- max(S, feed position + x); a tooth is out where feed
+    position + x falls below it. It follows from the recorded displacement (m), so a gap counts only if it exceeds six
+    rms of the noise, `noise` (m). The nominal edges are taken: teeth that run out are not told from motion.
+    Needs `pass_times` and the conditions `feed_per_tooth`, `idle_passes` and `passes`. ValueError without displacement.
+    """
+    if "displacement" not in recording.channels:
+        raise ValueError("contact is found from the displacement, which was not recorded")
+    known = recording.conditions
+    first, last = int(known["idle_passes"]), int(known["idle_passes"]) + int(known["passes"])
+    begins = recording.pass_times[first:last + 1]
+    values = np.asarray(recording.channels["displacement"], float)
+    if begins.size < 3 or values.size < 4 or not np.isfinite(values).all():
+        return math.nan
+    times = begins[:-1, None] + np.linspace(0.0, 1.0, _ANGLES) * immersion * flutes * np.diff(begins)[:, None]
+    times = times[times[:, -1] <= recording.time[-1]]
+    if not len(times):
+        return math.nan
+    feed = float(known["feed_per_tooth"])
+    edge = feed * np.arange(len(times))[:, None] + CubicSpline(recording.time, values)(times)
+    surface = np.maximum.accumulate(edge, axis=0)
+    gap = surface[:-1] - edge[1:]
+    lost = gap > math.sqrt(2.0) * _NOISES * noise + _LINEAR * feed
+    return float(times[1:][lost].min()) if lost.any() else math.nan
+
+
+def labels(recording: Recording, linear: LinearClass, immersion: float, noise: float,
+           effects: tuple[str, ...]) -> Mapping[str, Any]:
+    """All label columns of a run. immersion: of the true machine; noise (m): rms of the displacement's sensor."""
+    try:
+        when: float | None = contact_loss_time(recording, immersion, noise, int(recording.conditions["flutes"]))
+    except ValueError:
+        when = None
+    lost = None if when is None else not math.isnan(when)
+    return {"stability": linear.stability, "largest_multiplier_modulus": linear.modulus,
+            "largest_multiplier_angle": linear.angle, "behaviour": observed(recording, noise), "contact_loss": lost,
+            "contact_loss_time": when if lost else None, "effects": sorted(effects)}
+
+
+def observed(recording: Recording, noise: float) -> str:
+    """The samples' verdict on the cut alone; undecided where the run is too short, broken off or has no marks."""
+    known, passes = recording.conditions, recording.pass_times
+    first, last = int(known["idle_passes"]), int(known["idle_passes"]) + int(known["passes"])
+    if "displacement" not in recording.channels or len(recording) < 8 or passes.size <= last:
+        return "undecided"
+    cut = {"entry_time": float(passes[first]), "exit_time": float(passes[last])}
+    flutes = int(known["flutes"])
+    marks = recording.marks if recording.marks.size >= 3 else passes[::flutes]
+    timed = replace(recording, marks=marks, conditions={**known, **cut})
+    try:
+        return simulated_verdict(once_per_tooth_samples(timed, flutes), noise).outcome
+    except (ValueError, IndexError):
+        return "undecided"

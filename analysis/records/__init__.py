@@ -1,0 +1,1 @@
+"""What a recording says by itself: segments, noise, lines, free decays, marks, and the report of `testbed inspect`."""

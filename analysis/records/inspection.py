@@ -1,0 +1,120 @@
+"""What was read, before anything is fitted: a campaign, a data set or a bare file, record by record."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis.records.record_report import RecordReport, report
+from testbed.campaign import load_campaign
+from testbed.problem import InputProblem
+from testbed.readers import checks, read_table
+from testbed.readers.table import Table
+from testbed.readers.timebase import TimeBase, from_column, looks_like_time
+from testbed.recording import Recording
+from testbed.shards import NOTE
+
+_MANIFESTS = (".yaml", ".yml")
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """All records of a campaign, a data set or a bare file. total: how many it has, where not all were looked at."""
+
+    name: str
+    path: Path
+    records: tuple[RecordReport, ...]
+    total: int
+    columns: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def as_json(self) -> dict[str, Any]:
+        """SI values, for `--json`."""
+        return {
+            "name": self.name,
+            "file": str(self.path),
+            "total": self.total,
+            "columns": dict(self.columns),
+            "notes": list(self.notes),
+            "records": [record.as_json() for record in self.records],
+        }
+
+
+def inspect(
+    path: str | Path, *, folder: str | Path | None = None, sampling_rate: float | None = None, most: int = 12
+) -> Inspection:
+    """Look over a campaign.yaml, a data set of `testbed run` (a file or a folder of shards), or a bare file of any format.
+
+    folder: where a campaign's files are. sampling_rate (Hz): of a bare file that states none. most: records of a data
+    set to look at. Raises InputProblem.
+    """
+    path = Path(path)
+    if path.suffix.lower() in _MANIFESTS:
+        campaign = load_campaign(path, folder)
+        reports = tuple(report(record.recording, record.name, record.kind, record.notes) for record in campaign.records)
+        return Inspection(campaign.name, path, reports, len(reports))
+    from testbed.data_set import is_data_set, read_data_set
+
+    if is_data_set(path) or (path / NOTE).is_file():  # a file, or a folder of shards, also an unfinished one, which says so
+        data = read_data_set(path)
+        some = itertools.islice(data.recordings(0, most), most)
+        reports = tuple(
+            report(recording, f"run {recording.conditions.get('run', index)}", "cut", ())
+            for index, recording in enumerate(some)
+        )
+        return Inspection(data.name, path, reports, len(data))
+    return _bare(path, sampling_rate)
+
+
+def _bare(path: Path, sampling_rate: float | None) -> Inspection:
+    """A file without a manifest: its columns as they are, and their time if the file gives one."""
+    table = read_table(path)
+    columns = {name: table.units.get(name, "") for name in table.columns}
+    base, label, notes = _bare_time(table, sampling_rate)
+    if base is None:
+        return Inspection(path.stem, path, (), 0, columns, (*table.notes, *notes))
+    channels = {name: values for name, values in _same_length(table) if name != label and np.isfinite(values).all()}
+    skipped = [name for name in table.columns if name not in channels and name != label]
+    if skipped:
+        notes.append(f"not looked at, for empty fields or another length: {', '.join(skipped)}")
+    if not channels:
+        return Inspection(path.stem, path, (), 0, columns, (*table.notes, *notes))
+    recording = Recording(
+        channels, base.sampling_rate, {name: columns[name] for name in channels}, "measured", start=base.start
+    )
+    more = [note for name, values in channels.items() for note in checks.channel_notes(name, values)]
+    whole = report(recording, path.stem, "file", tuple(more))
+    return Inspection(path.stem, path, (whole,), 1, columns, (*table.notes, *notes, *base.notes))
+
+
+def _same_length(table: Table) -> Iterator[tuple[str, np.ndarray]]:
+    longest = max(len(values) for values in table.columns.values())
+    return ((name, values) for name, values in table.columns.items() if len(values) == longest)
+
+
+def _bare_time(table: Table, stated: float | None) -> tuple[TimeBase | None, str | None, list[str]]:
+    """Time base, the time column's name and notes; None where nothing says what the time is."""
+    label = table.time_column()
+    if stated is not None:
+        return TimeBase(stated, 0.0), label, []
+    if label is not None:
+        factor = {"ms": 1e-3, "us": 1e-6, "min": 60.0}.get(table.units.get(label, ""), 1.0)
+        try:
+            return from_column(table.path, table.columns[label] * factor, label), label, []
+        except InputProblem as problem:
+            return None, label, [f"{problem.what}: {problem.do}"]
+    if table.sampling_rate is not None:
+        return TimeBase(table.sampling_rate, 0.0, ("the sampling rate was taken from the file",)), None, []
+    first = next(iter(table.columns))
+    step = looks_like_time(table.columns[first])
+    if step is not None and step < 0.05 and len(table.columns) > 1:
+        base = from_column(table.path, table.columns[first], first)
+        taken = f"taken for time in s, {base.sampling_rate:.7g} Hz; say so in a campaign.yaml"
+        note = f"column '{first}' rises evenly by {step:.6g}: {taken}"
+        return base, first, [note]
+    return None, None, ["nothing says what the sampling rate is: give --rate, or a campaign.yaml"]

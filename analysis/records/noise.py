@@ -1,0 +1,106 @@
+"""How loud a sensor is by itself: from idling, else from repeated revolutions, else from what is no smooth motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from analysis.records.free_decay import fit_free_decay, spectral_peak
+from analysis.records.hum import MAINS
+from analysis.records.periods import period_changes
+from analysis.records.segments import Segment, main_channel, revolution_period, white_noise
+from testbed.recording import Recording
+
+PAIRED = 1.5  # samples that count as one: of changes between neighbours, which are correlated by -1/2
+SAME_VALUE = 1e-9  # of a channel's range, within which two values are one step of its converter
+FOURTH = 2.63  # of fourth differences: the sum of their squared autocorrelations, (70, -56, 28, -8, 1) / 70
+Basis = Literal["idle", "repeated periods", "high-frequency residual"]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """rms of a channel's noise in the channel's unit, and what it was read from.
+
+    doubt: standard error of the rms over the rms, as for white noise: over few samples it is a few per cent.
+    """
+
+    rms: float
+    basis: Basis
+    channel: str
+    doubt: float = 0.0
+
+
+def samples_of(recording: Recording, segment: Segment) -> slice:
+    """The samples of a segment."""
+    first = round((segment.start - recording.start) * recording.sampling_rate)
+    last = round((segment.stop - recording.start) * recording.sampling_rate)
+    return slice(max(0, first), min(len(recording), last))
+
+
+def noise_floor(recording: Recording, segments: Sequence[Segment], channel: str | None = None) -> Noise:
+    """Noise of a channel, its own unit.
+
+    idle: rms about a straight line, a revolution at a time, so that drift does not count. repeated periods: rms of the
+    change from one revolution to the next over sqrt(2), median over steady cutting, taken only where the cut repeats
+    itself (not in chatter). high-frequency residual: fourth differences, which see white noise only.
+    """
+    name = channel or main_channel(recording)
+    values = np.asarray(recording.channels[name], dtype=float)
+    period = revolution_period(recording)
+    turn = (period or 64 / recording.sampling_rate) * recording.sampling_rate
+    idle = [values[samples_of(recording, segment)] for segment in segments if segment.kind == "idle"]
+    longest = max(idle, key=len, default=np.empty(0))
+    if len(longest) > max(3 * turn, 64):
+        margin = int(min(turn, len(longest) / 8))
+        quiet = longest[margin : len(longest) - margin]
+        rms = _about_lines(quiet, max(64, int(2 * turn)))
+        return Noise(min(rms, _beside_ringing(quiet, recording.sampling_rate, rms)), "idle", name, _doubt(len(quiet)))
+    steady = [values[samples_of(recording, segment)] for segment in segments if segment.kind == "steady"]
+    longest = max(steady, key=len, default=np.empty(0))
+    white = white_noise(values)
+    if period and len(longest) > 6 * turn:
+        change, level = period_changes(longest, turn)
+        rms = float(np.median(change) / np.sqrt(2))
+        if rms < 0.25 * float(np.median(level)):
+            return Noise(rms, "repeated periods", name, _doubt(len(longest), PAIRED))
+    return Noise(white, "high-frequency residual", name, _doubt(len(values), FOURTH))
+
+
+def rounding(values: np.ndarray) -> float:
+    """rms error of rounding to the converter's step, its own unit: what noise cannot be below, however quiet the idle."""
+    steps = np.diff(np.unique(values))
+    steps = steps[steps > SAME_VALUE * float(np.ptp(values))]
+    return float(steps.min()) / math.sqrt(12.0) if len(steps) else 0.0
+
+
+def _doubt(samples: int, lost: float = 1.0) -> float:
+    """Standard error of an rms over itself, from white samples; `lost` of them count as one."""
+    return math.sqrt(lost / (2.0 * max(samples, 1)))
+
+
+def _beside_ringing(values: np.ndarray, rate: float, rms: float) -> float:
+    """rms of what a single free vibration leaves of idling, where it leaves only white noise; else `rms`.
+
+    A structure that was pushed before the record still rings while idling: that is motion, not noise. Hum stays.
+    """
+    fit = fit_free_decay(values, 0, spectral_peak(values))
+    if fit is None or fit.rest > 0.98 * rms or fit.rest > 1.3 * max(white_noise(values), rounding(values)):
+        return rms
+    frequency = fit.frequency * rate
+    mains = any(abs(frequency - base * round(frequency / base)) < 1.5 * rate / len(values) for base in MAINS)
+    return rms if mains and abs(fit.decay) * len(values) < 0.1 else fit.rest
+
+
+def _about_lines(values: np.ndarray, length: int) -> float:
+    """Root of the mean square about straight lines of `length` samples, corrected for the two numbers of each line."""
+    length = min(length, len(values))
+    count = len(values) // length
+    rows = values[: count * length].reshape(count, length)
+    time = np.arange(length) - 0.5 * (length - 1)
+    rows = rows - rows.mean(axis=1, keepdims=True)
+    squares = (rows**2).sum(axis=1) - (rows @ time) ** 2 / (time @ time)
+    return float(np.sqrt(np.maximum(squares, 0.0).mean() / max(1, length - 2)))

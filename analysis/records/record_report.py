@@ -1,0 +1,225 @@
+"""One record looked over: its channels, the speed found, its segments, noise and lines, and what is doubtful."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from analysis.records.chatter import LineTrack, chatter_track
+from analysis.records.lines import SpectralLine, comb_speed, spectral_lines
+from analysis.records.noise import Noise, noise_floor, samples_of
+from analysis.records.segments import Segment, find_segments, main_channel
+from testbed.readers import checks
+from testbed.readers.tachometer import speed as marks_speed
+from testbed.recording import Recording
+
+
+@dataclass(frozen=True)
+class ChannelReport:
+    """Range of one channel in its unit, and how many samples are clipped."""
+
+    unit: str
+    low: float
+    high: float
+    rms: float
+    clipped: int
+
+
+@dataclass(frozen=True)
+class RecordReport:
+    """One record looked over. Times in s, speeds in rad/s; speed_basis says what `speed_found` was read from."""
+
+    name: str
+    kind: str
+    recording: Recording
+    channels: Mapping[str, ChannelReport]
+    conditions: Mapping[str, Any]
+    speed_found: float | None
+    speed_basis: str
+    segments: tuple[Segment, ...]
+    noise: Noise | None
+    lines: tuple[SpectralLine, ...]
+    dropped: int
+    repeated: int
+    notes: tuple[str, ...]
+    chatter: LineTrack | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """SI values, for `--json`."""
+        recording = self.recording
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "origin": recording.origin,
+            "samples": len(recording),
+            "sampling_rate": recording.sampling_rate,
+            "start": recording.start,
+            "duration": len(recording) / recording.sampling_rate,
+            "outcome": recording.outcome,
+            "conditions": {
+                key: value for key, value in self.conditions.items() if isinstance(value, (int, float, str))
+            },
+            "channels": {
+                name: {
+                    "unit": channel.unit,
+                    "min": channel.low,
+                    "max": channel.high,
+                    "rms": channel.rms,
+                    "clipped": channel.clipped,
+                }
+                for name, channel in self.channels.items()
+            },
+            "speed": {
+                "nominal": self.conditions.get("spindle_speed"),
+                "found": self.speed_found,
+                "basis": self.speed_basis,
+                "marks": len(recording.marks),
+            },
+            "segments": [{"kind": part.kind, "start": part.start, "stop": part.stop} for part in self.segments],
+            "noise_floor": None
+            if self.noise is None
+            else {"rms": self.noise.rms, "basis": self.noise.basis, "channel": self.noise.channel},
+            "lines": [
+                {"frequency": line.frequency, "amplitude": line.amplitude, "kind": line.kind, "order": line.order}
+                for line in self.lines
+            ],
+            "chatter_line": None if self.chatter is None else self.chatter.as_json(),
+            "dropped_samples": self.dropped,
+            "repeated_samples": self.repeated,
+            "notes": list(self.notes),
+        }
+
+
+def report(recording: Recording, name: str, kind: str, notes: tuple[str, ...]) -> RecordReport:
+    """One record looked over; a run that diverged is described but not segmented."""
+    recording, more = _finite(recording)
+    channel = main_channel(recording)
+    channels = {
+        label: _channel(label, np.asarray(values), recording.units[label])
+        for label, values in recording.channels.items()
+    }
+    conditions = recording.conditions
+    if recording.outcome != "ok" or len(recording) < 64:
+        return RecordReport(
+            name, kind, recording, channels, conditions, None, "none", (), None, (), 0, 0, (*notes, *more)
+        )
+    segments = find_segments(recording, kind=kind) if kind != "file" else ()
+    noise = noise_floor(recording, segments) if kind != "excited" else None
+    found, basis = _speed(recording, segments, channel)
+    if basis not in ("tachometer", "none"):
+        more += checks.speed_notes(conditions.get("spindle_speed"), found, basis)
+    lines = _lines(recording, segments, channel, found)
+    if kind == "cut" and not any(part.kind == "steady" for part in segments):
+        more.append("the cut never settles: it grows (chatter), or it is too short")
+    if noise is not None and noise.basis == "high-frequency residual":
+        more.append(
+            "no idling and no repeating cut: the noise floor is a high-frequency residual, which sees white noise only"
+        )
+    return RecordReport(
+        name,
+        kind,
+        recording,
+        channels,
+        conditions,
+        found,
+        basis,
+        segments,
+        noise,
+        lines,
+        int(conditions.get("dropped_samples", 0)),
+        int(conditions.get("repeated_samples", 0)),
+        (*notes, *more),
+        _chatter(recording, segments, channel, lines) if kind == "cut" and found is not None else None,
+    )
+
+
+def _chatter(
+    recording: Recording, segments: tuple[Segment, ...], channel: str, lines: tuple[SpectralLine, ...]
+) -> LineTrack | None:
+    """The chatter line of a cut whose speed is known: without it no line can be told from the tooth's passing."""
+    steady = [part for part in segments if part.kind == "steady"]
+    if not steady:
+        return None
+    longest = max(steady, key=lambda part: part.duration)
+    values, middle = np.asarray(recording.channels[channel]), 0.5 * (longest.start + longest.stop)
+    return chatter_track(values, recording.sampling_rate, lines, middle, recording.start)
+
+
+def _finite(recording: Recording) -> tuple[Recording, list[str]]:
+    """A simulated record up to its first sample that was not recorded."""
+    missing = [np.flatnonzero(~np.isfinite(values)) for values in recording.channels.values()]
+    first = min((int(places[0]) for places in missing if len(places)), default=len(recording))
+    if first == len(recording):
+        return recording, []
+    kept = {name: values[: max(first, 1)] for name, values in recording.channels.items()}
+    return replace(recording, channels=kept), [f"the run ended ({recording.outcome}) after {first} samples"]
+
+
+def _channel(name: str, values: np.ndarray, unit: str) -> ChannelReport:
+    stuck = 0 if name.startswith("tachometer") else checks.clipped(values)
+    return ChannelReport(unit, float(values.min()), float(values.max()), float(values.std()), stuck)
+
+
+def _speed(recording: Recording, segments: tuple[Segment, ...], channel: str) -> tuple[float | None, str]:
+    """Spindle speed (rad/s) and where it comes from: the tachometer, else the spacing of spectral lines."""
+    found = marks_speed(recording.marks)
+    if found is not None:
+        return found, "tachometer"
+    nominal = recording.conditions.get("spindle_speed")
+    cutting = [part for part in segments if part.kind == "steady"] or [
+        part for part in segments if part.kind == "entry"
+    ]
+    if not nominal or not cutting:
+        return None, "none"
+    values = np.asarray(recording.channels[channel])
+    longest = max(cutting, key=lambda part: part.duration)
+    flutes = int(recording.conditions.get("flutes", 1))
+    comb = comb_speed(
+        values[samples_of(recording, longest)],
+        recording.sampling_rate,
+        nominal,
+        flutes,
+        idle=_idle(recording, segments, values),
+    )
+    if comb is None:
+        return None, "none"
+    # what one spectrum cannot resolve is no contradiction
+    if abs(comb.spindle_speed - nominal) < 2 * math.pi * 0.5 / (longest.duration * flutes):
+        return nominal if abs(comb.spindle_speed / nominal - 1) < 1e-4 else comb.spindle_speed, comb.basis
+    return comb.spindle_speed, comb.basis
+
+
+def _idle(recording: Recording, segments: tuple[Segment, ...], values: np.ndarray) -> np.ndarray | None:
+    idle = [part for part in segments if part.kind == "idle"]
+    return values[samples_of(recording, max(idle, key=lambda part: part.duration))] if idle else None
+
+
+def _lines(
+    recording: Recording, segments: tuple[Segment, ...], channel: str, speed: float | None
+) -> tuple[SpectralLine, ...]:
+    """The strongest lines of steady cutting, else of the whole record; its ring-down gives the natural frequency."""
+    values = np.asarray(recording.channels[channel])
+    parts = {part.kind: part for part in sorted(segments, key=lambda part: part.duration)}
+    chosen = parts.get("steady") or parts.get("ring-down")
+    idle = _idle(recording, segments, values)
+    natural: list[float] = []
+    ring = parts.get("ring-down")
+    if ring is not None and ring.duration * recording.sampling_rate > 256:
+        strongest = spectral_lines(values[samples_of(recording, ring)], recording.sampling_rate, idle=idle, count=1)
+        natural = [line.frequency for line in strongest]
+    part = values[samples_of(recording, chosen)] if chosen else values
+    if len(part) < 256:
+        return ()
+    return spectral_lines(
+        part,
+        recording.sampling_rate,
+        spindle_speed=speed,
+        flutes=int(recording.conditions.get("flutes", 1)),
+        natural_frequencies=natural,
+        idle=idle,
+        count=12,
+    )

@@ -1,0 +1,194 @@
+"""Add an effect to a model, refit everything to the campaign, and say what that did to the error on held-out records."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Container, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from analysis.estimate import Estimate
+from analysis.fit.effect_start import ANCHOR, applicable, extended, origins_of, state_without
+from analysis.fit.estimates import at_bound, estimates
+from analysis.fit.fine_steps import finely, has_kinks
+from analysis.fit.fit_state import State, WaveformFit
+from analysis.fit.force_jumps import at_its_jumps
+from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled
+from analysis.fit.length_cut import length_note
+from analysis.fit.model_fit import model_fit
+from analysis.fit.observed import Observed
+from analysis.fit.prediction import Plant
+from analysis.fit.spindle_speed import at_modelled_speed
+from analysis.fit.starts import at_a_bound, polish
+from analysis.fit.swing_start import marks_show
+from analysis.fit.switched import switch_note
+from analysis.fit.waveform import Fitter
+from analysis.search.begun_anew import with_examples
+from analysis.search.candidate_round import candidate_of, with_effect
+from analysis.search.diagnosis import ADEQUATE, Candidate, judged_on
+from analysis.search.unheard import SOUND, agreed, misfit
+from testbed.effect import Effect
+from testbed.machine import Model
+
+FURTHER = 60  # iterations more of a fit with the effect that has not converged
+WIDE = 0.5  # half an interval over its value from which the value is called poorly known
+
+
+@dataclass(frozen=True)
+class Addition:
+    """The model with the effect, held-out errors without and with it, parameters with intervals, and warnings.
+
+    fit: with the effect; bare: the fit before, without it, on the same records. unheard: names of records without a say in
+    the fit with the effect. at_bound: parameters that ended where the range searched ends.
+    """
+
+    effect: str
+    model: Model
+    before: float
+    after: float
+    noise_floor: float
+    records_before: tuple[RecordError, ...]
+    records_after: tuple[RecordError, ...]
+    held_out: bool
+    parameters: Mapping[str, Estimate]
+    converged: bool
+    warnings: tuple[str, ...]
+    fit: WaveformFit
+    bare: WaveformFit
+    unheard: tuple[str, ...] = ()
+    at_bound: tuple[str, ...] = ()
+
+    def heard(self) -> tuple[float, float, float]:
+        """(error before, error after, noise floor) over the records that had a say in the fit."""
+        before, after = ([one for one in some if one.name not in self.unheard]
+                         for some in (self.records_before, self.records_after))
+        return pooled(before)[0], *pooled(after)
+
+
+def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: Effect, catalogue: Mapping[str, Effect],
+               say: Callable[[str], None] = lambda text: None) -> Addition:
+    """Fit the model without and with the effect, all parameters jointly, from several starts.
+
+    ValueError where no record could show the effect.
+    """
+    if not applicable(effect, records):
+        raise ValueError(f"no record can show {effect.name}: it acts in the cut, and nothing is cut")
+    records = at_modelled_speed(records, [*model.effects, effect.name], {**catalogue, effect.name: effect})
+    say("fitting the model as it is")
+    fitter, fit = model_fit(plant, records, model, catalogue)
+    bare = candidate_of(fitter, fit, (), None, 1.0)
+    before = bare.errors
+    say(f"fitting with {effect.name}")
+    wider, with_it = _best_fit_with(plant, model, {**catalogue, effect.name: effect}, effect, bare, say)
+    if not with_it.converged:
+        with_it = min(with_it, wider.fit(with_it.state, iterations=FURTHER), key=lambda one: one.cost)
+    say("looking again for a fit without it")
+    again = polish(fitter, state_without(with_it.state, effect.name, {effect.name: effect}), rounds=1, iterations=8)
+    if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
+        fit, before = again, tuple(held_out_errors(fitter, again))
+    after = held_out_errors(wider, with_it)
+    found = estimates(wider, with_it, catalogue)
+    result = Addition(effect.name, with_it.state.model, pooled(before)[0], pooled(after)[0], pooled(after)[1],
+                      before, tuple(after), holds_out(records), found, with_it.converged, (), with_it, fit,
+                      tuple(record.name for record in wider.records if not record.heard), at_bound(wider.free, found))
+    return replace(result, warnings=(*_warnings(result, wider, catalogue), *length_note(records, wider.records)))
+
+
+def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
+                   say: Callable[[str], None]) -> tuple[Fitter, WaveformFit]:
+    """The fit with the effect; where it leaves more than noise, the one from the believed machine if that explains more.
+
+    What the model without a strong effect made up for can lead every start from its fit astray.
+    """
+    assert bare.fitter is not None
+    records = bare.fitter.records
+
+    def anew(turned: Container[str] = ()) -> tuple[Fitter, WaveformFit]:
+        return agreed(*model_fit(plant, records, with_examples(model, [effect.name], catalogue, turned), catalogue))
+
+    if marks_show(effect, records):
+        return anew()
+    found = agreed(*at_its_jumps(*_fit_with(plant, model, catalogue, effect, bare, say)))
+    before, (likelihood, left) = pooled(bare.errors), misfit(*found)
+    doubtful = before[0] > ANCHOR * before[1] or at_a_bound(found[0].free, found[1].state.model)
+    if left <= SOUND or not doubtful:
+        return found
+    say(f"fitting with {effect.name} from the believed machine")
+    other = anew()
+    if misfit(*other)[1] > SOUND and effect.other_side() is not None:
+        other = min(other, anew([effect.name]), key=lambda one: misfit(*one)[0])
+    return other if misfit(*other)[0] < likelihood else found
+
+
+def _fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
+              say: Callable[[str], None]) -> tuple[Fitter, WaveformFit]:
+    """The fit with the effect; never worse than without, since at its neutral values it contains that."""
+    assert bare.fitter is not None and bare.fit is not None
+    fitter, fit = bare.fitter, bare.fit
+    error, noise = pooled(bare.errors)
+    origins = origins_of(plant, model, fitter, fit, anchored=error > ANCHOR * noise)
+    tried = with_effect(bare, effect.name, catalogue, origins, say)
+    wider = extended(fitter if tried.fitter is None else fitter.on(tried.fitter.records), effect)
+    if tried.fit is None or effect.name not in tried.fit.state.model.effects:
+        found = polish(wider, _with_neutral(fit.state, effect))
+    else:
+        found = tried.fit
+    if found.cost > fit.cost and any(parameter.vanishes for parameter in effect.parameters):
+        nested = polish(wider, _with_neutral(fit.state, effect))
+        found = min(found, nested, key=lambda one: one.cost)
+    if has_kinks([*model.effects, effect.name], catalogue):
+        return finely(wider, found, catalogue)
+    return wider, found
+
+
+def _with_neutral(state: State, effect: Effect) -> State:
+    values = {one.name: one.neutral if one.vanishes else (one.example if one.start is None else one.start)
+              for one in effect.parameters}
+    return replace(state, model=state.model.with_effect(effect.name, **values))
+
+
+def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect]) -> list[str]:
+    """What the data do not determine, in sentences."""
+    said = []
+    before, after, noise = result.heard()
+    if names := result.unheard:
+        said.append(f"{', '.join(names)}: not followed by a model that explains all other records down to their noise, and so "
+                    "without a say in the fit (chaotic, disturbed, or alone in showing what else is missing); over the others "
+                    f"the error goes from {before:.4f} to {after:.4f} (noise floor {noise:.4f})")
+    if not result.converged:
+        said.append("the fit did not converge: the values are those of its last step")
+    if after > before * (1 - 1e-3):
+        said.append(f"{result.effect} does not lower the error {judged_on(result.held_out)}: nothing speaks for it")
+    bounds = {one.path: one.bounds for one in fitter.free}
+    for path, one in result.parameters.items():
+        name, _, parameter = path.partition(".")
+        low, high = bounds[path]
+        half = 0.5 * (one.high - one.low)
+        nothing = half <= 0.0 or not math.isfinite(half) or (one.low <= low and one.high >= high)
+        if parameter and not nothing:
+            known = catalogue[name].parameter(parameter)
+            if known.vanishes and one.low <= known.neutral <= one.high:
+                said.append(f"{path} cannot be told from {known.neutral:g}, where {name} vanishes")
+                continue
+        if nothing:
+            said.append(f"{path} has no influence on these records, or only together with others: its value is a guess")
+        elif one.low <= low or one.high >= high:
+            said.append(f"the interval of {path} reaches the bound of what the law allows")
+        elif half > WIDE * abs(one.value):
+            said.append(f"{path} is poorly known: +-{half:.3g} {one.unit} on {one.value:.3g} {one.unit}")
+    if after > ADEQUATE * noise:
+        said += switch_note(fitter, result.fit.state, catalogue)
+    return said
+
+
+def as_json(result: Addition) -> dict[str, Any]:
+    """The answer of `testbed add --json`, SI values."""
+    return {
+        "effect": result.effect,
+        "error": {"before": result.before, "after": result.after}, "noise_floor": result.noise_floor,
+        "records": [{"name": one.name, "before": one.error, "after": other.error, "noise_floor": other.noise_floor,
+                     "held_out": result.held_out}
+                    for one, other in zip(result.records_before, result.records_after, strict=True)],
+        "parameters": {path: one.as_json() for path, one in result.parameters.items()},
+        "converged": result.converged, "at_bound": list(result.at_bound), "warnings": list(result.warnings),
+    }

@@ -1,0 +1,151 @@
+"""A look at every effect alone from the believed machine, which no fit of a wrong model has bent.
+
+The fit of the base model has already made up for a strong effect (an immersion far off by the cutting coefficients and the
+tooth's angle), so that from there another effect may seem the strongest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+
+from analysis.fit.effect_start import all_free, applicable
+from analysis.fit.fit_state import Free
+from analysis.fit.held_out import pooled
+from analysis.fit.starts import glance, opening_fit, structure_start
+from analysis.search.begun_anew import explaining, from_believed, with_examples
+from analysis.search.candidate_round import shifts_in_time
+from analysis.search.diagnosis import COMPLETE, Candidate
+from analysis.threads import threaded
+from testbed.effect import Effect
+from testbed.machine import Model
+
+LIKELY = 4  # effects whose openings are fitted from several starts
+RIVAL = 1.2  # times the cost of the openings with the best effect, up to which another may explain the records as well
+
+
+class BelievedLook:
+    """The believed machine with effects at their examples, fitted to the records of the base fit; nothing is fitted twice."""
+
+    def __init__(self, base: Candidate, model: Model, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> None:
+        assert base.fitter is not None
+        self.base, self.model, self.catalogue, self.say = base, model, catalogue, say
+        self.plant, self.records = base.fitter.plant, base.fitter.records
+        self._costs: dict[tuple[str, ...], float] = {}
+        self._fits: dict[tuple[str, ...], Candidate] = {}
+        self._alone: tuple[Candidate, ...] | None = None
+        self._turned: set[str] = set()  # effects that explain more on the other side of neutral than their example is on
+
+    @cached_property
+    def every(self) -> tuple[str, ...]:
+        """Effects that a search could begin with, but for those whose phase every record has for itself.
+
+        What recurs in time bends no coefficient that a cut is entered with. None where nothing is cut.
+        """
+        cut = any(record.cut is not None for record in self.records)
+        present = set(self.model.effects)
+        return tuple(
+            name
+            for name, effect in self.catalogue.items()
+            if cut and name not in present and applicable(effect, self.records, present)
+            and effect.parameters and not any(one.each_record for one in effect.parameters)
+        )  # fmt: skip
+
+    @cached_property
+    def _likely(self) -> list[str]:
+        """Effects that explain most of the openings, the best first."""
+        if not self.every:
+            return []
+        self.say("much is left: looking at every effect from the believed machine")
+        costs = dict(zip(self.every, threaded(self._glanced, self.every), strict=True))
+        likely = sorted(self.every, key=lambda name: costs[name])[:LIKELY]
+        self._open([(name,) for name in likely[1:]], RIVAL * self.opened(likely[0]))
+        return sorted(likely, key=self.opened)
+
+    @property
+    def leader(self) -> str | None:
+        """The effect whose openings are explained best; None where none can be asked about."""
+        return self._likely[0] if self._likely else None
+
+    @cached_property
+    def _started(self) -> Model:
+        return structure_start(self.records, self.model)
+
+    def _begun(self, names: Sequence[str]) -> tuple[Model, list[Free]]:
+        """The believed machine with these effects, its structure as free decays show it; and what is unknown of it."""
+        free = all_free(self.records, with_examples(self.model, names, self.catalogue), self.catalogue)
+        return with_examples(self._started, names, self.catalogue, self._turned), free
+
+    def _glanced(self, name: str) -> float:
+        """The cost of a short fit, on the side of neutral on which it is less."""
+        self.say(f"{name} from the believed machine")
+        cost = glance(self.plant, self.records, *self._begun([name]))
+        if self.catalogue[name].other_side() is None:
+            return cost
+        self._turned.add(name)
+        other = glance(self.plant, self.records, *self._begun([name]))
+        if not other < cost:
+            self._turned.discard(name)
+        return min(cost, other)
+
+    def opened(self, *names: str) -> float:
+        """The cost of a fit of these effects to the openings, from several starts."""
+        if names not in self._costs:
+            self._costs[names] = self._opening(names, math.inf)
+        return self._costs[names]
+
+    def _opening(self, names: Sequence[str], goal: float) -> float:
+        self.say(f"{' and '.join(names)} from the believed machine, the openings")
+        return opening_fit(self.plant, self.records, *self._begun(names), goal=goal).cost
+
+    def _open(self, sets: Sequence[tuple[str, ...]], goal: float) -> None:
+        """Open sets of effects; those that do not come to the goal are given up above it."""
+        self._costs |= dict(zip(sets, threaded(lambda names: self._opening(names, goal), sets), strict=True))
+
+    def fitted(self, *names: str) -> Candidate:
+        """These effects fitted to the whole records; their gain in BIC counts as none."""
+        found = self._fitted(names, math.inf)
+        assert found is not None
+        return found
+
+    def _fitted(self, names: tuple[str, ...], goal: float) -> Candidate | None:
+        """The same, or None where the fit was given up above its goal."""
+        if names not in self._fits:
+            self.say(f"fitting {' and '.join(names)} from the believed machine")
+            found = from_believed(self.plant, self.records, self.model, names, self.catalogue, goal, self._turned)
+            if found.fit is None or found.fit.cost > goal:
+                return None
+            self._fits[names] = found
+        return self._fits[names]
+
+    def alone(self) -> tuple[Candidate, ...]:
+        """The leader, if it leaves hardly more than noise, and what explains the openings nearly as well."""
+        if self._alone is None:
+            self._alone = self._complete() if self.leader is not None else ()
+        return self._alone
+
+    def gave(self, names: tuple[str, ...]) -> bool:
+        """Whether `alone` was asked, and these are the effects of one of those it gave."""
+        return any(one.effects == names for one in self._alone or ())
+
+    def _complete(self) -> tuple[Candidate, ...]:
+        first, *others = self._likely
+        assert self.base.fit is not None
+        goal, close = explaining(self.records, self.base.fit.state), RIVAL * self.opened(first)
+        found = self._fitted((first,), goal)
+        if found is None or found.error_where_known > COMPLETE * pooled(self.base.errors)[1]:
+            return ()
+        rivals = [self._fitted((name,), goal) for name in others if self.opened(name) <= close]
+        return (found, *(one for one in rivals if one is not None))
+
+    def beside_leader(self, share: float) -> dict[str, float]:
+        """Per other effect, the cost of the openings with the leader and it; not for what shifts the records in time.
+
+        share: of the leader's own cost, above which the others are given up.
+        """
+        assert self.leader is not None
+        self.say(f"much is left: looking at every effect together with {self.leader}")
+        others = [name for name in self.every if name != self.leader and not shifts_in_time(self.catalogue[name])]
+        self._open([(self.leader, name) for name in others], share * self.opened(self.leader))
+        return {name: self.opened(self.leader, name) for name in others}

@@ -1,0 +1,336 @@
+"""One round of a diagnosis: every effect that could be missing tried, the leaders fitted in full.
+
+A first Gauss-Newton step ranks them (a score test with a look at the true cost). The leader is refitted; where it does not
+explain everything and no first step led to much, the believed machine is asked, and all are tried once more from far outside
+where that does not tell; then the other leaders follow.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.fit.effect_start import Origin, applicable, far_step, first_step, gradual_entry, switched_on
+from analysis.fit.entry_passes import entries_together
+from analysis.fit.evidence import bic, effective_size
+from analysis.fit.fit_state import State, WaveformFit
+from analysis.fit.held_out import errors_in_fit, held_out_errors, pooled
+from analysis.fit.length_cut import asks_length, carried_on, with_lengths_found
+from analysis.fit.parts_of_passes import with_parts_of_passes
+from analysis.fit.pass_count import recounted
+from analysis.fit.scale_hops import hopped
+from analysis.fit.starts import at_a_bound, polish, rested
+from analysis.fit.waveform import Fitter
+from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate
+from analysis.search.steady_speed import no_swing
+from analysis.threads import threaded
+from testbed.effect import Effect
+
+LEADERS = 4  # candidates refitted in full
+HOPE = 0.2  # share of the gain the gate asks for that the first step of a candidate must bring to be refitted at all
+GAIN = 0.01  # share of the held-out excess over the noise that an effect must take away
+CREEP = 15  # iterations of a law with a kink before its scales are looked for in other valleys
+HELPS = 0.95  # share of the cost that a candidate may leave for its scales to be looked for in other valleys too
+HALVES = 0.5  # share of the excess that a candidate may leave for parts of passes to be looked for at once, not if it is named
+# Error over noise floor below which a leader that leaves only noise may still be the wrong one: what a helix does grows with
+# the square of its angle, so that its own first step leads nowhere, and what is left of a faint effect passes for noise.
+FAINT = 1.3
+CERTAIN = 100.0  # gain in BIC from which an effect is there although the error is that of the noise: no chance gives that
+BEHIND = 4.0  # times the cost of the best of its round above which a candidate is out: its fit is given up,
+RIVAL = 1.5  # and where that best explains everything
+MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far,
+LITTLE = 0.03  # or its fit: most of what no first step showed would then have to be hidden behind it
+
+
+def candidate_of(
+    fitter: Fitter, fit: WaveformFit, effects: tuple[str, ...], reference: WaveformFit | None, size: float
+) -> Candidate:
+    """A set of effects as it was fitted: errors held out and in sample, parameters, and its gain in BIC over a reference."""
+    errors = held_out_errors(fitter, fit)
+    parameters = {path: fit.state.model.value(path) for path in fit.names if "." in path}
+    if fitter.shifting:  # every record has its own: the first one's is told
+        first = fit.state.nuisances[0].shifted(fit.state.model)
+        parameters |= {one.path: first.value(one.path) for one in fitter.shifting}
+    gain = 0.0 if reference is None else bic(reference, size) - bic(fit, size)
+    return Candidate(
+        effects, parameters, pooled(errors_in_fit(fitter, fit))[0], pooled(errors)[0], gain, fit.converged, fit, fitter,
+        tuple(errors),
+    )
+
+
+@dataclass
+class _Entry:
+    """A candidate of a round: the cost after its first step, where that ended, and its full fit once there is one."""
+
+    name: str
+    cost: float
+    state: State
+    fitter: Fitter
+    fitted: Candidate | None = None
+
+    @property
+    def reached(self) -> float:
+        """The cost of the best that is known of it."""
+        return self.cost if self.fitted is None or self.fitted.fit is None else self.fitted.fit.cost
+
+
+def try_candidates(
+    current: Candidate,
+    catalogue: Mapping[str, Effect],
+    origins: Sequence[Origin],
+    say: Callable[[str], None],
+    last: bool = False,
+    alone: Callable[[], Sequence[Candidate]] = tuple,
+) -> list[Candidate]:
+    """Candidates that extend the current set by one effect, the one that foretells best first.
+
+    last: no further round follows, so that only one which leaves hardly more than noise is of interest.
+    alone: gives effects that leave hardly more than noise from the believed machine; asked where no first step led to much.
+    """
+    assert current.fit is not None and current.fitter is not None
+    noise = pooled(current.errors)[1]
+    near = _nothing_hidden(current, noise)
+    entries = _first_steps(current, catalogue, origins, say, growing=not near)
+    floor, over = _of_noise(current.fitter), _beyond_noise(current.fitter, current.fit)
+    hopeful = current.fit.cost - HOPE * GAIN * over
+    wanted = COMPLETE**2 * floor if last else math.inf
+    ruled_out: list[Candidate] = []
+    while entries and entries[0].cost <= hopeful:
+        entries[0].fitted = _refitted(current, entries[0], catalogue, say, goal=wanted)
+        if not no_swing(entries[0].fitted, catalogue):
+            break
+        ruled_out.append(_not_fitted(current, entries.pop(0).name))
+    if entries and entries[0].cost <= hopeful:
+        leader = entries[0]
+        assert leader.fitted is not None
+        incomplete = leader.fitted.error_where_known > ADEQUATE * noise
+        assert leader.fitted.fit is not None
+        little = leader.cost - floor <= MUCH * over or leader.fitted.fit.cost - floor <= LITTLE * over
+        if (incomplete and not little) or at_a_bound(leader.fitter.free, leader.fitted.fit.state.model):
+            if not _put(current, entries, alone()):
+                _try_from_far(current, entries, catalogue, origins, say)
+        elif not incomplete and current.error_held_out < FAINT * noise and not near:
+            _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say, nearer=True)
+            entries.sort(key=lambda entry: entry.reached)
+        elif incomplete and "engagement" in catalogue[leader.name].hooks:  # its passes may be wrong in all records alike
+            _from_far(current, leader, catalogue[leader.name], origins)
+    elif entries and not near and not _put(current, entries, alone()):
+        _try_from_far(current, entries, catalogue, origins, say)
+    found = ruled_out
+    complete = 0  # once a candidate explains everything, only a rival close to it can still matter
+    for place, entry in enumerate(entries):
+        if entry.fitted is None and (place >= LEADERS or complete > 1 or entry.cost > hopeful):
+            found.append(_not_fitted(current, entry.name))
+            continue
+        iterations, behind = (10, RIVAL) if complete else (40, BEHIND)
+        goal = min(wanted, behind * _best(entries))
+        fitted = entry.fitted = entry.fitted or _refitted(current, entry, catalogue, say, iterations, goal)
+        if no_swing(fitted, catalogue):
+            found.append(_not_fitted(current, entry.name))
+            continue
+        found.append(fitted)
+        complete += int(complete > 0 or fitted.error_where_known <= ADEQUATE * noise)
+    return sorted(found, key=lambda candidate: candidate.error_beside(noise))
+
+
+def _put(current: Candidate, entries: list[_Entry], found: Sequence[Candidate]) -> bool:
+    """Put effects where they were found, in the round's own units; whether one of them leaves nothing to be looked for."""
+    assert current.fitter is not None
+    weights = [record.weight for record in current.fitter.records]
+    known = {entry.name: entry for entry in entries}
+    found = [one for one in found if one.effects[-1] in known]
+    for one in found:
+        assert one.fitter is not None and one.fit is not None
+        entry = known[one.effects[-1]]
+        records = [replace(record, weight=weight) for record, weight in zip(one.fitter.records, weights, strict=True)]
+        entry.state, entry.fitter, entry.fitted = one.fit.state, one.fitter.on(records), None
+        entry.cost = entry.fitter.cost(entry.state)
+        if all(weight is None for weight in weights):
+            entry.fitted = _candidate(current, one.fitter, one.fit, one.effects)
+    entries.sort(key=lambda entry: entry.reached)
+    return any(one.error_where_known <= ADEQUATE * pooled(current.errors)[1] for one in found)
+
+
+def _not_fitted(current: Candidate, name: str) -> Candidate:
+    """A candidate that is ruled out."""
+    return Candidate((*current.effects, name), {}, current.error_fit, current.error_held_out, 0.0, False)
+
+
+def _nothing_hidden(current: Candidate, noise: float) -> bool:
+    """Whether little is left of records without a cut: nothing there makes up for an effect, so its first step tells all."""
+    assert current.fitter is not None
+    return current.error_held_out < FAINT * noise and all(record.cut is None for record in current.fitter.records)
+
+
+def _best(entries: Sequence[_Entry]) -> float:
+    """The lowest cost that a candidate of the round was fitted to."""
+    return min((one.fitted.fit.cost for one in entries if one.fitted and one.fitted.fit), default=math.inf)
+
+
+def certain_candidates(
+    current: Candidate,
+    catalogue: Mapping[str, Effect],
+    origins: Sequence[Origin],
+    say: Callable[[str], None],
+) -> list[Candidate]:
+    """Candidates for a model that leaves but noise: those that many samples make certain all the same, most gain first."""
+    assert current.fit is not None and current.fitter is not None
+    hopeful = current.fit.cost * math.exp(-HOPE * CERTAIN / effective_size(current.fit))
+    entries = _first_steps(current, catalogue, origins, say, growing=False)
+    if not _nothing_hidden(current, pooled(current.errors)[1]) and entries and entries[0].cost <= hopeful:
+        _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say, nearer=True)
+    leaders = sorted((one for one in entries if one.cost <= hopeful), key=lambda one: one.cost)[:LEADERS]
+    found = [_refitted(current, one, catalogue, say) for one in leaders]
+    believable = (one for one in found if one.delta_bic > CERTAIN and not no_swing(one, catalogue))
+    return sorted(believable, key=lambda one: -one.delta_bic)
+
+
+def with_effect(
+    current: Candidate,
+    name: str,
+    catalogue: Mapping[str, Effect],
+    origins: Sequence[Origin],
+    say: Callable[[str], None],
+) -> Candidate:
+    """The current set and one effect more, fitted from every start that a round of a diagnosis knows."""
+    assert current.fit is not None and current.fitter is not None
+    effect = catalogue[name]
+    entry = _begun(current, effect, origins)
+    if name not in entry.state.model.effects:
+        return current
+    found = entry.fitted = _refitted(current, entry, catalogue, say)
+    if not shifts_in_time(effect) and found.error_held_out > ADEQUATE * pooled(current.errors)[1]:
+        say(f"trying {name} from far")
+        _from_far(current, entry, effect, origins)
+        found = entry.fitted or _refitted(current, entry, catalogue, say)
+    return found
+
+
+def _first_steps(
+    current: Candidate, catalogue: Mapping[str, Effect], origins: Sequence[Origin], say: Callable[[str], None],
+    growing: bool = True,
+) -> list[_Entry]:  # fmt: skip
+    """Every effect the current set lacks after its first step, cheapest first."""
+    assert current.fit is not None and current.fitter is not None
+    present = {*current.effects, *current.fit.state.model.effects}
+    records = current.fitter.records
+    asked = [one for name, one in catalogue.items() if name not in present and applicable(one, records, present)]
+
+    def begun(effect: Effect) -> _Entry:
+        say(f"trying {effect.name}")
+        return _begun(current, effect, origins, growing)
+
+    return sorted(threaded(begun, asked), key=lambda entry: entry.cost)
+
+
+def _stuck(entries: Sequence[_Entry], hopeful: float, catalogue: Mapping[str, Effect]) -> list[_Entry]:
+    """Entries not fitted yet whose first step led nowhere, see FAINT; of an entry that is not sudden that says more."""
+    return [one for one in entries
+            if one.fitted is None and one.cost > hopeful and "engagement" not in catalogue[one.name].hooks]
+
+
+def shifts_in_time(effect: Effect) -> bool:
+    """Whether an effect shifts the record in time, so that it is tried from far outside at once."""
+    return bool({"measure", "speed"} & set(effect.hooks))
+
+
+def _begun(current: Candidate, effect: Effect, origins: Sequence[Origin], growing: bool = True) -> _Entry:
+    """An effect after its first step."""
+    assert current.fit is not None and current.fitter is not None
+    entry = _Entry(effect.name, *first_step(current.fitter, effect, current.fit, origins, growing))
+    if asks_length([effect.name], {effect.name: effect}) and (longer := carried_on(current.fitter.records)) is not None:
+        worn = current.fitter.on(longer)
+        entry = min(entry, _Entry(effect.name, *first_step(worn, effect, current.fit, origins)), key=lambda one: one.cost)
+    if shifts_in_time(effect):
+        _from_far(current, entry, effect)
+    return entry
+
+
+def _from_far(
+    current: Candidate, entry: _Entry, effect: Effect, origins: Sequence[Origin] = (), goal: float = math.inf,
+    nearer: bool = False,
+) -> None:  # fmt: skip
+    """Put the entry where a fit from far outside ends, if that is better. nearer: see `far_step`."""
+    assert current.fit is not None and current.fitter is not None
+    scanned = origins[-1].scanned if origins and "engagement" in effect.hooks else None
+    if any(one.each_record for one in effect.parameters):
+        return
+    base = current.fitter.on(entry.fitter.records)
+    if not effect.parameters:
+        cost, state, fitter = switched_on(base, effect, origins)
+    elif scanned is not None:
+        cost, state, fitter = gradual_entry(base, effect, current.fit, scanned, goal)
+    else:
+        cost, state, fitter = far_step(base, effect, current.fit, entry.reached, nearer)
+    if cost < entry.reached:
+        entry.cost, entry.state, entry.fitter, entry.fitted = cost, state, fitter, None
+
+
+def _try_from_far(
+    current: Candidate,
+    entries: list[_Entry],
+    catalogue: Mapping[str, Effect],
+    origins: Sequence[Origin],
+    say: Callable[[str], None],
+    nearer: bool = False,
+) -> None:
+    """Every entry once more from far outside, where no first step led to much. nearer: see `far_step`."""
+    goal = BEHIND * _best(entries)
+
+    def tried(entry: _Entry) -> None:
+        effect = catalogue[entry.name]
+        if (entry.fitted is None or "engagement" in effect.hooks) and not shifts_in_time(effect):
+            say(f"trying {entry.name} from far")
+            _from_far(current, entry, effect, origins, goal, nearer)
+
+    threaded(tried, entries)
+    entries.sort(key=lambda entry: entry.reached)
+
+
+def _refitted(
+    current: Candidate, entry: _Entry, catalogue: Mapping[str, Effect], say: Callable[[str], None], iterations: int = 40,
+    goal: float = math.inf,
+) -> Candidate:  # fmt: skip
+    """The entry fitted in full, or as far as showed that it will not come down to a cost of `goal`."""
+    assert current.fit is not None and current.fitter is not None
+    say(f"refitting with {entry.name}")
+    smooth = catalogue[entry.name].smooth
+    if not smooth:  # its valleys are narrow and bent: crept along after another scale is looked for
+        iterations = min(iterations, CREEP)
+    fit = polish(entry.fitter, entry.state, rounds=3, iterations=iterations, goal=goal)
+    if fit.cost > goal:
+        return _candidate(current, entry.fitter, fit, (*current.effects, entry.name))
+    if entry.fitter.records is not current.fitter.records and asks_length([entry.name], catalogue):
+        entry.fitter, fit = with_lengths_found(entry.fitter, fit)
+    if not smooth:
+        fit = rested(entry.fitter, fit, rounds=3, iterations=iterations)
+    effects = (*current.effects, entry.name)
+    fit = recounted(entry.fitter, entries_together(entry.fitter, fit))
+    if _beyond_noise(entry.fitter, fit) < HALVES * _beyond_noise(entry.fitter, current.fit):
+        fit = with_parts_of_passes(entry.fitter, fit)
+    found = _candidate(current, entry.fitter, fit, effects)
+    if fit.cost < HELPS * current.fit.cost:
+        deeper = hopped(entry.fitter, [catalogue[name] for name in effects], fit)
+        other = found if deeper is fit else _candidate(current, entry.fitter, deeper, effects)
+        if other.error_held_out <= found.error_held_out:  # a deeper valley that foretells less is one of this sample alone
+            return other
+    return found
+
+
+def _beyond_noise(fitter: Fitter, fit: WaveformFit) -> float:
+    """What a fit costs beyond the noise of the records."""
+    return max(fit.cost - _of_noise(fitter), 0.0)
+
+
+def _of_noise(fitter: Fitter) -> float:
+    """What the noise of the records costs, in units of their scale."""
+    return 0.5 * sum(one.count * float(np.sum((one.noise / one.scale) ** 2)) for one in fitter.records)
+
+
+def _candidate(current: Candidate, fitter: Fitter, fit: WaveformFit, effects: tuple[str, ...]) -> Candidate:
+    assert current.fit is not None
+    size = effective_size(fit if fit.cost < 0.5 * current.fit.cost else current.fit)
+    return candidate_of(fitter, fit, effects, current.fit, size)

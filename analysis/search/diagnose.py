@@ -1,0 +1,235 @@
+"""Which physical effect does the believed model lack: none, one, several, or something that is not in the catalogue.
+
+The base model is refitted to everything with every nuisance. If that leaves more than noise, every candidate is tried: a
+first Gauss-Newton step ranks them (a score test with a look at the true cost), the leaders are refitted in full, scored on
+held-out conditions and by BIC on the effective sample size, and the strongest that passes both gates is added; then again.
+Where no first step leads to much, the believed machine is asked, which no base fit has bent. Where much is left in the end,
+the search is repeated from the effect that alone explains most from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from analysis.fit.held_out import pooled
+from analysis.fit.nuisances import Nuisances
+from analysis.fit.observed import Observed
+from analysis.fit.prediction import Plant
+from analysis.fit.spindle_speed import at_modelled_speed, rules_the_speed, speed_swing
+from analysis.fit.swing_start import marks_show
+from analysis.search.begun_anew import from_believed
+from analysis.search.believed_look import BelievedLook
+from analysis.search.candidate_round import candidate_of
+from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, excess, verdict_of
+from analysis.search.forward_search import against, by_noise, forward
+from analysis.search.law_form import with_form_asked, with_other_form
+from analysis.search.misstated import misstated
+from analysis.search.next_test import next_test
+from analysis.search.other_way import other_way
+from analysis.search.second_look import looked_again
+from analysis.search.unheard import agreed
+from testbed.effect import Effect
+from testbed.machine import Model
+
+LONG = 16384  # samples of an excited record that are searched
+MOST_EFFECTS = 3
+SUSPECTS = 2  # records, the worst fitted, without which the others are asked whether they agree
+MOST_LOOKED_AT = 5  # sets of effects that are fitted without the records that stand out
+CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
+
+
+def diagnose(
+    plant: Plant,
+    records: Sequence[Observed],
+    model: Model,
+    catalogue: Mapping[str, Effect],
+    *,
+    most: int = MOST_EFFECTS,
+    say: Callable[[str], None] = lambda text: None,
+) -> Diagnosis:
+    """Name what the model lacks, `most` effects at the most. Deterministic: no random numbers are drawn.
+
+    Long excited records are searched in their loudest part; the errors that are told are those of the whole records.
+    Where marks show that the speed varies, that is an effect which a model at a constant speed lacks, if the catalogue has it;
+    else what the marks show is no fault of the model's, and it is searched at the speed measured.
+    """
+    records = at_modelled_speed(records, model.effects, catalogue)
+    swing = speed_swing(records)
+    if not swing:
+        return _diagnosed(plant, records, model, catalogue, most, say)
+    steady = [record.at_constant_speed() for record in records]
+    rulers = {name: one for name, one in catalogue.items() if rules_the_speed([name], catalogue)}
+    others = {name: one for name, one in catalogue.items() if name not in rulers}
+    as_measured = f"The speed, which varies by {swing:.2%}, is the tachometer's."
+    say("at the speed that the tachometer shows")
+    base = _as_believed(plant, records, model, catalogue, say)
+    measured, at_constant = base.error_where_known, None
+    if measured <= COMPLETE * pooled(base.errors)[1]:
+        say("at a constant speed")
+        at_constant = _as_believed(plant, steady, model, catalogue, say)
+        if not _complete(_search(at_constant, plant, model, rulers, 1, say)):
+            found = _diagnosed(plant, records, model, others, most, say, base)
+            return replace(found, sentence=f"{found.sentence} {as_measured}")
+    constant = _diagnosed(plant, steady, model, catalogue, most, say, at_constant)
+    named = constant.verdict == "missing_effect" and rules_the_speed(constant.effects, catalogue)
+    if named and (_complete(constant) or constant.best.error_where_known <= measured):
+        return replace(constant, sentence=f"{constant.sentence} The tachometer, too, shows a speed that varies by {swing:.2%}.")
+    say("once more, at the speed that the tachometer shows")
+    found = _diagnosed(plant, records, model, others, most, say, base)
+    return replace(found, sentence=f"{found.sentence} {as_measured}")
+
+
+def _complete(found: Diagnosis) -> bool:
+    """Whether effects are named that leave hardly more than noise."""
+    return found.verdict == "missing_effect" and found.best.error_where_known <= COMPLETE * found.noise_floor
+
+
+def _diagnosed(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], most: int,
+               say: Callable[[str], None], base: Candidate | None = None) -> Diagnosis:  # fmt: skip
+    """The diagnosis of records as they are. base: the believed model fitted to them, where that is at hand."""
+    parts = [record.loudest(LONG) for record in records]
+    if all(part is record for part, record in zip(parts, records, strict=True)):
+        found = _search(base or _as_believed(plant, records, model, catalogue, say), plant, model, catalogue, most, say)
+        return _with_strange_records(_with_next_test(found, plant, records, say), say)
+    found = _search(_as_believed(plant, parts, model, catalogue, say), plant, model, catalogue, most, say)
+    say("fitting the whole records")
+    steps = [_on_whole(step, records) for step in found.steps]
+    noise = pooled(steps[0].errors)[1]
+    tied = found.effects if found.verdict == "undecided" else ()
+    return with_other_form(verdict_of(steps[0], steps[-1], steps, found.candidates, noise, tied), found.form)
+
+
+def _contradicted(base: Candidate, noise: float, say: Callable[[str], None]) -> Diagnosis | None:
+    """The diagnosis where one record alone contradicts the model, and would not had another condition been written down."""
+    assert base.fitter is not None and base.fit is not None
+    if base.error_where_known <= ADEQUATE * noise:
+        return None
+    fitter, fit = agreed(base.fitter, base.fit)
+    for suspect in base.fit.worst(SUSPECTS):  # the wrong one need not stand out: it has bent the fit to all others
+        if all(record.heard for record in fitter.records):
+            fitter, fit = agreed(base.fitter, base.fit, suspect)
+    strange = [place for place, record in enumerate(fitter.records) if not record.heard]
+    if len(strange) != 1:
+        return None
+    name = fitter.records[strange[0]].name
+    say(f"{name} alone contradicts the model: looking at its conditions")
+    found = misstated(fitter, fit.state, strange[0])
+    if found is None:
+        return None
+    told = candidate_of(fitter, fit, (), None, 1.0)
+    result = verdict_of(told, told, [told], (), noise, ())
+    sentence = f"All records but {name} agree with the model as it is. {found.sentence}"
+    return replace(result, verdict="unexplained", sentence=sentence)
+
+
+def _with_strange_records(result: Diagnosis, say: Callable[[str], None]) -> Diagnosis:
+    """An unexplained campaign's diagnosis with what all records but a few agree on, if there is such a thing."""
+    if result.verdict != "unexplained" or not result.candidates:
+        return result  # the latter: nothing was searched, because what is wrong with the campaign is told
+    say("looking for records that stand alone")
+    fitted = [one for one in (result.base, *result.candidates) if one.fit is not None]
+    best: dict[tuple[str, ...], Candidate] = {}
+    for one in sorted(fitted, key=lambda one: (len(one.effects), one.error_fit)):
+        best.setdefault(one.effects, one)
+    for one in map(by_noise, [*best.values()][:MOST_LOOKED_AT]):
+        assert one.fit is not None and one.fitter is not None
+        fitter, _ = agreed(one.fitter, one.fit)
+        strange = [record.name for record in fitter.records if not record.heard]
+        if strange:
+            return replace(result, sentence=f"{result.sentence} {_but(strange, one.effects)}")
+    return result
+
+
+def _but(strange: Sequence[str], effects: Sequence[str]) -> str:
+    """In words, that all records but the strange ones agree with a model of these effects."""
+    them = "them" if len(strange) > 1 else "it"
+    model = f"a model with {' and '.join(effects)}" if effects else "the model as it is"
+    return (f"All records but {', '.join(strange)} agree with {model} down to their noise: look at {them} first "
+            f"(chaotic, disturbed, or alone in showing what is missing), or leave {them} out.")
+
+
+def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:
+    """A step of the search on parts of the records, fitted to the whole ones."""
+    assert step.fitter is not None and step.fit is not None
+    kept = [whole.samples == seen.samples for whole, seen in zip(records, step.fitter.records, strict=True)]
+    wider = [seen if as_it_was else whole for whole, seen, as_it_was in zip(records, step.fitter.records, kept, strict=True)]
+    fitter = step.fitter.on(wider)
+    own = tuple(seen if as_it_was else Nuisances() for seen, as_it_was in zip(step.fit.state.nuisances, kept, strict=True))
+    fit = fitter.fit(replace(step.fit.state, nuisances=own), iterations=10)
+    return replace(candidate_of(fitter, fit, step.effects, None, 1.0), delta_bic=step.delta_bic)
+
+
+def _as_believed(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
+                 say: Callable[[str], None]) -> Candidate:  # fmt: skip
+    """The believed model fitted to records."""
+    say("fitting the believed model")
+    return from_believed(plant, records, model, (), catalogue)
+
+
+def _search(
+    base: Candidate,
+    plant: Plant,
+    model: Model,
+    catalogue: Mapping[str, Effect],
+    most: int,
+    say: Callable[[str], None],
+) -> Diagnosis:
+    """The rounds of candidates from the base fit and, where much is left, from another beginning."""
+    noise = pooled(base.errors)[1]
+    if slow := _too_slow(base):
+        return replace(verdict_of(base, base, [base], (), noise, ()), verdict="undecided", sentence=slow)
+    contradicted = _contradicted(base, noise, say)
+    if contradicted is not None:
+        return contradicted
+    if turned := other_way(base, model, catalogue):
+        return replace(verdict_of(base, base, [base], (), noise, ()), verdict="unexplained", sentence=turned)
+    begun = [base, *_swung(base, plant, model, catalogue, say)]
+    look = BelievedLook(base, model, catalogue, say)
+    path = looked_again(forward(begun, model, catalogue, most, say, look), look, noise, most)
+    seen = sorted(path.seen, key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))
+    found = verdict_of(path.steps[0], path.end, path.steps, tuple(seen), noise, path.tied)
+    found = with_form_asked(found, catalogue, say)
+    return replace(found, sentence=f"{found.sentence} {path.hum}") if path.hum else found
+
+
+def _too_slow(base: Candidate) -> str:
+    """In words, which records of a motion were sampled too slowly for the structure's vibration to be told; empty if none."""
+    assert base.fitter is not None and base.fit is not None
+    fastest = base.fit.state.model.structure.natural_frequency
+    slow = [one.name for one in base.fitter.records if one.rate < 2.0 * fastest and not one.forces_only]
+    return (f"{', '.join(slow)}: sampled less than twice in a period of the natural frequency, {fastest:.4g} Hz; such records "
+            "can tell nothing of what the model lacks.") if slow else ""
+
+
+def _swung(base: Candidate, plant: Plant, model: Model, catalogue: Mapping[str, Effect],
+           say: Callable[[str], None]) -> list[Candidate]:  # fmt: skip
+    """The effect by which the speed swings as the marks show, if they show a swing, as the first step of the search."""
+    assert base.fitter is not None
+    records = base.fitter.records
+    shown = [name for name, one in catalogue.items() if name not in model.effects and marks_show(one, records)]
+    if not shown:
+        return []
+    say(f"fitting with {shown[0]}, as the tachometer shows it")
+    alone = against(from_believed(plant, records, model, shown[:1], catalogue), base)
+    return [alone] if alone.error_held_out < base.error_held_out else []
+
+
+def _with_next_test(
+    result: Diagnosis, plant: Plant, records: Sequence[Observed], say: Callable[[str], None]
+) -> Diagnosis:
+    """The diagnosis with the cut that separates the tied effects, or the named one from a runner-up that came close."""
+    rivals = [one for one in result.candidates if one.fit is not None and len(one.effects) == len(result.best.effects)]
+    if result.verdict not in ("undecided", "missing_effect") or not result.effects or len(rivals) < 2:
+        return result
+    rivals.sort(key=lambda one: one.error_held_out)
+    if result.verdict == "undecided":
+        rivals = [one for one in rivals if one.effects[-1] in result.effects] or rivals
+    before = excess(result.baseline, result.noise_floor)
+    first, other = rivals[0], rivals[min(1, len(rivals) - 1)]
+    if first is other or excess(other.error_held_out, result.noise_floor) > CLOSE * before:
+        return result
+    assert first.fit is not None and other.fit is not None
+    say("looking for the cut that would tell more")
+    found = next_test(plant, records, first.fit.state.model, other.fit.state.model)
+    return replace(result, next_test=found, separates=(first.effects[-1], other.effects[-1]) if found else ())

@@ -1,0 +1,285 @@
+"""What a diagnosis is: the candidates tried, the verdict, a sentence a machinist understands, and the answer in JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from analysis.fit.fit_state import WaveformFit
+from analysis.fit.held_out import RecordError, holds_out, pooled_doubt, pooled_where_known
+from analysis.fit.waveform import Fitter
+from analysis.search.next_test import NextTest
+from testbed.machine import BASE_UNITS, Model
+
+ADEQUATE = 1.02  # error over noise floor up to which nothing is looked for
+FAINT_REST = 1.05  # error over noise floor up to which what no effect lowers is no claim that something is missing
+SURE = 2.0  # standard errors of the noise floor by which that is widened: a floor from a short idle is a few per cent off
+COMPLETE = 1.15  # error over noise floor above which something is still missing
+EXPLAINED = 0.99  # share of the excess that named effects must take away where something is left: else the law is unknown
+MANY = 3  # effects from which they must leave no more than ADEQUATE: a law of no catalogue is soon made up of several known
+NOTHING = 2.0  # error from which a prediction foretells nothing
+SILENT = 0.95  # noise over what was measured from which records say nothing
+PARTIAL = 0.5  # share of the excess from which effects are told although something of another kind remains
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A set of effects tried: what it was fitted to and how well it predicts what it was not fitted to."""
+
+    effects: tuple[str, ...]
+    parameters: Mapping[str, float]
+    error_fit: float
+    error_held_out: float
+    delta_bic: float
+    converged: bool
+    fit: WaveformFit | None = None
+    fitter: Fitter | None = None
+    errors: tuple[RecordError, ...] = ()
+
+    @property
+    def held_out(self) -> bool:
+        """Whether a condition could be left out of the fit; of one condition alone, error_held_out is that in the fit."""
+        return self.fitter is not None and holds_out(self.fitter.records)
+
+    @property
+    def error_where_known(self) -> float:
+        """The held-out error, but in the fit of a record that shows what no other does, where those others agree."""
+        return pooled_where_known(self.errors) if self.errors else self.error_held_out
+
+    def error_beside(self, noise: float) -> float:
+        """The error by which sets of effects are chosen among: held out, but of one that where known leaves noise alone."""
+        return self.error_where_known if self.error_where_known <= ADEQUATE * noise else self.error_held_out
+
+
+@dataclass(frozen=True)
+class OtherForm:
+    """The exponent of an effect's law, as the law has it and as the records do, with its 95 % interval and the gain in BIC.
+
+    left: error over noise floor, in the fit. parameters: the effect's values, as a model file may say them. needless: effects
+    named beside it that are not needed with that exponent.
+    """
+
+    effect: str
+    stated: float
+    value: float
+    low: float
+    high: float
+    delta_bic: float
+    left: float
+    parameters: Mapping[str, float]
+    needless: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """In words."""
+        doing = f" and makes {' and '.join(self.needless)} needless" if self.needless else ""
+        return (f"The law itself is another: in {self.effect} an exponent of {self.value:.2f} ({self.low:.2f} to "
+                f"{self.high:.2f}) explains the records better than its {self.stated:g} (gain in BIC {self.delta_bic:.0f}; "
+                f"{self.left:.2f} times the noise floor is left){doing}. No effect of the catalogue has that law.")
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The verdict and the numbers behind it. form: another one of a named effect's law, where that explains more."""
+
+    verdict: str
+    effects: tuple[str, ...]
+    sentence: str
+    baseline: float
+    with_effects: float
+    noise_floor: float
+    candidates: tuple[Candidate, ...]
+    base: Candidate
+    best: Candidate
+    steps: tuple[Candidate, ...] = field(default_factory=tuple)
+    next_test: NextTest | None = None
+    separates: tuple[str, ...] = ()
+    form: OtherForm | None = None
+
+    @property
+    def held_out(self) -> bool:
+        """Whether the errors are on records left out of the fit: not where there is one operating condition only."""
+        return self.base.held_out
+
+
+def judged_on(held_out: bool) -> str:
+    """In words, what an error is measured on."""
+    return "on records left out of the fit" if held_out else "in the fit (one condition only, nothing held out)"
+
+
+def unaided(model: Model) -> str:
+    """What the step before anything is added is called: the believed model, refitted."""
+    return f"refitted, with {' + '.join(model.effects)}" if model.effects else "refitted, no effect"
+
+
+def excess(error: float, noise: float) -> float:
+    """Squared error beyond the noise's."""
+    return max(error**2 - noise**2, 0.0)
+
+
+def verdict_of(
+    base: Candidate,
+    best: Candidate,
+    steps: Sequence[Candidate],
+    tries: tuple[Candidate, ...],
+    noise: float,
+    tied: tuple[str, ...],
+) -> Diagnosis:
+    """The verdict on the best set of effects found, after all steps."""
+
+    def answer(verdict: str, effects: tuple[str, ...], sentence: str) -> Diagnosis:
+        return Diagnosis(
+            verdict, effects, sentence, base.error_held_out, best.error_held_out, noise, tries, base, best, tuple(steps)
+        )
+
+    if not best.effects and (told := _of_the_base(base, noise)) is not None:
+        return answer(told[0], (), told[1])
+    ratio = base.error_where_known / noise
+    share = 1.0 - excess(best.error_where_known, noise) / max(excess(base.error_held_out, noise), 1e-300)
+    left = best.error_where_known / noise
+    if tied and tied[0] in best.effects and (left <= COMPLETE or share >= EXPLAINED):
+        beside = [name for name in best.effects if name not in tied]
+        return answer(
+            "undecided",
+            tied,
+            f"Something is missing, and {' and '.join(tied)} explain it equally well{_with(beside)}: these records cannot "
+            "tell them apart.",
+        )
+    many = len(best.effects) >= MANY
+    helps = left <= ADEQUATE or share >= PARTIAL  # of a little that is left, what takes a part of it is no name for it
+    if best.effects and helps and (left <= ADEQUATE if many else left <= COMPLETE or share >= EXPLAINED):
+        return answer(
+            "missing_effect",
+            best.effects,
+            f"The model lacks {' and '.join(best.effects)}: the error {_fall(base, best)}.{_besides(base, best, noise, tied)}",
+        )
+    if ratio <= FAINT_REST + SURE * pooled_doubt(base.errors) and not (best.effects and helps):
+        return answer(
+            "adequate",
+            (),
+            f"The error is {ratio:.3f} of the noise floor and no known effect lowers it: nothing "
+            "is missing that these records could show.",
+        )
+    if best.effects and share >= PARTIAL:
+        return answer(
+            "unexplained",
+            best.effects,
+            f"{' and '.join(best.effects)}{_or(tied, best.effects)} would take away {share:.0%} of what is unexplained, "
+            f"but the error is still {left:.3g} times the noise floor: something is missing that no effect of the catalogue "
+            "explains.",
+        )
+    return answer(
+        "unexplained",
+        (),
+        f"Something is missing (error {ratio:.3g} times the noise floor) that no effect of the catalogue explains.",
+    )
+
+
+def _of_the_base(base: Candidate, noise: float) -> tuple[str, str] | None:
+    """(verdict, sentence) where nothing is named and the base model's fit alone decides; None where it does not."""
+    ratio = base.error_where_known / noise
+    share = max(noise, _beside_drift(base))
+    if share > SILENT:
+        return "undecided", (f"Hardly anything but noise was measured ({share:.0%} of the signal): these records can tell "
+                             "nothing of the model.")
+    if ratio <= ADEQUATE:
+        return "adequate", (f"The model explains the records down to their noise (error {ratio:.3f} of the "
+                            "noise floor): nothing is missing that these records could show.")
+    if base.fit is not None and not base.fit.converged:
+        return "not_converged", ("The fit of the believed model did not settle, so nothing can be said of what "
+                                 "it lacks: check the conditions and the starting values.")
+    return None
+
+
+def _beside_drift(base: Candidate) -> float:
+    """Noise over what was measured, rms, all records together, without what offset and drift explain; 0 without a fit."""
+    if base.fitter is None:
+        return 0.0
+    records = base.fitter.records
+    measured = sum(float(np.sum(one.project(one.data) ** 2)) for one in records)
+    return math.sqrt(sum(one.count * float(np.sum((one.noise / one.scale) ** 2)) for one in records) / max(measured, 1e-300))
+
+
+def _with(beside: Sequence[str]) -> str:
+    """In words, beside which other effects."""
+    return f", each beside {' and '.join(beside)}" if beside else ""
+
+
+def _or(tied: Sequence[str], named: Sequence[str]) -> str:
+    """In words, what explains as much as the first of the effects named."""
+    others = [name for name in tied if name not in named]
+    return f" (or {' or '.join(others)} in place of {tied[0]})" if others else ""
+
+
+def _fall(base: Candidate, best: Candidate) -> str:
+    """In words, from where the error falls to where: held out or, if one condition alone shows what is missing, in the fit."""
+    held = best.error_held_out < base.error_held_out
+    before, after = (base.error_held_out, best.error_held_out) if held else (base.error_fit, best.error_fit)
+    return f"{judged_on(base.held_out) if held else 'in the fit'} falls from {_told(before)} to {after:.3g}"
+
+
+def _told(error: float) -> str:
+    """An error in words: a prediction that is worse than none at all may be so by any number."""
+    return f"{error:.3g}" if error <= NOTHING else "more than the motion itself"
+
+
+def _besides(base: Candidate, best: Candidate, noise: float, tied: tuple[str, ...]) -> str:
+    """What is to be said beside the effects that are named, each sentence with a space before it."""
+    left = best.error_where_known / noise
+    if left > COMPLETE and not tied:
+        return f" Something more remains: the error is still {left:.2f} times the noise floor."
+    rest = f" A further effect is one of {', '.join(tied)}, which these records cannot tell apart." if tied else ""
+    if base.error_where_known <= ADEQUATE * noise:
+        rest += f" It is faint (a gain in BIC of {best.delta_bic:.0f} all the same: chance gives less than 10)."
+    elif left <= COMPLETE and best.error_held_out > COMPLETE * noise:
+        rest += " What one condition alone shows is explained in the fit; the others cannot foretell it."
+    return rest
+
+
+def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
+    """The answer of `testbed diagnose --json` (contract); `history` follows the error from step to step.
+
+    Without `held_out` every error is that in the fit. A candidate that was not `fitted` was ruled out by a first step: it
+    carries the numbers of what it was to be added to.
+    """
+    after = result.best.fit.state.model if result.best.fit is not None else before
+    names = [name for name in (result.base.fit.names if result.base.fit else ()) if name in BASE_UNITS]
+    return {
+        "verdict": result.verdict,
+        "effects": list(result.effects),
+        "sentence": result.sentence,
+        "held_out": result.held_out,
+        "error": {"baseline": result.baseline, "with_effects": result.with_effects, "noise_floor": result.noise_floor},
+        "candidates": [
+            {
+                "effects": list(one.effects),
+                "fitted": one.fit is not None,
+                "parameters": dict(one.parameters),
+                "error_fit": one.error_fit,
+                "error_held_out": one.error_held_out,
+                "delta_bic": one.delta_bic,
+                "converged": one.converged,
+            }
+            for one in result.candidates
+        ],
+        "base_parameters": {
+            name: {"before": before.value(name), "after": after.value(name), "unit": BASE_UNITS[name]} for name in names
+        },
+        "next_test": None
+        if result.next_test is None
+        else {
+            "spindle_speed": result.next_test.spindle_speed,
+            "depth_of_cut": result.next_test.depth_of_cut,
+            "separates": list(result.separates),
+            "difference": result.next_test.difference,
+        },
+        "other_law": None if result.form is None else asdict(result.form),
+        "history": [
+            {"effects": list(step.effects), "error": step.error_held_out, "noise_floor": result.noise_floor}
+            for step in result.steps
+        ],
+    }

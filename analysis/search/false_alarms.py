@@ -1,0 +1,66 @@
+"""How often the diagnosis names an effect where nothing is hidden: a parametric bootstrap at the user's own conditions.
+
+The refitted believed model is taken for the truth: it predicts every record with the record's own nuisances, noise of the
+measured size is added, and the whole diagnosis is made again, many times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from analysis.fit.observed import Observed
+from analysis.fit.prediction import Plant, predict
+from analysis.search.diagnose import diagnose
+from analysis.search.diagnosis import Candidate
+from testbed.effect import Effect
+
+
+@dataclass(frozen=True)
+class FalseAlarms:
+    """How many of `count` campaigns without a hidden effect had one named, with the 95 % interval of the rate."""
+
+    count: int
+    alarms: int
+    named: tuple[tuple[str, ...], ...]
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the rate, Clopper and Pearson (1934, Biometrika 26, 404)."""
+        found = stats.binomtest(self.alarms, self.count).proportion_ci(0.95, method="exact")
+        return float(found.low), float(found.high)
+
+
+def false_alarms(
+    plant: Plant,
+    base: Candidate,
+    catalogue: Mapping[str, Effect],
+    count: int,
+    seed: int,
+    say: Callable[[str], None] = lambda text: None,
+) -> FalseAlarms:
+    """Repeat the diagnosis on `count` campaigns drawn from the base fit. Reproducible from `seed`."""
+    assert base.fit is not None and base.fitter is not None
+    state = base.fit.state
+    named = []
+    for number in range(count):
+        say(f"campaign {number + 1} of {count} without a hidden effect")
+        random = np.random.default_rng([seed, number])
+        drawn = [
+            _drawn(plant, record, (state.model, state.angle, own), random)
+            for record, own in zip(base.fitter.records, state.nuisances, strict=True)
+        ]
+        found = diagnose(plant, drawn, state.model, catalogue)
+        if found.verdict in ("missing_effect", "undecided"):
+            named.append(found.effects)
+    return FalseAlarms(count, len(named), tuple(named))
+
+
+def _drawn(plant: Plant, record: Observed, variant: tuple, random: np.random.Generator) -> Observed:
+    """The record as the model would have given it, with new noise; offset and drift stay as they were."""
+    clean = predict(plant, record, [variant])[0]
+    slow = ((record.data - clean) @ record.drift) @ record.drift.T
+    return replace(record, data=clean + slow + record.noise[:, None] * random.standard_normal(record.data.shape))

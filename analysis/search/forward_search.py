@@ -1,0 +1,379 @@
+"""Forward from a set of effects: the strongest candidate that passes both gates is added, then again, until nothing is left.
+
+Every larger set must be worth its name on held-out conditions and by BIC; a smaller set that a larger one shows to have been
+in a local minimum is fitted again, and what later effects made needless is taken out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.fit.effect_start import ANCHOR, Origin, origins_of, state_without
+from analysis.fit.evidence import DELTA_BIC, bic, effective_size
+from analysis.fit.fine_steps import has_kinks
+from analysis.fit.fit_state import WaveformFit
+from analysis.fit.force_jumps import at_its_jumps
+from analysis.fit.held_out import pooled
+from analysis.fit.parts_of_passes import as_believed, with_parts_of_passes
+from analysis.fit.starts import polish
+from analysis.fit.waveform import Fitter
+from analysis.search.begun_anew import begun_anew, switched_on_too
+from analysis.search.believed_look import BelievedLook
+from analysis.search.candidate_round import CERTAIN, GAIN, candidate_of, certain_candidates, try_candidates
+from analysis.search.diagnosis import ADEQUATE, COMPLETE, MANY, PARTIAL, Candidate, excess
+from analysis.search.mains import hum_of
+from analysis.search.settled import settled
+from analysis.search.ties import tied_with, with_rivals
+from testbed.effect import Effect
+from testbed.machine import Model
+
+MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
+FAINT = 5e-3  # share of it below which what the found effects leave may be the form of their laws, not another effect,
+TAKEN = 0.6  # unless that takes away this share of what is left
+OWN_FORM = 2e-3  # share of the named effects' gain in BIC, and of what they explain: a law is good to some per cent of itself
+FINAL = 1.05  # error over noise floor up to which a model counts as complete
+HOPEFUL = 2.0  # error over noise floor above which the last effect that may be added is not: too much would still be missing
+COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
+GUESSED = 0.9  # error over noise floor below which a floor that no idling shows was none
+SEARCHED = 10  # iterations from a set settled with finer steps to the same with those of the search
+ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
+STILL_ROUGH = 3.0  # and, once they were, from which they still are: else the quiet records take over half way
+
+
+@dataclass(frozen=True)
+class Path:
+    """A search from its first step to its last. tied: effects that the data cannot tell apart, where that ended it.
+
+    hum: in words, the line of the mains that is all it found last.
+    """
+
+    steps: tuple[Candidate, ...]
+    seen: tuple[Candidate, ...]
+    tied: tuple[str, ...]
+    hum: str = ""
+
+    @property
+    def end(self) -> Candidate:
+        """The set of effects that the search ended with."""
+        return self.steps[-1]
+
+
+def _weighed(current: Candidate) -> Candidate:
+    """The current set with records weighed by what it leaves of them, where that is far more than noise; else by the noise.
+
+    A model that is rough everywhere would otherwise be fitted to the quietest record alone, and candidates with it.
+    """
+    assert current.fit is not None and current.fitter is not None
+    records = current.fitter.records
+    plain = all(record.weight is None for record in records)
+    rough = current.error_held_out > (ROUGH if plain else STILL_ROUGH) * pooled(current.errors)[1]
+    if not rough and plain:
+        return current
+    weighed = []
+    for record, rest in zip(records, current.fit.residuals, strict=True):
+        left = np.sqrt(np.mean((rest.reshape(len(record.channels), -1) * record.scale[:, None]) ** 2, axis=1))
+        weighed.append(replace(record, weight=np.hypot(record.noise, left) if rough else None))
+    fitter = current.fitter.on(weighed)
+    fit = polish(fitter, current.fit.state, rounds=2, iterations=20)
+    if not rough:
+        fit = with_parts_of_passes(fitter, fit)  # such weights hid what a cut that begins within an arc leaves
+    return replace(candidate_of(fitter, fit, current.effects, None, 1.0), delta_bic=current.delta_bic)
+
+
+def by_noise(one: Candidate) -> Candidate:
+    """A set of effects as it was fitted, with residuals and covariance in units of the noise again."""
+    assert one.fit is not None and one.fitter is not None
+    if all(record.weight is None for record in one.fitter.records):
+        return one
+    records = [replace(record, weight=None) for record in one.fitter.records]
+    fitter = one.fitter.on(records)
+    return replace(one, fitter=fitter, fit=replace(fitter.fit(one.fit.state, iterations=0), converged=one.fit.converged))
+
+
+def _at_its_jumps(one: Candidate) -> Candidate:
+    """The set with the samples left out at the jumps of a force where its own fit, not that of a smaller set, places them."""
+    assert one.fit is not None and one.fitter is not None
+    fitter, fit = at_its_jumps(one.fitter, one.fit)
+    return one if fitter is one.fitter else replace(candidate_of(fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
+
+
+def _with_finer_steps(
+    one: Candidate, noise: float, catalogue: Mapping[str, Effect], say: Callable[[str], None]
+) -> Candidate | None:
+    """The set settled with finer steps, if what it leaves may be but the error of the search's own; else None."""
+    if not ADEQUATE * noise < one.error_held_out < COARSE * noise or not has_kinks(one.effects, catalogue):
+        return None
+    say("taking finer steps")
+    return settled(by_noise(one), catalogue)
+
+
+def _nesting_guard(current: Candidate, tried: Sequence[Candidate], catalogue: Mapping[str, Effect]) -> Candidate:
+    """The current set refitted from where the best larger set ended: a local minimum must not pass for missing physics."""
+    assert current.fit is not None and current.fitter is not None
+    best = current
+    for one in sorted((one for one in tried if one.fit is not None), key=lambda one: one.error_fit)[:2]:
+        for fit in _nested(current.fitter, one, catalogue):
+            assert best.fit is not None
+            if fit.cost < best.fit.cost * (1.0 - 1e-4):
+                best = candidate_of(current.fitter, fit, current.effects, best.fit, effective_size(fit))
+    return best
+
+
+def _nested(fitter: Fitter, larger: Candidate, catalogue: Mapping[str, Effect]) -> list[WaveformFit]:
+    """Fits begun where a larger set ended, without its last effect.
+
+    A gradual entry has places of first touch, too: they may be all that it was good for, in cuts that begin within an arc.
+    """
+    assert larger.fit is not None
+    state, name = larger.fit.state, larger.effects[-1]
+    found = [fitter.fit(state_without(state, name, catalogue), iterations=12)]
+    if "engagement" in catalogue[name].hooks and not fitter.gradual:
+        sudden = state.without_effect(name).with_sudden_entries(fitter.records)
+        parts = as_believed(fitter, fitter.fit(sudden, iterations=12))
+        found += [] if parts is None else [parts]
+    return found
+
+
+def _backward(current: Candidate, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> Candidate:
+    """The set without every effect that the later ones made needless: refitted without it, the BIC is no worse."""
+    for name in current.effects[:-1]:
+        if any(name in catalogue[other].requires for other in current.effects):
+            continue
+        assert current.fit is not None and current.fitter is not None
+        say(f"is {name} still needed?")
+        fitter = current.fitter.without(name)
+        fit = polish(fitter, state_without(current.fit.state, name, catalogue), rounds=2, iterations=15)
+        size = effective_size(current.fit)
+        if bic(fit, size) <= bic(current.fit, size) + DELTA_BIC:
+            effects = tuple(other for other in current.effects if other != name)
+            current = replace(candidate_of(fitter, fit, effects, current.fit, size), delta_bic=current.delta_bic)
+    return current
+
+
+def against(one: Candidate, reference: Candidate) -> Candidate:
+    """A candidate's gain counted from a better reference."""
+    if one.fit is None or reference.fit is None:
+        return one
+    size = effective_size(one.fit)
+    return replace(one, delta_bic=bic(reference.fit, size) - bic(one.fit, size))
+
+
+def worth_naming(candidate: Candidate, current: Candidate, base: Candidate, noise: float) -> bool:
+    """Whether an effect is worth naming: by BIC, by what it takes of the present excess, and by its share of the whole one.
+
+    The last, so that where something unknown remains, no effect is named for nibbling at it; what completes the model passes.
+    Of the faint rest of a strong effect it must take away most, and where that is little above the noise all: no law is the
+    machine's own to the last per cent. Of the little that two effects leave, a third must take half, or it would make a good
+    answer doubtful.
+    """
+    before, after = excess(current.error_held_out, noise), excess(candidate.error_beside(noise), noise)
+    gained = before - after
+    whole = excess(min(base.error_held_out, base.error_fit), noise)  # extrapolated, a wrong law may look worse than it is
+    material = gained > MATERIAL * whole or candidate.error_beside(noise) <= FINAL * noise
+    share = GAIN
+    if current.effects and before < FAINT * whole:
+        share = TAKEN
+        if before <= excess(COMPLETE * noise, noise) and candidate.error_beside(noise) > ADEQUATE * noise:
+            return False
+    elif len(current.effects) >= MANY - 1 and before <= excess(FINAL * noise, noise):
+        share = PARTIAL
+    return candidate.delta_bic > DELTA_BIC and gained > max(share * before, 1e-3 * noise**2) and material
+
+
+def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Effect], noise: float,
+           say: Callable[[str], None]) -> Path:  # fmt: skip
+    """The search from a set that leaves but noise: an effect more that is certain and takes most of the rest, or none."""
+    end = steps[-1]
+    if end.effects and below_a_guess(end, noise):
+        return Path(tuple(steps), (), ())
+    current = _with_search_steps(end, steps[0], noise)
+    assert current.fit is not None and current.fitter is not None
+    origins = origins_of(current.fitter.plant, model, current.fitter, current.fit, anchored=False)
+    found = certain_candidates(current, catalogue, origins, say)
+    seen = tuple(map(_told, found))
+    hum = next(filter(None, (hum_of(one, current, catalogue) for one in _certain(found, current, steps[0], noise))), "")
+    found = [one for one in found if not hum_of(one, current, catalogue)] if hum else found
+    refitted = _nesting_guard(current, _certain(found, current, steps[0], noise), catalogue)
+    if refitted is not current:  # the set itself, begun where an effect more ended, explains as much without it
+        refitted = replace(refitted, delta_bic=current.delta_bic)
+        found = sorted((against(one, refitted) for one in found), key=lambda one: -one.delta_bic)
+        end = refitted if current is end else settled(refitted, catalogue)
+        current, steps = refitted, [*steps[:-1], end]
+    passing = _certain(found, current, steps[0], noise)
+    tied = tuple(one.effects[-1] for one in passing if tied_with(passing[0], one, current, noise))  # the first with itself
+    if not passing or (len(tied) > 1 and current.effects):  # which of them it is, so faint, is not asked beside what is known
+        return Path(tuple(steps), seen, (), hum)
+    best = settled(passing[0], catalogue)
+    if current is not end:  # it may have made up for the error of the steps
+        best = against(best, end)
+        if best.delta_bic <= CERTAIN or best.error_where_known >= end.error_where_known:
+            return Path(tuple(steps), seen, (), hum)
+    return Path((*steps, best), seen, tied if len(tied) > 1 else (), hum)
+
+
+def below_a_guess(one: Candidate, noise: float) -> bool:
+    """Whether a set leaves clearly less than the noise was taken for, in records that never idle.
+
+    What is left may then be noise or the last per cent of a law, and no gain in BIC tells which.
+    """
+    assert one.fitter is not None
+    return one.error_where_known < GUESSED * noise and all(record.noise_basis != "idle" for record in one.fitter.records)
+
+
+def _certain(found: Sequence[Candidate], current: Candidate, base: Candidate, noise: float) -> list[Candidate]:
+    """Those that many samples make certain and that take away most of what the current set leaves.
+
+    Beside effects that are named already, what is small against their gain in BIC may be the form of their laws.
+    """
+    left = (1.0 - TAKEN) * excess(current.error_where_known, noise)
+    least = CERTAIN if not current.effects else max(CERTAIN, OWN_FORM * against(current, base).delta_bic)
+    return [one for one in found if one.delta_bic > least and excess(one.error_where_known, noise) <= left
+            and one.error_where_known < current.error_where_known]
+
+
+def _with_search_steps(one: Candidate, base: Candidate, noise: float) -> Candidate:
+    """A set that was settled with finer steps, fitted with those of the search again, where they too leave but noise."""
+    assert one.fit is not None and one.fitter is not None and base.fitter is not None
+    if one.fitter.plant is base.fitter.plant:
+        return one
+    fitter = Fitter(base.fitter.plant, one.fitter.records, one.fitter.unknowns)
+    found = candidate_of(fitter, fitter.fit(one.fit.state, iterations=SEARCHED), one.effects, None, 1.0)
+    return replace(found, delta_bic=one.delta_bic) if found.error_held_out <= ADEQUATE * noise else one
+
+
+def _told(one: Candidate) -> Candidate:
+    """A candidate as it is told: without the slopes of its fit, which fill much memory and serve its round alone."""
+    return one if one.fit is None else replace(one, fit=replace(one.fit, parts=()))
+
+
+def _origins(current: Candidate, model: Model, noise: float) -> list[Origin]:
+    """Where the candidates of a round start; from the small-amplitude structure, too, where the base model is bad."""
+    assert current.fit is not None and current.fitter is not None
+    anchored = not current.effects and current.error_held_out > ANCHOR * noise
+    return origins_of(current.fitter.plant, model, current.fitter, current.fit, anchored)
+
+
+def _switched(current: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, most: int,
+              say: Callable[[str], None]) -> Candidate | None:  # fmt: skip
+    """The set completed by an effect that is there or is not (loss of contact); None where nothing is left, or still is."""
+    if len(current.effects) >= most or current.error_where_known <= ADEQUATE * noise:
+        return None
+    more = switched_on_too(current, model, catalogue, noise, say)
+    return None if more is None else against(more, by_noise(current))
+
+
+def _round(current: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None],
+           final: bool, look: BelievedLook | None) -> tuple[Candidate, list[Candidate]]:  # fmt: skip
+    """The current set, refitted where a larger one shows a deeper valley of it, and the candidates that extend it by one."""
+    alone = look.alone if look is not None and not current.effects else tuple
+    last = try_candidates(current, catalogue, _origins(current, model, noise), say, final, alone)
+    refitted = _nesting_guard(current, last, catalogue)
+    return refitted, last if refitted is current else [against(one, refitted) for one in last]
+
+
+def _named(first: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None],
+           look: BelievedLook | None) -> Candidate:  # fmt: skip
+    """The candidate that is named, as the next round finds it: begun anew, unless it is from the believed machine already."""
+    if look is None or not look.gave(first.effects):
+        first = begun_anew(first, model, catalogue, noise, say)
+    return _weighed(_with_parts(_at_its_jumps(_backward(first, catalogue, say)), noise))
+
+
+def _with_parts(one: Candidate, noise: float) -> Candidate:
+    """The set, where it leaves more than noise, with cuts that begin or end within an arc looked for again."""
+    assert one.fit is not None and one.fitter is not None
+    if one.error_held_out <= ADEQUATE * noise:
+        return one
+    fit = with_parts_of_passes(one.fitter, one.fit)
+    return one if fit is one.fit else replace(candidate_of(one.fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
+
+
+def forward(
+    begun: Sequence[Candidate],
+    model: Model,
+    catalogue: Mapping[str, Effect],
+    most: int,
+    say: Callable[[str], None],
+    look: BelievedLook | None = None,
+) -> Path:
+    """Rounds of candidates from the last of the steps `begun` (the first: the base model), until there are `most` effects.
+
+    look: at the believed machine, for the first round.
+    """
+    base, current, steps = begun[0], begun[-1], list(begun)
+    noise = pooled(base.errors)[1]
+    if not current.effects and current.error_where_known <= ADEQUATE * noise:
+        return _faint([base], model, catalogue, noise, say)
+    seen: list[Candidate] = []
+    tied: tuple[str, ...] = ()
+    rivals: list[Candidate] = []
+    fine: tuple[Candidate, Candidate] | None = None  # a set, and the same with finer steps
+    believed = base  # as it was fitted to the noise, or by the nesting guard: with this the fall of the error is told
+    current = steps[-1] = _weighed(current)
+    base = base if current.effects else current
+    while len(current.effects) < most and current.error_where_known > ADEQUATE * noise:
+        final = most > 1 and len(current.effects) == most - 1
+        refitted, last = _round(current, model, catalogue, noise, say, final, look if most > 1 else None)
+        if refitted is not current:
+            current = steps[-1] = refitted
+            if not refitted.effects:
+                base = believed = refitted
+            if current.error_where_known <= ADEQUATE * noise:
+                break
+        seen += map(_told, last)
+        passing = [one for one in last if one.fit is not None and worth_naming(one, current, base, noise)]
+        if not passing:
+            break
+        first = passing[0]
+        if final and first.error_where_known > HOPEFUL * noise:
+            break
+        equal = [one for one in passing[1:] if tied_with(first, one, current, noise)]
+        if equal and (current.effects or first.error_where_known <= COMPLETE * noise):
+            tied = (first.effects[-1], *(one.effects[-1] for one in equal))
+            if not current.effects:
+                current = first
+                steps.append(first)
+            break
+        if equal and not rivals:  # what else is missing may tell them apart
+            rivals = [first, *equal]
+        current = _named(first, model, catalogue, noise, say, look)
+        steps.append(current)
+        if current is not first:
+            seen = [*(one for one in seen if one.effects != current.effects), _told(current)]
+        finer = _with_finer_steps(current, noise, catalogue, say)
+        fine = None if finer is None else (current, finer)
+        if finer is not None and finer.error_held_out <= ADEQUATE * noise:
+            break
+        completed = _switched(current, model, catalogue, noise, most, say)
+        if completed is not None:
+            current = completed
+            steps.append(current)
+            seen.append(_told(current))
+    if not current.effects:
+        return Path((by_noise(believed),), tuple(seen), ())
+    current = _weighed(current)
+    end = fine[1] if fine is not None and fine[0] is current else settled(by_noise(current), catalogue)
+    path = _ended([believed, *steps[1:-1], end], seen, tied, rivals, noise, catalogue, say)
+    if path.tied or not path.end.effects or len(path.end.effects) >= most or path.end.error_where_known > ADEQUATE * noise:
+        return path
+    faint = _faint(path.steps, model, catalogue, noise, say)
+    return replace(faint, seen=(*path.seen, *faint.seen))
+
+
+def _ended(
+    steps: Sequence[Candidate], seen: Sequence[Candidate], tied: tuple[str, ...], rivals: Sequence[Candidate], noise: float,
+    catalogue: Mapping[str, Effect], say: Callable[[str], None],
+) -> Path:  # fmt: skip
+    """The path of these steps as it is told: fits in units of the noise, and rivals of the first effect tried in the last set.
+
+    A last set of which settling has left nothing is the base model.
+    """
+    end = steps[-1]
+    told = [*map(by_noise, steps[:-1]), end] if end.effects else [by_noise(steps[0])]
+    if end.effects and rivals and not tied:
+        end, tied = with_rivals(end, rivals, told[0], noise, catalogue, say)
+        told[-1] = end
+    return Path(tuple(told), tuple(_told(end) if one.effects == end.effects else one for one in seen), tied)

@@ -1,0 +1,93 @@
+"""Whether the law of an effect that was named, or that the model has, has the exponent that the catalogue says.
+
+Other laws are soon imitated: a damping by the cube of the velocity is nearly one by its square, with a little less of all other
+damping. The error comes within a few parts in a thousand of the noise, and yet, with the exponent free, thousands of samples
+are sure that it is three. Then the law is one that the catalogue does not hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from analysis.fit.effect_start import state_without
+from analysis.fit.estimates import estimates
+from analysis.fit.evidence import DELTA_BIC, bic, effective_size
+from analysis.fit.fit_state import Free, State, WaveformFit
+from analysis.fit.held_out import errors_in_fit, pooled
+from analysis.fit.waveform import Fitter
+from analysis.search.diagnosis import COMPLETE, Candidate, Diagnosis, OtherForm
+from testbed.effect import Effect, Parameter
+
+ANOTHER = 0.25  # difference of an exponent from the law's own, from which it is another law's
+DOUBTED = ("missing_effect", "unexplained", "adequate")  # verdicts under which a law may be another
+STEP = 0.1  # natural step of an exponent
+ITERATIONS = 40
+
+
+def with_form_asked(found: Diagnosis, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> Diagnosis:
+    """The diagnosis, unexplained where the law of an effect that it names, or that the model has, turns out to be another."""
+    return with_other_form(found, other_form(found.best, catalogue, say)) if found.verdict in DOUBTED else found
+
+
+def with_other_form(found: Diagnosis, other: OtherForm | None) -> Diagnosis:
+    """The diagnosis, unexplained where there is another form of the law of an effect that it names, or that the model has."""
+    if found.verdict not in DOUBTED or other is None:
+        return found
+    left = found.best.error_where_known / found.noise_floor
+    first = f"The error is {left:.3f} of the noise floor, and yet:" if found.verdict == "adequate" else found.sentence
+    return replace(found, verdict="unexplained", sentence=f"{first} {other.sentence}", form=other)
+
+
+def other_form(one: Candidate, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> OtherForm | None:
+    """The other exponent of a law in a fitted set of effects, or in its model; None where the laws hold, or cannot be asked.
+
+    Where the model states an exponent, its owner has chosen it, and it is not asked.
+    """
+    assert one.fit is not None and one.fitter is not None
+    stated = one.fit.state.model.effects
+    for name in dict.fromkeys((*one.effects, *stated)):
+        exponent = _exponent(catalogue[name])
+        if exponent is None or exponent.name in stated[name]:
+            continue
+        say(f"is the exponent of {name} that of its law?")
+        others = tuple(other for other in one.effects if other != name)
+        for needless in dict.fromkeys((others, ())):
+            state, fitter = one.fit.state, one.fitter
+            for other in needless:
+                state, fitter = state_without(state, other, catalogue), fitter.without(other)
+            found = _freed(fitter, state, catalogue, name, exponent, one.fit)
+            if found is not None:
+                return replace(found, needless=needless)
+    return None
+
+
+def _exponent(effect: Effect) -> Parameter | None:
+    return next((one for one in effect.form if one.name == "exponent"), None)
+
+
+def _freed(
+    fitter: Fitter, state: State, catalogue: Mapping[str, Effect], name: str, exponent: Parameter, before: WaveformFit
+) -> OtherForm | None:  # fmt: skip
+    """What a fit with the exponent of an effect free finds, where that is another, explains more, and leaves but noise."""
+    path = f"{name}.{exponent.name}"
+    model = state.model.with_effect(name, exponent=exponent.neutral, **_references(catalogue[name], fitter))
+    free = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, Free(path, STEP, exponent.bounds)])
+    fit = free.fit(replace(state, model=model), iterations=ITERATIONS, goal=before.cost)
+    size = effective_size(before)
+    gain = bic(before, size) - bic(fit, size)
+    told = estimates(free, fit, catalogue)[path]
+    far = abs(told.value - exponent.neutral) >= ANOTHER and not told.low <= exponent.neutral <= told.high
+    error, noise = pooled(errors_in_fit(free, fit))
+    if not far or gain <= DELTA_BIC or error > COMPLETE * noise:  # what leaves more is not the law either
+        return None
+    values = dict(fit.state.model.effects[name])
+    return OtherForm(name, exponent.neutral, told.value, told.low, told.high, gain, error / noise, values)
+
+
+def _references(effect: Effect, fitter: Fitter) -> dict[str, float]:
+    """What the law is a power of, as large as in the loudest record: there the exponent hardly changes the force."""
+    loudest = max(fitter.records, key=lambda record: record.motion_size)
+    rate = 1.0 if loudest.motion is None else loudest.motion[2]
+    size = {"m": loudest.motion_size, "m/s": loudest.motion_size * rate}
+    return {one.name: size[one.unit] for one in effect.form if one.name.startswith("reference_")}

@@ -1,0 +1,93 @@
+"""Which cut would tell two explanations apart: where their predictions differ most, in units of the noise.
+
+Both models are predicted over a grid of speeds and depths around those measured, at which both are stable; what the unknown
+mark angle, offset and drift could absorb of the difference is taken out of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.fit.observed import Observed, drift_basis
+from analysis.fit.prediction import Plant
+from analysis.linear.delay_equation import milling_equation
+from analysis.linear.temporal_elements import characteristic_multipliers
+from testbed.cut import Cut, Sampling
+from testbed.machine import Model
+
+SPEEDS, DEPTHS = 9, 5
+WIDER = 0.25  # of the measured range, by which the search goes beyond it
+STABLE = 0.95  # largest multiplier of a cut that is proposed
+COURSE = (6, 40, 14)  # revolutions of idling, cutting, ringing down
+TURN = 1e-3  # rad, for the slope by the mark angle
+
+
+@dataclass(frozen=True)
+class NextTest:
+    """A cut to make: spindle_speed (rad/s), depth (m), and the rms difference of the two predictions over the noise."""
+
+    spindle_speed: float
+    depth_of_cut: float
+    difference: float
+
+
+def next_test(plant: Plant, records: Sequence[Observed], first: Model, other: Model) -> NextTest | None:
+    """The cut within reach that separates two fitted models best; None where no record is a cut or none is stable."""
+    cuts = [record for record in records if record.cut is not None]
+    if not cuts or first.cutting is None:
+        return None
+    like = max(cuts, key=lambda record: record.samples)
+    found = [
+        NextTest(speed, depth, _difference(plant, like, first, other, speed, depth))
+        for speed, depth in _grid(cuts)
+        if max(_largest(model, like, speed, depth) for model in (first, other)) < STABLE
+    ]
+    found = [one for one in found if math.isfinite(one.difference)]
+    return max(found, key=lambda one: one.difference, default=None)
+
+
+def _grid(cuts: Sequence[Observed]) -> list[tuple[float, float]]:
+    """(rad/s, m) a little beyond what was measured."""
+    speeds = np.array([2 * math.pi / record.period for record in cuts])
+    depths = np.array([record.cut.axial_depth_of_cut for record in cuts if record.cut is not None])
+    room = max(WIDER * float(np.ptp(speeds)), 0.1 * float(speeds.mean()))
+    low, high = max(speeds.min() - room, 0.2 * speeds.min()), speeds.max() + room
+    deepest = depths.max() * (1 + WIDER)
+    places = np.linspace(deepest / DEPTHS, deepest, DEPTHS)
+    return [(float(speed), float(depth)) for speed in np.linspace(low, high, SPEEDS) for depth in places]
+
+
+def _largest(model: Model, like: Observed, speed: float, depth: float) -> float:
+    """Modulus of the largest multiplier of the linear base model."""
+    assert like.cut is not None
+    cut = replace(like.cut, spindle_speed=speed, axial_depth_of_cut=depth)
+    try:
+        return float(np.abs(characteristic_multipliers(milling_equation(model, cut), 6)).max())
+    except ValueError:
+        return math.inf
+
+
+def _difference(plant: Plant, like: Observed, first: Model, other: Model, speed: float, depth: float) -> float:
+    """rms of the difference of two predictions over the noise, less what angle, offset and drift could absorb."""
+    assert like.cut is not None
+    idle, turns, ringing = (part * like.flutes for part in COURSE)
+    cut = Cut(speed, depth, like.cut.feed_per_tooth, idle, turns, ringing)
+    period = 2 * math.pi / speed
+    count = int(sum(COURSE) * period * like.rate) - 2
+    late = TURN / speed
+    samplings = [Sampling(like.rate, count, start) for start in (0.5 / like.rate, 0.5 / like.rate, 0.5 / like.rate + late)]
+    predicted = plant.predict_cuts([first, other, first], [cut] * 3, samplings, like.channels)
+    if not np.isfinite(predicted).all():
+        return math.nan
+    basis = drift_basis(count)
+    scaled = predicted / like.noise[:, None]
+    scaled = scaled - (scaled @ basis) @ basis.T
+    gap, turned = (scaled[1] - scaled[0]).ravel(), (scaled[2] - scaled[0]).ravel()
+    size = float(turned @ turned)
+    if size > 0:
+        gap = gap - turned * float(turned @ gap) / size
+    return float(np.sqrt(np.mean(gap**2)))

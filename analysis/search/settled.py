@@ -1,0 +1,38 @@
+"""The last fit of a set of effects: finer steps where a law has a kink, and nothing kept that only made up for coarse ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from analysis.fit.evidence import DELTA_BIC
+from analysis.fit.fine_steps import finely, has_kinks
+from analysis.fit.fit_state import WaveformFit
+from analysis.fit.waveform import Fitter
+from analysis.search.candidate_round import candidate_of
+from analysis.search.diagnosis import Candidate
+from testbed.effect import Effect
+
+WORSE = 1.02  # times the held-out error that the last fit with finer steps may have: beyond, it went astray
+
+
+def settled(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
+    """The last set of effects, with finer steps where a law of it has a kink: its parameters are told."""
+    assert one.fit is not None and one.fitter is not None
+    if not has_kinks(list(one.fit.state.model.effects), catalogue):
+        return one
+    fitter, fit = finely(one.fitter, one.fit, catalogue)
+    idle = [name for name in one.effects if _does_nothing(fitter, fit, name)]  # it made up for the error of the steps
+    if idle:
+        state = fit.state
+        for name in idle:
+            state, fitter = state.without_effect(name), fitter.without(name)
+        fit = fitter.fit(state, iterations=12)
+    effects = tuple(name for name in one.effects if name not in idle)
+    found = candidate_of(fitter, fit, effects, None, 1.0)
+    return replace(found, delta_bic=one.delta_bic) if found.error_held_out <= WORSE * one.error_held_out else one
+
+
+def _does_nothing(fitter: Fitter, fit: WaveformFit, name: str) -> bool:
+    """Whether an effect can be taken out as it stands, nothing refitted, and is not missed."""
+    return fitter.without(name).cost(fit.state.without_effect(name)) <= fit.cost + 0.5 * DELTA_BIC * fit.variance

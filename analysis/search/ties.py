@@ -1,0 +1,71 @@
+"""Effects that the data cannot tell apart: a tie of two candidates, and whether what was found later has broken it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from analysis.fit.effect_start import extended, state_without
+from analysis.fit.evidence import DELTA_BIC, bic, effective_size
+from analysis.fit.starts import polish
+from analysis.search.candidate_round import candidate_of
+from analysis.search.diagnosis import Candidate, excess
+from testbed.effect import Effect
+
+ALIKE = 0.02  # share of what the better one gains that the other may lack
+NEAR = 3.0  # times DELTA_BIC that such a one may lie apart
+
+
+def tied_with(first: Candidate, other: Candidate, current: Candidate, noise: float) -> bool:
+    """Whether the data cannot tell two candidates, both better than `current`, apart."""
+    if other.fit is None or first.fit is None:
+        return False
+    size = effective_size(first.fit)
+    apart = abs(bic(other.fit, size) - bic(first.fit, size))
+    best = excess(first.error_beside(noise), noise)
+    gained = excess(current.error_held_out, noise) - best
+    lost = excess(other.error_beside(noise), noise) - best
+    return apart < DELTA_BIC or (lost < ALIKE * gained and apart < NEAR * DELTA_BIC)
+
+
+def with_rivals(
+    found: Candidate, rivals: Sequence[Candidate], base: Candidate, noise: float, catalogue: Mapping[str, Effect],
+    say: Callable[[str], None],
+) -> tuple[Candidate, tuple[str, ...]]:  # fmt: skip
+    """The set of effects that a search found, or a better one with a rival in it; and what is tied, if anything.
+
+    rivals: candidates that, alone, explained as much as the first of them did when that was chosen. base: the base model.
+    """
+    first, tied = rivals[0].effects[-1], []
+    for rival in rivals[1:]:
+        name = rival.effects[-1]
+        required = any(first in catalogue[one].requires for one in found.effects)
+        if first not in found.effects or name in found.effects or required:
+            continue
+        other = rival
+        if len(found.effects) > 1:
+            say(f"would {name} do in place of {first}?")
+            other = _in_place(found, first, rival, catalogue)
+        if tied_with(found, other, base, noise):
+            tied.append(name)
+        elif other.fit is not None and found.fit is not None and _better(other, found):
+            found, first, tied = other, name, []
+    return found, (first, *tied) if tied else ()
+
+
+def _better(other: Candidate, found: Candidate) -> bool:
+    assert other.fit is not None and found.fit is not None
+    size = effective_size(found.fit)
+    return bic(other.fit, size) < bic(found.fit, size) - DELTA_BIC and other.error_held_out < found.error_held_out
+
+
+def _in_place(found: Candidate, first: str, rival: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
+    """The set found with another effect in the place of its first one, fitted from where both were."""
+    assert found.fit is not None and found.fitter is not None and rival.fit is not None
+    effect = catalogue[rival.effects[-1]]
+    fitter = extended(found.fitter.without(first), effect)
+    state = state_without(found.fit.state, first, catalogue)
+    state = replace(state, model=state.model.with_effect(effect.name, **rival.fit.state.model.effects[effect.name]))
+    fit = polish(fitter, state, rounds=2, iterations=20)
+    effects = (effect.name, *(one for one in found.effects if one != first))
+    return replace(candidate_of(fitter, fit, effects, None, 1.0), delta_bic=found.delta_bic)

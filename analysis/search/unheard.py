@@ -1,0 +1,81 @@
+"""Records that have no say in a fit, because no model follows them while the others agree.
+
+A strong vibration may be chaotic: two that begin a nanometre apart have nothing in common a hundred turns later. Another
+record may be disturbed. Such a one rules a least-squares fit and takes every parameter astray. It is still predicted, and its
+error told.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.fit.first_passes import first_nuisances
+from analysis.fit.fit_state import State, WaveformFit
+from analysis.fit.held_out import errors_in_fit, own_refit
+from analysis.fit.pass_search import settle_passes
+from analysis.fit.starts import polish
+from analysis.fit.waveform import Fitter
+
+LOUD = 4.0  # mean square residual over the median record's, from which a record is doubted
+SOUND = 1.15  # mean square residual, in noise, up to which a record counts as explained
+MOST = 0.3  # share of the records that may be without a say
+FEWEST = 3  # records that must be left
+MUTE = 1e9  # times its own size that such a record's scale is
+
+
+def agreed(fitter: Fitter, fit: WaveformFit, suspect: int | None = None) -> tuple[Fitter, WaveformFit]:
+    """The fit of those records that agree down to their noise, where a few that stand far out bend it; else the fit itself.
+
+    suspect: the place of the one record that is doubted instead of those that stand out.
+    """
+    left = fit.mean_squares
+    loud = left > LOUD * max(float(np.median(left)), 1.0) if suspect is None else np.arange(len(left)) == suspect
+    kept = [int(place) for place in np.flatnonzero(~loud)]
+    if not loud.any() or loud.sum() > MOST * len(left) or len(kept) < FEWEST:
+        return fitter, fit
+    alone = polish(fitter.of_records(kept), fit.state.of_records(kept))
+    if alone.mean_squares.max() > SOUND:
+        return fitter, fit
+    nuisances = list(fit.state.nuisances)
+    for place, own in zip(kept, alone.state.nuisances, strict=True):
+        nuisances[place] = own
+    doubted = [int(place) for place in np.flatnonzero(loud)]
+    for place in doubted:
+        nuisances[place] = _own(fitter, place, replace(alone.state, nuisances=(nuisances[place],))).nuisances[0]
+    state = replace(alone.state, nuisances=tuple(nuisances))
+    strange = [place for place in doubted if float(np.mean(fitter.residual_of(place, state) ** 2)) > LOUD]
+    if not strange:  # but its passes were wrong
+        return fitter, min(fit, polish(fitter, state), key=lambda one: one.cost)
+    records = list(fitter.records)
+    for place in strange:
+        size = np.maximum(records[place].data.std(axis=1), records[place].noise)
+        records[place] = replace(records[place], weight=MUTE * size, heard=False)
+    wider = fitter.on(records)
+    return wider, wider.fit(state, iterations=4)
+
+
+def misfit(fitter: Fitter, fit: WaveformFit) -> tuple[float, float]:
+    """(minus twice the log likelihood with a variance for every record, mean square residual in noise of the worst).
+
+    The first is hardly touched by a record that no model follows.
+    """
+    left = [one.squares / one.noise_squares for one in errors_in_fit(fitter, fit)]
+    likelihood = sum(rest.size * math.log(max(one, 1e-300)) for rest, one in zip(fit.residuals, left, strict=True))
+    return likelihood, max(left)
+
+
+def _own(fitter: Fitter, place: int, state: State) -> State:
+    """The state of one record alone, its course as it was fitted or as its segments show it, whichever explains more."""
+    record, own = fitter.records[place], state.nuisances[0]
+    single = fitter.of_records([place])
+    if record.cut is None:
+        return state
+    fresh = replace(first_nuisances(record, state.angle + own.angle), angle=own.angle)
+    tried = [state]
+    for speed in (own.speed, fresh.speed):
+        seen, _ = settle_passes(single, replace(state, nuisances=(replace(fresh, speed=speed),)), reach=2)
+        tried.append(own_refit(single, seen, [0], rounds=4))
+    return min(tried, key=single.cost)
