@@ -139,13 +139,13 @@ class BelievedLook:
         rivals = [self._fitted((name,), goal) for name in others if self.opened(name) <= close]
         return (found, *(one for one in rivals if one is not None))
 
-    def beside_leader(self, share: float) -> dict[str, float]:
+    def beside_leader(self) -> dict[str, float]:
         """Per other effect, the cost of the openings with the leader and it; not for what shifts the records in time.
 
-        share: of the leader's own cost, above which the others are given up.
+        None is given up early: of an entry that is gradual the passes are put right only in the end.
         """
         assert self.leader is not None
         self.say(f"much is left: looking at every effect together with {self.leader}")
         others = [name for name in self.every if name != self.leader and not shifts_in_time(self.catalogue[name])]
-        self._open([(self.leader, name) for name in others], share * self.opened(self.leader))
+        self._open([(self.leader, name) for name in others], math.inf)
         return {name: self.opened(self.leader, name) for name in others}

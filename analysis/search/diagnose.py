@@ -22,7 +22,8 @@ from analysis.search.begun_anew import from_believed
 from analysis.search.believed_look import BelievedLook
 from analysis.search.candidate_round import candidate_of
 from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, excess, verdict_of
-from analysis.search.forward_search import against, by_noise, forward
+from analysis.search.forward_search import ROUGH, against, by_noise, forward
+from analysis.search.irregular import followed, irregular
 from analysis.search.law_form import with_form_asked, with_other_form
 from analysis.search.misstated import misstated
 from analysis.search.next_test import next_test
@@ -90,7 +91,8 @@ def _diagnosed(plant: Plant, records: Sequence[Observed], model: Model, catalogu
     """The diagnosis of records as they are. base: the believed model fitted to them, where that is at hand."""
     parts = [record.loudest(LONG) for record in records]
     if all(part is record for part, record in zip(parts, records, strict=True)):
-        found = _search(base or _as_believed(plant, records, model, catalogue, say), plant, model, catalogue, most, say)
+        base = base or _as_believed(plant, records, model, catalogue, say)
+        found = _without_irregular(base, plant, model, catalogue, most, say)
         return _with_strange_records(_with_next_test(found, plant, records, say), say)
     found = _search(_as_believed(plant, parts, model, catalogue, say), plant, model, catalogue, most, say)
     say("fitting the whole records")
@@ -98,6 +100,43 @@ def _diagnosed(plant: Plant, records: Sequence[Observed], model: Model, catalogu
     noise = pooled(steps[0].errors)[1]
     tied = found.effects if found.verdict == "undecided" else ()
     return with_other_form(verdict_of(steps[0], steps[-1], steps, found.candidates, noise, tied), found.form)
+
+
+def _without_irregular(base: Candidate, plant: Plant, model: Model, catalogue: Mapping[str, Effect], most: int,
+                       say: Callable[[str], None]) -> Diagnosis:  # fmt: skip
+    """The diagnosis, on the records whose motion repeats where the others make the base fit a rough one and cannot be foretold.
+
+    Where what is so found foretells them, it is the beginning of a search on all.
+    """
+    assert base.fitter is not None and base.fit is not None
+    records = base.fitter.records
+    places = irregular(records) if base.error_held_out > ROUGH * pooled(base.errors)[1] else []
+    if not places:
+        return _search(base, plant, model, catalogue, most, say)
+    names = ", ".join(records[place].name for place in places)
+    say(f"without {names}: no revolution is like the one before")
+    kept = [record for place, record in enumerate(records) if place not in places]
+    found = _search(_as_believed(plant, kept, model, catalogue, say), plant, model, catalogue, most, say)
+    best = by_noise(found.best)
+    if not _complete(found) and found.form is None:
+        return _search(base, plant, model, catalogue, most, say)
+    assert best.fitter is not None and best.fit is not None
+    say(f"holding what was found against {names}")
+    seen = followed(best.fitter, best.fit.state, records, places)
+    if not seen.strange:
+        begun = against(candidate_of(seen.fitter, seen.fitted(), best.effects, None, 1.0), base)
+        return _search(base, plant, model, catalogue, most, say, begun)
+    if set(seen.parting) < set(seen.strange):
+        return _search(base, plant, model, catalogue, most, say)
+    return replace(found, sentence=f"{found.sentence} {_left_out([records[place].name for place in places])}")
+
+
+def _left_out(names: Sequence[str]) -> str:
+    """In words, that records were left out that no model foretells."""
+    which, they = ("these records", "they are") if len(names) > 1 else ("this record", "it is")
+    return (f"Left out: {', '.join(names)}. No revolution of {which} is like the one before, and by the model found, too, "
+            f"motions that begin almost at one place part there: no model foretells {which} beyond the beginning ({they} "
+            "chaotic).")
 
 
 def _contradicted(base: Candidate, noise: float, say: Callable[[str], None]) -> Diagnosis | None:
@@ -174,8 +213,9 @@ def _search(
     catalogue: Mapping[str, Effect],
     most: int,
     say: Callable[[str], None],
+    first: Candidate | None = None,
 ) -> Diagnosis:
-    """The rounds of candidates from the base fit and, where much is left, from another beginning."""
+    """The rounds of candidates from the base fit and, where much is left, from another beginning. first: a set found before."""
     noise = pooled(base.errors)[1]
     if slow := _too_slow(base):
         return replace(verdict_of(base, base, [base], (), noise, ()), verdict="undecided", sentence=slow)
@@ -184,7 +224,7 @@ def _search(
         return contradicted
     if turned := other_way(base, model, catalogue):
         return replace(verdict_of(base, base, [base], (), noise, ()), verdict="unexplained", sentence=turned)
-    begun = [base, *_swung(base, plant, model, catalogue, say)]
+    begun = [base, *([first] if first is not None else _swung(base, plant, model, catalogue, say))]
     look = BelievedLook(base, model, catalogue, say)
     path = looked_again(forward(begun, model, catalogue, most, say, look), look, noise, most)
     seen = sorted(path.seen, key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))

@@ -14,7 +14,8 @@ from analysis.search.diagnosis import COMPLETE, excess
 from analysis.search.forward_search import Path, against, forward, worth_naming
 
 CLEARLY = 0.5  # share of the excess of the first search that the second may leave, to be believed instead
-TWO = 3.0  # error over noise floor from which two effects are tried at once
+SEEN = 0.8  # share of the cost of the openings with one effect that those with two may leave, to be fitted
+TWO = 1.15  # error over noise floor from which two effects are tried at once
 
 
 def looked_again(path: Path, look: BelievedLook, noise: float, most: int) -> Path:
@@ -28,9 +29,9 @@ def looked_again(path: Path, look: BelievedLook, noise: float, most: int) -> Pat
     found = begun_with(path, [best], look, noise, most)
     if found.end.error_where_known <= TWO * noise:
         return found
-    pairs = look.beside_leader(CLEARLY)
+    pairs = look.beside_leader()
     other = min(pairs, key=lambda name: pairs[name], default=best)
-    if not pairs or pairs[other] > CLEARLY * look.opened(best):
+    if not pairs or pairs[other] > SEEN * look.opened(best):
         return found
     return begun_with(found, [best, other], look, noise, most)
 

@@ -44,7 +44,7 @@ def agreed(fitter: Fitter, fit: WaveformFit, suspect: int | None = None) -> tupl
         nuisances[place] = own
     doubted = [int(place) for place in np.flatnonzero(loud)]
     for place in doubted:
-        nuisances[place] = _own(fitter, place, replace(alone.state, nuisances=(nuisances[place],))).nuisances[0]
+        nuisances[place] = own_course(fitter, place, replace(alone.state, nuisances=(nuisances[place],))).nuisances[0]
     state = replace(alone.state, nuisances=tuple(nuisances))
     strange = [place for place in doubted if float(np.mean(fitter.residual_of(place, state) ** 2)) > LOUD]
     if not strange:  # but its passes were wrong
@@ -67,7 +67,7 @@ def misfit(fitter: Fitter, fit: WaveformFit) -> tuple[float, float]:
     return likelihood, max(left)
 
 
-def _own(fitter: Fitter, place: int, state: State) -> State:
+def own_course(fitter: Fitter, place: int, state: State) -> State:
     """The state of one record alone, its course as it was fitted or as its segments show it, whichever explains more."""
     record, own = fitter.records[place], state.nuisances[0]
     single = fitter.of_records([place])
