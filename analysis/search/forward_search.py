@@ -39,6 +39,7 @@ HOPEFUL = 2.0  # error over noise floor above which the last effect that may be 
 COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
 GUESSED = 0.9  # error over noise floor below which a floor that no idling shows was none
 SEARCHED = 10  # iterations from a set settled with finer steps to the same with those of the search
+NEARLY = 100.0  # in BIC, by which a short fit without an effect may be worse, to be followed to its end
 ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
 STILL_ROUGH = 3.0  # and, once they were, from which they still are: else the quiet records take over half way
 
@@ -147,6 +148,8 @@ def _backward(current: Candidate, catalogue: Mapping[str, Effect], say: Callable
         fitter = current.fitter.without(name)
         fit = polish(fitter, state_without(current.fit.state, name, catalogue), rounds=2, iterations=15)
         size = effective_size(current.fit)
+        if 0.0 < bic(fit, size) - bic(current.fit, size) - DELTA_BIC < NEARLY:
+            fit = polish(fitter, fit.state)  # it may creep on
         if bic(fit, size) <= bic(current.fit, size) + DELTA_BIC:
             effects = tuple(other for other in current.effects if other != name)
             current = replace(candidate_of(fitter, fit, effects, current.fit, size), delta_bic=current.delta_bic)

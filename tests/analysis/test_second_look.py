@@ -12,7 +12,7 @@ from analysis.search.begun_anew import from_believed
 from analysis.search.believed_look import BelievedLook
 from analysis.search.candidate_round import shifts_in_time
 from analysis.search.diagnosis import ADEQUATE
-from analysis.search.forward_search import Path, forward
+from analysis.search.forward_search import Path, _backward, forward
 from analysis.search.second_look import CLEARLY, begun_with, looked_again
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
@@ -44,6 +44,15 @@ def test_a_search_that_began_with_the_wrong_effect_is_begun_again(observed):
     assert found.end.error_held_out < 1.05 * noise
     assert found.end.parameters["immersion_error.error"] == pytest.approx(0.45, abs=0.005)
     assert {one.effects for one in found.seen} >= {("edge_force",), ("immersion_error",)}  # what was tried first is told, too
+
+
+def test_an_effect_that_a_later_one_makes_needless_is_dropped(observed):
+    both = fitted(observed, "edge_force", "immersion_error")
+    kept = _backward(both, KNOWN, lambda line: None)
+    assert kept.effects == ("immersion_error",) and kept.parameters.keys() == {"immersion_error.error"}
+    assert kept.parameters["immersion_error.error"] == pytest.approx(0.45, abs=0.005)
+    needed = fitted(observed, "immersion_error", "edge_force")
+    assert "immersion_error" in _backward(needed, KNOWN, lambda line: None).effects
 
 
 def test_where_no_first_step_leads_to_much_the_believed_machine_is_asked(observed):
