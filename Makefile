@@ -29,7 +29,7 @@ validate: $(VENV)/ready
 	$(BIN)/python -m tests.validation.run
 
 blind: $(VENV)/ready
-	$(BIN)/python -m tests.validation.blind.judge --count 202  # two seeds make no campaign
+	$(BIN)/python -m tests.validation.blind.judge --first 3000 --count 202  # some seeds make no campaign
 	$(BIN)/python -m tests.validation.blind.propose
 
 bench: $(VENV)/ready

@@ -135,8 +135,7 @@ def _left_out(names: Sequence[str]) -> str:
     """In words, that records were left out that no model foretells."""
     which, they = ("these records", "they are") if len(names) > 1 else ("this record", "it is")
     return (f"Left out: {', '.join(names)}. No revolution of {which} is like the one before, and by the model found, too, "
-            f"motions that begin almost at one place part there: no model foretells {which} beyond the beginning ({they} "
-            "chaotic).")
+            f"motions that begin almost at one place part there: {they} chaotic, or close to it, and a fit may not follow.")
 
 
 def _contradicted(base: Candidate, noise: float, say: Callable[[str], None]) -> Diagnosis | None:

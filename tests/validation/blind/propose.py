@@ -84,7 +84,8 @@ def check() -> Section:
                   f"{_heard(one)['after'] / _heard(one)['noise_floor']:.2f}" if one.get("unheard") else "")
                  for one in sorted(sound, key=lambda one: one["seed"]))
     claims = (
-        Claim("faults of the program", "0", str(len(every) - len(sound)), len(every) == len(sound)),
+        Claim("faults of the program", "0", str(len(every) - len(sound)), len(every) == len(sound),
+              f"seeds {min(one['seed'] for one in every)} to {max(one['seed'] for one in every)}"),
         Claim("unexplained campaigns for which an effect was proposed", "told", f"{len(written)} of {len(sound)}", None),
         Claim("after adding it: held-out error beyond the noise below half", "all", f"{len(below)} of {len(sound)}",
               len(below) == len(sound)),
