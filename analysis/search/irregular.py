@@ -21,7 +21,7 @@ from analysis.fit.starts import polish
 from analysis.fit.waveform import Fitter
 from analysis.search.unheard import LOUD, own_course
 
-BEYOND_NOISE = 20.0  # change from one revolution to the next at a cut's end, in units of the noise, from which it is irregular,
+BEYOND_NOISE = 10.0  # change from one revolution to the next at a cut's end, in units of the noise, from which it is irregular,
 BEYOND_OTHERS = 5.0  # times that of the median record,
 OF_THE_MOTION = 0.2  # and as a share of the motion: what dies away, drifts or swings a little is not that
 LAST = 1 / 3  # share of the cut that is looked at: its transient has died away
