@@ -27,11 +27,12 @@ class Claim:
 
 @dataclass(frozen=True)
 class Section:
-    """A check's claims, and tables (title, header, rows) that show more."""
+    """A check's claims, tables (title, header, rows) that show more, and what is to be known of how the numbers came about."""
 
     title: str
     claims: tuple[Claim, ...]
     tables: tuple[tuple[str, tuple[str, ...], tuple[tuple[str, ...], ...]], ...] = ()
+    remark: str = ""
 
 
 def below(what: str, found: float, limit: float, unit: str = "", note: str = "") -> Claim:

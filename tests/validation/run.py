@@ -27,6 +27,7 @@ Written by `make validate` (`python -m tests.validation.run`), which runs every 
 `python -m tests.validation.run NAME ...`, those alone, so sections may be of different days. What is compared with what is in
 the head of each file of tests/validation.
 """
+MISSED = "## What is missed"
 _WORDS = {True: "passed", False: "MISSED", None: "-"}
 
 
@@ -43,7 +44,7 @@ def as_text(name: str, section: Section, seconds: float) -> str:
     rows = [(claim.what, claim.target, claim.found, _WORDS[None if claim.passed is None else bool(claim.passed)],
              claim.note) for claim in section.claims]
     parts = [f"## {section.title}", f"tests/validation/{name.replace('.', '/')}.py, {seconds:.0f} s",
-             _table(("claim", "target", "found", "", "remark"), rows)]
+             *([section.remark] if section.remark else []), _table(("claim", "target", "found", "", "remark"), rows)]
     for title, header, lines in section.tables:
         parts += [f"**{title}**", _table(header, list(lines))]
     return "\n\n".join(parts) + "\n"
@@ -52,12 +53,23 @@ def as_text(name: str, section: Section, seconds: float) -> str:
 def _merged(old: str, texts: list[str]) -> list[str]:
     """The file's sections with those that were run again in their place; new ones at the end."""
     kept = {part.split("\n", 1)[0]: part for part in ("## " + part for part in old.split("\n## ")[1:])}
-    last = list(kept)[-1] if kept else None
-    if last is not None:
-        kept[last] = kept[last].split("\nClaims missed:")[0].split("\nPython ")[0].rstrip() + "\n"
+    kept.pop(MISSED, None)
     for text in texts:
         kept[text.split("\n", 1)[0]] = text
     return [part.rstrip() + "\n" for part in kept.values()]
+
+
+def _missed(sections: list[str]) -> str:
+    """The claims that are missed, as a section by itself, and the versions the numbers are from."""
+    rows = []
+    for section in sections:
+        for line in section.splitlines():
+            cells = [cell.strip() for cell in line.strip("|").split(" | ")]
+            if len(cells) > 3 and cells[3] == "MISSED":
+                rows.append((section.split("\n", 1)[0].removeprefix("## "), *cells[:3]))
+    packages = ", ".join(f"{package} {version(package)}" for package in ("mujoco", "numpy", "scipy", "numba"))
+    table = [_table(("check", "claim", "target", "found"), rows)] if rows else []
+    return "\n\n".join([MISSED, f"Claims missed: {len(rows)}. Python {platform.python_version()}, {packages}.", *table]) + "\n"
 
 
 def main(names: list[str]) -> int:
@@ -76,9 +88,7 @@ def main(names: list[str]) -> int:
 
 def _write(text: str) -> None:
     sections = _merged(TARGET.read_text() if TARGET.exists() else "", [text])
-    lost = sum(section.count("| MISSED |") for section in sections)
-    packages = ", ".join(f"{package} {version(package)}" for package in ("mujoco", "numpy", "scipy", "numba"))
-    TARGET.write_text("\n".join([HEAD, *sections, f"Claims missed: {lost}. Python {platform.python_version()}, {packages}.\n"]))
+    TARGET.write_text("\n".join([HEAD, _missed(sections), *sections]))
 
 
 if __name__ == "__main__":

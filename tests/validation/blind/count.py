@@ -72,7 +72,8 @@ def check() -> Section:
     values = [value for one in right for path, value in one.get("parameters", {}).items() if "." in path and value["true"]]
     inside = [value for value in values if value["low"] <= value["true"] <= value["high"]]
     claims = (
-        Claim("campaigns", "at least 200", str(len(made)), len(made) >= 200, _remark()),
+        Claim("campaigns", "at least 200", str(len(made)), len(made) >= 200,
+              f"seeds {min(one['seed'] for one in made)} to {max(one['seed'] for one in made)}"),
         Claim("faults of the program", "0", str(len(made) - len(every)), len(made) == len(every)),
         _claim("one hidden effect worth more than 3 %: named right", ">= 95 %", right, worth, len(right) >= 0.95 * len(worth)),
         _claim("one hidden effect worth more than 3 %: named wrong", "<= 2 %", wrong, worth, len(wrong) <= 0.02 * len(worth)),
@@ -91,7 +92,8 @@ def check() -> Section:
                0.90 <= len(inside) / max(1, len(values)) <= 0.99),
         _claim("those of the machine and of every effect, after all right namings", "told", *_calibration(every), None),
     )
-    return Section(title, claims, (_by_effect(worth), _missed(worth + pairs + unknown + kinds["none"], named)))
+    tables = (_by_effect(worth), _missed(worth + pairs + unknown + kinds["none"], named))
+    return Section(title, claims, tables, _remark())
 
 
 def _named_right(one: dict[str, Any]) -> bool:
