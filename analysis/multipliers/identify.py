@@ -26,6 +26,9 @@ from testbed.machine import Model
 from testbed.recording import Recording
 
 _ERROR_FLOOR = 3e-4  # of a multiplier: faster modes left out of the empirical fit, elements' own error
+# where the machine is looked for: frequency and coefficients, times the start; the least damping as a share of the start's
+FREQUENCIES, COEFFICIENTS, LEAST_DAMPING, MOST_DAMPING = (0.8, 1.25), (1e-2, 1e2), 1e-3, 0.9
+_AT_END = 1e-3  # of an end of that range: what is closer stopped there
 _SCALES = (1e-3, 0.2, 0.05)  # of the logarithms of frequency, damping and coefficient
 # a faster mode stands, in a fit of few modes, for several that die with it: its multiplier is nobody's
 _SLOWEST_SHARE = 0.3
@@ -104,7 +107,7 @@ def _model_at(start: Model, scaled: np.ndarray) -> Model:
     return replace(
         start,
         structure=replace(start.structure, natural_frequency=start.structure.natural_frequency * frequency,
-                          damping_ratio=min(_damping(start) * damping, 0.9)),
+                          damping_ratio=min(_damping(start) * damping, MOST_DAMPING)),
         cutting=replace(start.cutting, tangential_coefficient=start.cutting.tangential_coefficient * coefficient,
                         normal_coefficient=start.cutting.normal_coefficient * coefficient))
 
@@ -182,7 +185,8 @@ def _fitted(model: Model, cuts: Sequence[Cut], measured: Sequence[EmpiricalMulti
         more = [f"and {len(reasons) - _MOST_NAMED} more"] if len(reasons) > _MOST_NAMED else []
         raise ValueError(f"only {numbers} numbers for 3 parameters; tests left out: "
                          + (", ".join(reasons[:_MOST_NAMED] + more) or "none"))
-    lower, upper = np.log([0.8, 1e-3, 1e-2]), np.log([1.25, 0.9 / _damping(model), 1e2])
+    lower = np.log([FREQUENCIES[0], LEAST_DAMPING, COEFFICIENTS[0]])
+    upper = np.log([FREQUENCIES[1], MOST_DAMPING / _damping(model), COEFFICIENTS[1]])
     fits = []
     for point in _starts(model, targets, seed, starts):  # robust and coarse: a far start may pair multipliers wrongly
         fits.append(least_squares(_residual, np.clip(point, lower + 1e-6, upper - 1e-6), bounds=(lower, upper),
@@ -261,3 +265,12 @@ def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, names: Seq
     model = started_from_ring_down(model, tests, channel)
     return identify_multipliers(model, [cut for _, cut in tests], measured, names=names, elements=elements, starts=starts,
                                 seed=seed)
+
+
+def at_an_end(start: Model, found: Model) -> tuple[str, ...]:
+    """Parameters of a machine found by multipliers that lie at an end of the range searched from the `start`."""
+    ranges = {name: tuple(end * start.value(name) for end in ends) for name, ends in (
+        ("natural_frequency", FREQUENCIES), ("tangential_coefficient", COEFFICIENTS), ("normal_coefficient", COEFFICIENTS))}
+    ranges["damping_ratio"] = LEAST_DAMPING * _damping(start), MOST_DAMPING
+    return tuple(name for name, ends in ranges.items()
+                 if found.value(name) and any(math.isclose(found.value(name), end, rel_tol=_AT_END) for end in ends))

@@ -10,11 +10,11 @@ from scipy.optimize import brentq
 
 from analysis.linear.collocation import collocation_multipliers
 from analysis.linear.delayed_mathieu import Mathieu, simulate_mathieu, state_multipliers
-from analysis.linear.stability import classify
+from analysis.linear.stability import classify, said_class
 from analysis.linear.temporal_elements import characteristic_multipliers
 from analysis.paper.bench import Bench
 from analysis.paper.part import Part, Picture, Statement
-from analysis.paper.style import ORANGE, PAGE, PURPLE, RED, figure, letter, named, unit_circle
+from analysis.paper.style import ORANGE, PAGE, PURPLE, RED, figure, letter, unit_circle
 
 ELEMENTS = 20
 EPS = 1.0
@@ -82,7 +82,7 @@ def _draw_chart(axes: Any, deltas: np.ndarray, epsilons: np.ndarray, values: np.
         axes.text(max(first, last) + 0.06, eps, name, va="center", fontsize=7, color=RED)
     axes.set(xlabel=r"$\delta$", ylabel=r"$\epsilon$", xlim=(deltas[0], deltas[-1]), ylim=(epsilons[0], epsilons[-1]),
              yticks=range(5))
-    axes.legend(handles=[Patch(fc=FILLS[name], ec="black", lw=0.5, label=named(name)) for name in names], ncols=2,
+    axes.legend(handles=[Patch(fc=FILLS[name], ec="black", lw=0.5, label=said_class(name)) for name in names], ncols=2,
                 loc="upper center", bbox_to_anchor=(0.5, -0.24), columnspacing=1.0, handlelength=1.2)
     letter(axes, "a", "stability chart")
 
@@ -108,7 +108,7 @@ def _draw(chart: tuple, paths: dict[str, dict[str, np.ndarray]]) -> Any:
     _draw_chart(plane, *chart)
     for axes, (name, _, first, last), colour, panel in ((flip, PATHS[0], ORANGE, "b"), (saddle, PATHS[1], PURPLE, "c")):
         _draw_path(axes, paths[name], colour, first, last)
-        letter(axes, panel, f"through a {named(name)}")
+        letter(axes, panel, f"through a {said_class(name)}")
     return drawn
 
 
@@ -118,7 +118,8 @@ def make(bench: Bench) -> Part:
     paths = {name: _path(eps, first, last, bench.count(15, 6)) for name, eps, first, last in PATHS}
     places = changes()
     worst = max(abs(found - known) for found, (_, _, known) in zip(places, KNOWN, strict=True))
-    statements = [Statement("fig. 2a", f"at eps = 1 the class changes from {named(before)} to {named(after)} at delta",
+    statements = [Statement("fig. 2a",
+                            f"at eps = 1 the class changes from {said_class(before)} to {said_class(after)} at delta",
                             f"{known:.2f}", f"{found:.4f}", abs(found - known) <= 0.01, "known to two digits only"
                             + ("" if abs(found - known) < 0.0051 else "; off by more than their rounding, by collocation"),
                             "inferred")
@@ -129,9 +130,9 @@ def make(bench: Bench) -> Part:
         crossing = bool(np.any(np.abs(model[:, 0]) > 1) and np.any(np.abs(model[:, 0]) < 1)
                         and np.all(np.sign(model[np.abs(np.abs(model[:, 0]) - 1) < 0.1, 0].real) == side) and real.any())
         off = float(np.max(np.abs(np.abs(empirical[:, 0]) - np.abs(model[:, 0]))))
-        statements.append(Statement(f"fig. 2{panel}", f"through a {named(name)} a real multiplier crosses the unit circle at "
-                                    f"{side:+.0f}", f"at {side:+.0f}", ("crosses there; " if crossing else "does not; ")
-                                    + f"empirical moduli within {off:.1e}", crossing))
+        crosses = f"through a {said_class(name)} a real multiplier crosses the unit circle at {side:+.0f}"
+        found = f"{'crosses there' if crossing else 'does not'}; empirical moduli within {off:.1e}"
+        statements.append(Statement(f"fig. 2{panel}", crosses, f"at {side:+.0f}", found, crossing))
     text = ("The paper's parameters for this chart are not known to this project; those of figure 1 are used (inferred), and "
             f"the paths b and c are this project's choice. Chart of {chart[0].size} x {chart[1].size} cells, {ELEMENTS} "
             "temporal elements over the delay.",)

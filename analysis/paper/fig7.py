@@ -10,12 +10,12 @@ import numpy as np
 from analysis.linear.collocation import collocation_multipliers
 from analysis.linear.delay_equation import milling_equation
 from analysis.linear.published import PUBLISHED, PublishedTest, linear_multipliers
-from analysis.linear.stability import classify
+from analysis.linear.stability import classify, said_class
 from analysis.linear.temporal_elements import characteristic_multipliers
 from analysis.multipliers.verdict import SampleVerdict, once_per_tooth_samples, simulated_verdict
 from analysis.paper.bench import IDENTIFIED, RATE, Bench, measured
 from analysis.paper.part import Part, Picture, Statement, Table
-from analysis.paper.style import OUTCOME_COLOURS, PAGE, figure, letter, named, rpm, shown
+from analysis.paper.style import OUTCOME_COLOURS, PAGE, figure, letter, rpm, shown
 from analysis.records.lines import amplitude_spectrum
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.recording import Recording
@@ -110,7 +110,7 @@ def _draw(cases: list[Case]) -> Any:
         _spectrum(row[2], one)
         row[2].set_ylabel("power (µm²)")
         letter(row[0], one.test.name, f"{rpm(one.test.spindle_speed):.0f} rpm, {one.test.axial_depth_of_cut * 1e3:.1f} mm: "
-               f"{named(one.seen.outcome)}")
+               f"{said_class(one.seen.outcome)}")
     panels[-1, 0].set_xlabel("tooth pass $n$")
     panels[-1, 1].set_xlabel(r"$x_n$ (µm)")
     panels[-1, 2].set_xlabel("frequency (Hz)")
@@ -124,13 +124,13 @@ def make(bench: Bench) -> Part:
     statements = tuple(
         Statement(f"fig. 7{one.test.name}" if one.test.name != "E" else "case E",
                   f"{rpm(one.test.spindle_speed):.0f} rpm, {one.test.axial_depth_of_cut * 1e3:.1f} mm is "
-                  f"{named(one.test.outcome)}", named(one.test.outcome),
-                  f"{named(one.linear)} (mu = {shown(one.multiplier)}); simulated: "
-                  f"{named(one.seen.outcome)}, {one.seen.reason}",
+                  f"{said_class(one.test.outcome)}", said_class(one.test.outcome),
+                  f"{said_class(one.linear)} (mu = {shown(one.multiplier)}); simulated: "
+                  f"{said_class(one.seen.outcome)}, {one.seen.reason}",
                   one.test.outcome == one.linear == one.seen.outcome) for one in cases) + _numbers(bench, cases)
     rows = tuple((one.test.name, f"{rpm(one.test.spindle_speed):.0f}", f"{one.test.axial_depth_of_cut * 1e3:.1f}",
-                  named(one.test.outcome), shown(one.multiplier, 5), f"{abs(one.multiplier):.5f}", named(one.linear),
-                  named(one.seen.outcome), "yes" if one.test.outcome == one.linear == one.seen.outcome else "no")
+                  said_class(one.test.outcome), shown(one.multiplier, 5), f"{abs(one.multiplier):.5f}", said_class(one.linear),
+                  said_class(one.seen.outcome), "yes" if one.test.outcome == one.linear == one.seen.outcome else "no")
                  for one in cases)
     table = Table("Verdicts", ("case", "rpm", "mm", "experiment", "largest multiplier", "modulus", "linear", "simulated",
                                "agree"), rows)

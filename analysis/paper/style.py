@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from analysis.linear.stability import said_class
-
 COLUMN, PAGE = 3.4, 6.9  # inches: one column of the journal, two
 BLUE, ORANGE, GREEN, RED, GREY, PURPLE = "#1f5fa8", "#d9822b", "#2f8f5b", "#b8322a", "#7a7a7a", "#7b4fa3"
 OUTCOME_COLOURS = {"stable": GREEN, "neimark_sacker": BLUE, "flip": ORANGE, "saddle_node": PURPLE, "borderline": GREY}
@@ -76,8 +74,3 @@ def shown(value: complex, digits: int = 4) -> str:
     if abs(value.imag) < 1e-9:
         return f"{value.real:+.{digits}f}"
     return f"{value.real:+.{digits}f} ± {abs(value.imag):.{digits}f}i"
-
-
-def named(outcome: str) -> str:
-    """A class as one writes it."""
-    return said_class(outcome)

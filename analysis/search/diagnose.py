@@ -92,7 +92,8 @@ def _diagnosed(plant: Plant, records: Sequence[Observed], model: Model, catalogu
     parts = [record.loudest(LONG) for record in records]
     if all(part is record for part, record in zip(parts, records, strict=True)):
         base = base or _as_believed(plant, records, model, catalogue, say)
-        found = _without_irregular(base, plant, model, catalogue, most, say)
+        found, first = _without_irregular(base, plant, model, catalogue, most, say)
+        found = found or _search(base, plant, model, catalogue, most, say, first)
         return _with_strange_records(_with_next_test(found, plant, records, say), say)
     found = _search(_as_believed(plant, parts, model, catalogue, say), plant, model, catalogue, most, say)
     say("fitting the whole records")
@@ -103,32 +104,32 @@ def _diagnosed(plant: Plant, records: Sequence[Observed], model: Model, catalogu
 
 
 def _without_irregular(base: Candidate, plant: Plant, model: Model, catalogue: Mapping[str, Effect], most: int,
-                       say: Callable[[str], None]) -> Diagnosis:  # fmt: skip
-    """The diagnosis, on the records whose motion repeats where the others make the base fit a rough one and cannot be foretold.
+                       say: Callable[[str], None]) -> tuple[Diagnosis | None, Candidate | None]:  # fmt: skip
+    """(the diagnosis of the records whose motion repeats, a set of effects with which a search on all begins), where the others
+    make the base fit a rough one; None for what there is not.
 
-    Where what is so found foretells them, it is the beginning of a search on all.
+    The diagnosis stands where by what it found, too, motions part in those others; the set is had where it foretells them.
     """
-    assert base.fitter is not None and base.fit is not None
+    assert base.fitter is not None
     records = base.fitter.records
     places = irregular(records) if base.error_held_out > ROUGH * pooled(base.errors)[1] else []
     if not places:
-        return _search(base, plant, model, catalogue, most, say)
+        return None, None
     names = ", ".join(records[place].name for place in places)
     say(f"without {names}: no revolution is like the one before")
     kept = [record for place, record in enumerate(records) if place not in places]
     found = _search(_as_believed(plant, kept, model, catalogue, say), plant, model, catalogue, most, say)
-    best = by_noise(found.best)
     if not _complete(found) and found.form is None:
-        return _search(base, plant, model, catalogue, most, say)
+        return None, None
+    best = by_noise(found.best)
     assert best.fitter is not None and best.fit is not None
     say(f"holding what was found against {names}")
     seen = followed(best.fitter, best.fit.state, records, places)
     if not seen.strange:
-        begun = against(candidate_of(seen.fitter, seen.fitted(), best.effects, None, 1.0), base)
-        return _search(base, plant, model, catalogue, most, say, begun)
+        return None, against(candidate_of(seen.fitter, seen.fitted(), best.effects, None, 1.0), base)
     if set(seen.parting) < set(seen.strange):
-        return _search(base, plant, model, catalogue, most, say)
-    return replace(found, sentence=f"{found.sentence} {_left_out([records[place].name for place in places])}")
+        return None, None
+    return replace(found, sentence=f"{found.sentence} {_left_out([records[place].name for place in places])}"), None
 
 
 def _left_out(names: Sequence[str]) -> str:

@@ -15,7 +15,6 @@ from analysis.search.forward_search import Path, against, forward, worth_naming
 
 CLEARLY = 0.5  # share of the excess of the first search that the second may leave, to be believed instead
 SEEN = 0.8  # share of the cost of the openings with one effect that those with two may leave, to be fitted
-TWO = 1.15  # error over noise floor from which two effects are tried at once
 
 
 def looked_again(path: Path, look: BelievedLook, noise: float, most: int) -> Path:
@@ -27,7 +26,7 @@ def looked_again(path: Path, look: BelievedLook, noise: float, most: int) -> Pat
     if most < 2 or path.end.error_where_known <= COMPLETE * noise or (best := look.leader) is None:
         return path
     found = begun_with(path, [best], look, noise, most)
-    if found.end.error_where_known <= TWO * noise:
+    if found.end.error_where_known <= COMPLETE * noise:
         return found
     pairs = look.beside_leader()
     other = min(pairs, key=lambda name: pairs[name], default=best)

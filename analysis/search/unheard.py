@@ -75,7 +75,7 @@ def own_course(fitter: Fitter, place: int, state: State) -> State:
         return state
     fresh = replace(first_nuisances(record, state.angle + own.angle), angle=own.angle)
     tried = [state]
-    for speed in (own.speed, fresh.speed):
+    for speed in dict.fromkeys((own.speed, fresh.speed)):
         seen, _ = settle_passes(single, replace(state, nuisances=(replace(fresh, speed=speed),)), reach=2)
         tried.append(own_refit(single, seen, [0], rounds=4))
     return min(tried, key=single.cost)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,9 +12,6 @@ from testbed.problem import InputProblem
 
 MOTIONS = ("displacement", "velocity", "acceleration")
 RATIO_DOUBT = 0.2  # standard error of the logarithm of the coefficients' ratio that a model is believed to have
-# where analysis.multipliers.identify looks for the machine: of frequency and coefficients, times the start; of a damping ratio
-FREQUENCIES, COEFFICIENTS, LEAST_DAMPING, MOST_DAMPING = (0.8, 1.25), (1e-2, 1e2), (1e-3, 1e-4), 0.9
-AT_END = 1e-3  # of an end of that range: what is closer stopped there
 
 
 @dataclass(frozen=True)
@@ -118,7 +114,7 @@ class Identified:
 def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, seed: int, *,
                             ratio_doubt: float = RATIO_DOUBT) -> Identified:
     """Fit the characteristic multipliers of the cuts. ValueError where they do not suffice."""
-    from analysis.multipliers.identify import identify_multipliers
+    from analysis.multipliers.identify import at_an_end, identify_multipliers
     from analysis.multipliers.recorded_cut import measured_multipliers
 
     flutes = model.cutter.flutes
@@ -132,16 +128,6 @@ def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, se
     return Identified(found.model, found.parameters, rows,
                       {"chi_square": found.chi_square, "converged": found.converged, "ratio_slope": found.ratio_slope},
                       at_an_end(start, found.model))
-
-
-def at_an_end(start: Any, found: Any) -> tuple[str, ...]:
-    """Parameters of a machine found by multipliers that lie at an end of the range searched from the `start`."""
-    ranges = {name: tuple(end * start.value(name) for end in ends) for name, ends in (
-        ("natural_frequency", FREQUENCIES), ("tangential_coefficient", COEFFICIENTS), ("normal_coefficient", COEFFICIENTS))}
-    share, floor = LEAST_DAMPING
-    ranges["damping_ratio"] = share * max(start.value("damping_ratio"), floor), MOST_DAMPING
-    return tuple(name for name, ends in ranges.items()
-                 if found.value(name) and any(math.isclose(found.value(name), end, rel_tol=AT_END) for end in ends))
 
 
 def _row(test: CutTest, measured: Any, model: Any, used: bool, reason: str) -> dict[str, Any]:

@@ -93,7 +93,7 @@ def _of_the_misfit(found: Any) -> str:
 def _of_the_bounds(found: Any, multipliers: bool) -> str:
     """What it means that parameters ended at the end of the range searched, and of multipliers which range that is."""
     from analysis.fit.estimates import said_at_bound
-    from testbed.cli._identification import COEFFICIENTS, FREQUENCIES
+    from analysis.multipliers.identify import COEFFICIENTS, FREQUENCIES
 
     said = said_at_bound(found.at_bound)
     if not multipliers:
