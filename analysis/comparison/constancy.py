@@ -19,7 +19,7 @@ from scipy import stats
 
 from analysis.comparison.adequacy import Adequacy, controlled
 from analysis.estimate import Estimate
-from analysis.fit.estimates import estimates
+from analysis.fit.estimates import estimates, matters
 from analysis.fit.fit_state import Free, WaveformFit
 from analysis.fit.observed import Observed
 from analysis.fit.starts import free_parameters
@@ -34,7 +34,6 @@ LEAST = 4  # tests that a trend needs
 LEVEL = 0.05
 ITERATIONS = 10
 ERROR_FLOOR = 1e-5  # of a value: the engine's own error; no interval is believed to be smaller
-MATTERS = {"natural_frequency": 2e-4, "damping_ratio": 0.03}  # relative change that counts; of the others 0.01
 MARK_ERROR = 0.02  # of a sample: no tachometer's edge is placed better
 
 
@@ -131,11 +130,6 @@ class Constancy:
 def said_p(p_value: float) -> str:
     """A p value in words; below 1e-12 its size says nothing."""
     return f"p = {p_value:.2g}" if p_value >= 1e-12 else "p < 1e-12"
-
-
-def matters(parameter: str) -> float:
-    """Relative change of a parameter from which it counts."""
-    return MATTERS.get(parameter, 0.01)
 
 
 class _OneTest(Fitter):

@@ -17,6 +17,7 @@ from testbed.machine import BASE_UNITS
 
 AT_BOUND = 1e-6  # of a bound: what is closer lies at it
 NO_INTERVAL = 1e-9  # of a value: a narrower interval is none
+MATTERS = {"natural_frequency": 2e-4, "damping_ratio": 0.03}  # relative change that counts; of the others 0.01
 DIRECTED = 1.5  # rad: half an interval of an angle from which the direction is unknown
 
 
@@ -31,6 +32,11 @@ def said_at_bound(paths: Sequence[str]) -> str:
     """In words, what it means that parameters lie at a bound."""
     which = "it" if len(paths) == 1 else "them"
     return f"{', '.join(paths)} at the end of the range searched: these records do not determine {which} with this model"
+
+
+def matters(parameter: str) -> float:
+    """Relative change of a parameter of the machine from which it counts."""
+    return MATTERS.get(parameter, 0.01)
 
 
 def unit_of(path: str, catalogue: Mapping[str, Effect]) -> str:

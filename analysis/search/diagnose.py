@@ -27,6 +27,7 @@ from analysis.search.irregular import followed, irregular
 from analysis.search.law_form import with_form_asked, with_other_form
 from analysis.search.misstated import misstated
 from analysis.search.next_test import next_test
+from analysis.search.odd_records import with_odd_records
 from analysis.search.other_way import other_way
 from analysis.search.second_look import looked_again
 from analysis.search.unheard import agreed
@@ -36,7 +37,6 @@ from testbed.machine import Model
 LONG = 16384  # samples of an excited record that are searched
 MOST_EFFECTS = 3
 SUSPECTS = 2  # records, the worst fitted, without which the others are asked whether they agree
-MOST_LOOKED_AT = 5  # sets of effects that are fitted without the records that stand out
 CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
 
 
@@ -94,7 +94,7 @@ def _diagnosed(plant: Plant, records: Sequence[Observed], model: Model, catalogu
         base = base or _as_believed(plant, records, model, catalogue, say)
         found, first = _without_irregular(base, plant, model, catalogue, most, say)
         found = found or _search(base, plant, model, catalogue, most, say, first)
-        return _with_strange_records(_with_next_test(found, plant, records, say), say)
+        return with_odd_records(_with_next_test(found, plant, records, say), plant, model, catalogue, say)
     found = _search(_as_believed(plant, parts, model, catalogue, say), plant, model, catalogue, most, say)
     say("fitting the whole records")
     steps = [_on_whole(step, records) for step in found.steps]
@@ -108,7 +108,8 @@ def _without_irregular(base: Candidate, plant: Plant, model: Model, catalogue: M
     """(the diagnosis of the records whose motion repeats, a set of effects with which a search on all begins), where the others
     make the base fit a rough one; None for what there is not.
 
-    The diagnosis stands where by what it found, too, motions part in those others; the set is had where it foretells them.
+    The diagnosis stands where by what it found, too, motions part in those others that it does not foretell; the set is had
+    where it foretells them all.
     """
     assert base.fitter is not None
     records = base.fitter.records
@@ -129,7 +130,7 @@ def _without_irregular(base: Candidate, plant: Plant, model: Model, catalogue: M
         return None, against(candidate_of(seen.fitter, seen.fitted(), best.effects, None, 1.0), base)
     if set(seen.parting) < set(seen.strange):
         return None, None
-    return replace(found, sentence=f"{found.sentence} {_left_out([records[place].name for place in places])}"), None
+    return replace(found, sentence=f"{found.sentence} {_left_out([records[place].name for place in seen.strange])}"), None
 
 
 def _left_out(names: Sequence[str]) -> str:
@@ -160,32 +161,6 @@ def _contradicted(base: Candidate, noise: float, say: Callable[[str], None]) -> 
     result = verdict_of(told, told, [told], (), noise, ())
     sentence = f"All records but {name} agree with the model as it is. {found.sentence}"
     return replace(result, verdict="unexplained", sentence=sentence)
-
-
-def _with_strange_records(result: Diagnosis, say: Callable[[str], None]) -> Diagnosis:
-    """An unexplained campaign's diagnosis with what all records but a few agree on, if there is such a thing."""
-    if result.verdict != "unexplained" or not result.candidates:
-        return result  # the latter: nothing was searched, because what is wrong with the campaign is told
-    say("looking for records that stand alone")
-    fitted = [one for one in (result.base, *result.candidates) if one.fit is not None]
-    best: dict[tuple[str, ...], Candidate] = {}
-    for one in sorted(fitted, key=lambda one: (len(one.effects), one.error_fit)):
-        best.setdefault(one.effects, one)
-    for one in map(by_noise, [*best.values()][:MOST_LOOKED_AT]):
-        assert one.fit is not None and one.fitter is not None
-        fitter, _ = agreed(one.fitter, one.fit)
-        strange = [record.name for record in fitter.records if not record.heard]
-        if strange:
-            return replace(result, sentence=f"{result.sentence} {_but(strange, one.effects)}")
-    return result
-
-
-def _but(strange: Sequence[str], effects: Sequence[str]) -> str:
-    """In words, that all records but the strange ones agree with a model of these effects."""
-    them = "them" if len(strange) > 1 else "it"
-    model = f"a model with {' and '.join(effects)}" if effects else "the model as it is"
-    return (f"All records but {', '.join(strange)} agree with {model} down to their noise: look at {them} first "
-            f"(chaotic, disturbed, or alone in showing what is missing), or leave {them} out.")
 
 
 def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:

@@ -1,0 +1,65 @@
+"""An unexplained campaign: do all records agree but a few, or each of them alone?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from analysis.fit.prediction import Plant
+from analysis.search.diagnosis import Candidate, Diagnosis, verdict_of
+from analysis.search.each_alone import each_alone, said_apart
+from analysis.search.forward_search import by_noise
+from analysis.search.unheard import agreed
+from testbed.effect import Effect
+from testbed.machine import Model
+
+MOST_LOOKED_AT = 5  # sets of effects that are fitted without the records that stand out
+
+
+def with_odd_records(result: Diagnosis, plant: Plant, model: Model, catalogue: Mapping[str, Effect],
+                      say: Callable[[str], None]) -> Diagnosis:  # fmt: skip
+    """An unexplained campaign's diagnosis with what all records but a few agree on, or what each has as its own."""
+    if result.verdict not in ("unexplained", "not_converged") or not result.candidates:
+        return result  # the latter: nothing was searched, because what is wrong with the campaign is told
+    told = _with_strange_records(result, say) if result.verdict == "unexplained" else result
+    return told if told is not result else _with_each_alone(result, plant, model, catalogue, say)
+
+
+def _with_each_alone(result: Diagnosis, plant: Plant, model: Model, catalogue: Mapping[str, Effect],
+                     say: Callable[[str], None]) -> Diagnosis:  # fmt: skip
+    """The diagnosis that nothing is missing but one machine for all records, if each alone agrees with the model."""
+    base = by_noise(result.base)
+    assert base.fit is not None and base.fitter is not None
+    say("fitting each record alone")
+    records = base.fitter.records
+    apart = each_alone(plant, records, model, catalogue, base.fit.worst(len(records)))
+    if not apart:
+        return result
+    alone = verdict_of(base, base, [base], result.candidates, result.noise_floor, ())
+    left = base.error_where_known / result.noise_floor
+    sentence = f"No one machine explains all records (error {left:.3g} times the noise floor). {said_apart(apart)}"
+    return replace(alone, verdict="unexplained", sentence=sentence)
+
+
+def _with_strange_records(result: Diagnosis, say: Callable[[str], None]) -> Diagnosis:
+    """The diagnosis with what all records but a few agree on, if there is such a thing."""
+    say("looking for records that stand alone")
+    fitted = [one for one in (result.base, *result.candidates) if one.fit is not None]
+    best: dict[tuple[str, ...], Candidate] = {}
+    for one in sorted(fitted, key=lambda one: (len(one.effects), one.error_fit)):
+        best.setdefault(one.effects, one)
+    for one in map(by_noise, [*best.values()][:MOST_LOOKED_AT]):
+        assert one.fit is not None and one.fitter is not None
+        fitter, _ = agreed(one.fitter, one.fit)
+        strange = [record.name for record in fitter.records if not record.heard]
+        if strange:
+            return replace(result, sentence=f"{result.sentence} {_but(strange, one.effects)}")
+    return result
+
+
+def _but(strange: Sequence[str], effects: Sequence[str]) -> str:
+    """In words, that all records but the strange ones agree with a model of these effects."""
+    them = "them" if len(strange) > 1 else "it"
+    model = f"a model with {' and '.join(effects)}" if effects else "the model as it is"
+    return (f"All records but {', '.join(strange)} agree with {model} down to their noise: look at {them} first "
+            f"(chaotic, disturbed, or alone in showing what is missing), or leave {them} out.")
