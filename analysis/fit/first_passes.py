@@ -24,7 +24,7 @@ class FirstPasses:
         self.enters = min((s.start for s in cutting), default=observed.start)
         if downs:
             self.leaves = last_tooth(observed, downs[0])
-        elif any(s.kind == "exit" for s in observed.segments):
+        elif any(s.kind == "exit" or s.kind == "idle" and s.start > self.enters for s in observed.segments):
             self.leaves = max((s.stop for s in cutting), default=self.end)
 
     def at(self, angle: float) -> Nuisances:
@@ -70,8 +70,8 @@ def last_tooth(observed: Observed, ring_down: float) -> float:
     ]
     if len(steady) < 4 or 2 * half >= turn * 4:
         return ring_down
-    usual = float(np.median(level[steady]))
-    cutting = np.flatnonzero(level > 0.5 * usual)
-    if len(cutting) == 0 or usual < 8.0 * observed.noise[0]:
+    usual, quiet = float(np.median(level[steady])), float(np.quantile(level, 0.1))  # the latter: noise alone
+    cutting = np.flatnonzero(level > 0.5 * (usual + quiet))
+    if len(cutting) == 0 or usual < max(8.0 * observed.noise[0], 2.0 * quiet):
         return ring_down
     return observed.start + (int(cutting[-1]) + 1.0) * turn / observed.rate + 0.5 * observed.period / observed.flutes

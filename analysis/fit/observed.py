@@ -19,6 +19,7 @@ from analysis.fit.force_window import windowed
 from analysis.fit.nuisances import Nuisances
 from analysis.records.free_decay import spectral_peak
 from analysis.records.noise import noise_floor, rounding
+from analysis.records.passing_speed import passing_speed
 from analysis.records.segments import Segment, find_segments
 from analysis.records.spindle_clock import along_marks, check_speed, clock_error, clock_of, digital, smoothed
 from testbed.cut import Cut, Sampling
@@ -333,6 +334,8 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
         else:  # passes are then laid between the marks themselves
             kept = smoothed(marks, sample) if halfway else marks
             anchor = float(kept[0])
+    else:
+        period = 2 * math.pi / (_heard_speed(base, cut.spindle_speed, flutes) or cut.spindle_speed)
     kinds = {segment.kind for segment in base.segments}
     return replace(
         base,
@@ -346,3 +349,12 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
         steady_marks=calm,
         starts_in_cut="idle" not in kinds and "entry" not in kinds,
     )
+
+
+def _heard_speed(base: Observed, stated: float, flutes: int) -> float | None:
+    """Spindle speed (rad/s) by the harmonics of the longest steady stretch, else of the cut; None where none stand out."""
+    steady = [(one.start, one.stop) for one in base.segments if one.kind == "steady"]
+    cutting = [(one.start, one.stop) for one in base.segments if one.kind in ("entry", "exit")]
+    start, stop = max(steady or cutting, key=lambda one: one[1] - one[0], default=(base.start, base.start))
+    first, last = (round((time - base.start) * base.rate) for time in (start, stop))
+    return passing_speed(base.data[0, first:last], base.rate, stated, flutes)

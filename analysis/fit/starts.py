@@ -17,7 +17,7 @@ from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
 from analysis.fit.parts_of_passes import with_parts_of_passes
 from analysis.fit.pass_count import recounted
-from analysis.fit.pass_search import at_rest, place_entries, place_exits, settle_passes
+from analysis.fit.pass_search import at_rest, place_entries, place_exits, settle_passes, squares_of
 from analysis.fit.prediction import Plant, predict
 from analysis.fit.waveform import Fitter
 from analysis.records.free_decay import fit_free_decay, spectral_peak
@@ -25,6 +25,7 @@ from analysis.threads import threaded
 from testbed.machine import Model
 
 ANGLES = 24
+TURNED = 5  # of those angles, from which a record begun afresh is fitted
 COEFFICIENTS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 OPENING = 8192  # samples of an excited record that the first fits see
 GLANCE = 8  # iterations of a fit that only tells which models are worth another
@@ -319,9 +320,8 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2) -> Wave
         kept = sorted(int(place) for place in np.argsort(ratio)[: (len(ratio) + 1) // 2])
         found = polish(fitter.of_records(kept), fit.state.of_records(kept), rounds=2, iterations=12).state
         nuisances = []
-        for place, record in enumerate(fitter.records):
-            fresh = first_nuisances(record, found.angle + fit.state.nuisances[place].angle)
-            fresh = replace(fresh, angle=fit.state.nuisances[place].angle, speed=fit.state.nuisances[place].speed)
+        for place, one in enumerate(fit.state.nuisances):
+            fresh = _begun_afresh(fitter.of_records([place]), replace(found, nuisances=(one,)))
             nuisances.append(found.nuisances[kept.index(place)] if place in kept else fresh)
         state, _ = settle_passes(fitter, replace(found, nuisances=tuple(nuisances)), reach=2)
         state = own_refit(fitter, state, [place for place in range(len(ratio)) if place not in kept])
@@ -330,3 +330,20 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2) -> Wave
             return fit
         fit = again
     return fit
+
+
+def _begun_afresh(single: Fitter, state: State) -> Nuisances:
+    """One record's passes as its segments show them; without a tachometer its tooth angle, too, is looked for all round.
+
+    By that angle alone, a fit under a wrong frequency goes to where the strongest harmonic agrees, a part of a pass away.
+    """
+    record, own = single.records[0], state.nuisances[0]
+    marked = record.cut is None or record.first_mark is not None
+    turns = [0.0] if marked else [part * 2 * math.pi / record.flutes / ANGLES for part in range(ANGLES)]
+    tried = [replace(first_nuisances(record, state.angle + own.angle + turn), angle=own.angle + turn, speed=own.speed)
+             for turn in turns]
+    if marked:
+        return tried[0]
+    best = np.argsort(squares_of(single, 0, state, tried))[:TURNED]
+    refitted = [own_refit(single, replace(state, nuisances=(tried[int(place)],)), [0], rounds=4) for place in best]
+    return min(refitted, key=single.cost).nuisances[0]

@@ -16,6 +16,7 @@ from scipy.optimize import least_squares, minimize_scalar
 from analysis.multipliers.floquet import once_per_period_samples
 from analysis.multipliers.multiplier_fit import delay_embedding_multipliers, mode_basis
 from analysis.records.lines import comb_speed
+from analysis.records.passing_speed import passing_speed
 from testbed.recording import Recording
 
 DELAYS = 64  # phases a period: the slope of a pattern is seen by few
@@ -26,7 +27,9 @@ BLOCKS = (1, 2, 3)  # periods stacked in the embeddings that a pair starts from
 TRIALS = 30  # of a pair
 NEAR = 0.02  # of the stated period, that is searched about it
 CLOSE = 0.005  # of the period, that is searched about one which the spectrum shows outside of that
+FINER = 0.15  # of a pass over the whole cut, that is searched about the one which the harmonics show
 STEP = 0.02  # of a period, by which the last one looked at moves from trial to trial
+FINE_STEP = 0.005  # the same about what the harmonics show: a vibration that hardly dies strobes still in a narrow valley
 FINE = 1e-3  # of that step: where the search stops
 CERTAIN = 6.0  # standard errors of a misfit that it must fall by: at another delay the samples' noise is another, too
 
@@ -35,23 +38,28 @@ def vibration_period(recording: Recording, stated: float, flutes: int, start: fl
                      channel: str = "displacement") -> float:
     """Tooth passing period (s) of the cut from `start` to `stop` (s), near the `stated` one (s).
 
-    The stated one where the vibration does not tell, or where the cut is too short.
+    The stated one where the vibration does not tell, or where the cut is too short. Where the harmonics of the tooth passing
+    stand out, that period is only made finer here.
     """
-    seen = _by_its_lines(recording, stated, flutes, start, stop, channel)
     start += SKIPPED * stated
+    heard = _by_its_harmonics(recording, stated, flutes, start, stop, channel)
+    seen = heard or _by_its_lines(recording, stated, flutes, start, stop, channel)
     count = min(MOST, int((stop - start) / (stated * max(1.0, seen) * (1.0 + 2.0 * NEAR))))  # the same at every trial
     if count < FEWEST + flutes:
-        return stated
+        return (heard or 1.0) * stated
 
     def misfit(scale: float) -> float:
         samples = once_per_period_samples(recording, scale * stated, start, stop, DELAYS, channel)
         return _least_misfit(samples[:count], flutes)
 
-    step = STEP / count
-    trials = [_trials(1.0, NEAR, step)]
-    if abs(seen - 1.0) > NEAR:
+    step = (STEP if heard is None else FINE_STEP) / count
+    trials = [_trials(seen, FINER * stated / (stop - start), step)] if heard else [_trials(1.0, NEAR, step)]
+    if abs(seen - 1.0) > NEAR and not heard:
         trials.append(_trials(seen, CLOSE, step))
     found, left = _least(misfit, np.concatenate(trials), step)
+    if heard:
+        inside = trials[0][0] < found < trials[0][-1]
+        return (found if inside else heard) * stated
     chance = left * math.sqrt(2.0 / (count * DELAYS))
     return found * stated if misfit(1.0) - left > CERTAIN * chance else stated
 
@@ -86,6 +94,15 @@ def _least(misfit: Callable[[float], float], trials: np.ndarray, step: float) ->
     best = float(trials[int(np.argmin([misfit(float(one)) for one in trials]))])
     found = minimize_scalar(misfit, bounds=(best - step, best + step), method="bounded", options={"xatol": FINE * step})
     return float(found.x), float(found.fun)
+
+
+def _by_its_harmonics(recording: Recording, stated: float, flutes: int, start: float, stop: float,
+                      channel: str) -> float | None:  # fmt: skip
+    """The period over the stated one as all harmonics of the tooth passing show it; None where they do not stand out."""
+    inside = (recording.time >= start) & (recording.time < stop)
+    nominal = 2.0 * math.pi / (flutes * stated)
+    found = passing_speed(recording.channels[channel][inside], recording.sampling_rate, nominal, flutes)
+    return None if found is None else nominal / found
 
 
 def _by_its_lines(recording: Recording, stated: float, flutes: int, start: float, stop: float, channel: str) -> float:

@@ -1,4 +1,7 @@
-"""A free decay at a record's end: one damped sinusoid with offset and slow drift, followed back to its start."""
+"""A free decay at a record's end, followed back to its start, or at its beginning, followed to where something else begins.
+
+One damped sinusoid with offset and slow drift.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 _SAMPLES = 6000  # at most this many samples enter one fit
+_TURNS = (3, 4, 6, 8, 12, 16, 24, 32, 48, 64)  # revolutions that a decay is looked for in
+_DIED = 0.5  # logarithm by which a decay at a record's beginning must have fallen: slower, it may be no decay
 _OFFSET_LINES = 6  # first lines of a fourfold padded spectrum, in which what is left of offset and drift lies
 
 
@@ -98,7 +103,7 @@ def free_decay_start(values: np.ndarray, turn: float, noise: float) -> int | Non
     """
     end = len(values)
     best: FreeDecay | None = None
-    for turns in (3, 4, 6, 8, 12, 16, 24, 32, 48, 64):
+    for turns in _TURNS:
         first = end - int(turns * turn)
         if first < 0:
             break
@@ -114,6 +119,27 @@ def free_decay_start(values: np.ndarray, turn: float, noise: float) -> int | Non
             break
         best = fit
     return _back_to_contact(values, best, turn, noise)
+
+
+def free_decay_end(values: np.ndarray, turn: float, noise: float) -> int | None:
+    """The sample up to which a free decay from the record's beginning explains everything; None where it begins with none."""
+    best, last = None, 0
+    for turns in _TURNS:
+        stop = int(turns * turn)
+        if stop >= len(values):
+            break
+        fit = fit_free_decay(values[:stop], 0, spectral_peak(values[:stop]))
+        if fit is not None and _explains(values[:stop], fit, turn, noise):
+            best, last = fit, stop
+    if best is None:
+        return None
+    while last + turn < len(values):
+        stop = last + int(turn)
+        fit = fit_free_decay(values[:stop], 0, best.frequency, best.decay)
+        if fit is None or not _explains(values[:stop], fit, turn, noise):
+            break
+        best, last = fit, stop
+    return _on_to_contact(values, best, last, turn, noise) if best.decay * last > _DIED else None
 
 
 def _explains(values: np.ndarray, fit: FreeDecay, turn: float, noise: float) -> bool:
@@ -134,6 +160,16 @@ def _explains(values: np.ndarray, fit: FreeDecay, turn: float, noise: float) -> 
     synchronous = abs(order - round(order)) * (end - fit.first) / turn < 0.1
     certain = fit.decay > 5 * fit.decay_error and fit.decay * (end - fit.first) > 0.03
     return certain or (not synchronous and fit.decay * (end - fit.first) > 0.01)
+
+
+def _on_to_contact(values: np.ndarray, fit: FreeDecay, last: int, turn: float, noise: float) -> int:
+    """From the fit's end further on, to the first sample that the free decay does not explain."""
+    samples = np.arange(last, min(len(values), last + int(2 * turn)))
+    width = max(1, int(turn / 40))
+    rest = np.convolve(values[samples] - fit.at(samples), np.ones(width) / width, "same")
+    limit = max(4 * noise / np.sqrt(width), 0.02 * fit.amplitude(last))
+    off = np.flatnonzero(np.abs(rest) > limit)
+    return int(samples[off[0]]) if len(off) else int(samples[-1]) + 1
 
 
 def _back_to_contact(values: np.ndarray, fit: FreeDecay, turn: float, noise: float) -> int:

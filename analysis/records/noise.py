@@ -17,6 +17,8 @@ from testbed.recording import Recording
 
 PAIRED = 1.5  # samples that count as one: of changes between neighbours, which are correlated by -1/2
 SAME_VALUE = 1e-9  # of a channel's range, within which two values are one step of its converter
+FEWEST_QUIET = 128  # samples of idling that are left when its loud beginning is taken away
+LOUDER = 5.0  # standard errors of a ratio of two rms, by which that beginning is louder
 FOURTH = 2.63  # of fourth differences: the sum of their squared autocorrelations, (70, -56, 28, -8, 1) / 70
 Basis = Literal["idle", "repeated periods", "high-frequency residual"]
 
@@ -57,8 +59,8 @@ def noise_floor(recording: Recording, segments: Sequence[Segment], channel: str 
     if len(longest) > max(3 * turn, 64):
         margin = int(min(turn, len(longest) / 8))
         quiet = longest[margin : len(longest) - margin]
-        rms = _about_lines(quiet, max(64, int(2 * turn)))
-        return Noise(min(rms, _beside_ringing(quiet, recording.sampling_rate, rms)), "idle", name, _doubt(len(quiet)))
+        rms, used = _of_idling(quiet, recording.sampling_rate, max(64, int(2 * turn)))
+        return Noise(rms, "idle", name, _doubt(used))
     steady = [values[samples_of(recording, segment)] for segment in segments if segment.kind == "steady"]
     longest = max(steady, key=len, default=np.empty(0))
     white = white_noise(values)
@@ -75,6 +77,30 @@ def rounding(values: np.ndarray) -> float:
     steps = np.diff(np.unique(values))
     steps = steps[steps > SAME_VALUE * float(np.ptp(values))]
     return float(steps.min()) / math.sqrt(12.0) if len(steps) else 0.0
+
+
+def _of_idling(values: np.ndarray, rate: float, length: int) -> tuple[float, int]:
+    """(rms of the noise in idling, about lines of `length` samples, and the samples it is read from).
+
+    What still rings from before is motion: it is fitted or, where it is no single free decay, waited for.
+    """
+    rms = _about_lines(values, length)
+    still = _beside_ringing(values, rate, rms)
+    if still < rms:
+        return still, len(values)
+    rest = _died_away(values)
+    return (rms, len(values)) if rest is values else (_about_lines(rest, length), len(rest))
+
+
+def _died_away(values: np.ndarray) -> np.ndarray:
+    """Idling without its beginning, as long as that is louder than the rest beyond chance: an old motion dies away there."""
+    while len(values) >= 2 * FEWEST_QUIET:
+        half = len(values) // 2
+        first, rest = (_about_lines(part, FEWEST_QUIET) for part in (values[:half], values[half:]))
+        if first <= (1.0 + LOUDER / math.sqrt(half)) * rest:
+            break
+        values = values[half:]
+    return values
 
 
 def _doubt(samples: int, lost: float = 1.0) -> float:

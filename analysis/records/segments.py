@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from analysis.records.free_decay import free_decay_start
+from analysis.records.free_decay import free_decay_end, free_decay_start
 from analysis.records.hum import hum_lag, without_hum
 from analysis.records.periods import period_changes
 from testbed.readers.tachometer import speed as marks_speed
@@ -175,9 +175,9 @@ def _cut(values: np.ndarray, exact_turn: float, lag: int) -> list[tuple[Kind, in
     end, turn = len(values), max(8, round(exact_turn))
     white = max(white_noise(values), _RESOLVED * float(np.ptp(values)))
     raw, values, backwards = values, without_hum(values, lag), without_hum(values[::-1], lag)
-    entry = _idle_end(values, turn, white)
-    quiet_after = end - _idle_end(backwards, turn, white)
-    idle_level = float(np.median(_levels(values[:entry], turn).level)) if entry > 2 * turn else white
+    entry, still = _first_cut(values, exact_turn, white)
+    quiet_after = end - _idle_end(backwards[:end - entry], turn, white)  # before, an old motion may die away
+    idle_level = float(np.median(_levels(values[:entry], turn).level)) if still and entry > 2 * turn else white
     if quiet_after >= end:
         quiet_after = _faded(values, turn, idle_level)
     if quiet_after - entry < 2 * turn:
@@ -194,6 +194,19 @@ def _cut(values: np.ndarray, exact_turn: float, lag: int) -> list[tuple[Kind, in
         ("ring-down", left, quiet_after),
         ("idle", quiet_after, end),
     ]
+
+
+def _first_cut(values: np.ndarray, exact_turn: float, white: float) -> tuple[int, bool]:
+    """(samples before a tooth cuts, whether they are still); 0 where the record starts in the cut.
+
+    They are not where the structure still rings from before, louder perhaps than it will under the teeth.
+    """
+    turn = max(8, round(exact_turn))
+    entry = _idle_end(values, turn, white)
+    if entry:
+        return entry, True
+    died = free_decay_end(values, exact_turn, white) or 0
+    return (died + _idle_end(values[died:], turn, white) if died else 0), False
 
 
 def _faded(values: np.ndarray, turn: int, idle_level: float) -> int:

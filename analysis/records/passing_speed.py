@@ -1,0 +1,52 @@
+"""The spindle speed of a cut without a tachometer, from all harmonics of the tooth passing at once.
+
+A fit to a hundred tooth passes needs the speed to a part of one pass; a log book says it to a per cent. No line is picked: of
+every speed near the stated one, how far the spectrum stands above its surroundings is summed, as a logarithm, over the
+harmonics. So many faint lines tell as much as a loud one, and a loud one that is no harmonic (chatter, hum) does not decide.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+REACH = 0.03  # of the stated speed, that is searched about it
+HARMONICS = 4, 60  # fewest and most that are looked at
+NYQUIST = 0.45  # of the sampling rate: highest harmonic
+FEWEST = 4.0  # passes
+PADDED = 8  # times the record's length: the spectrum's points
+BETWEEN = 0.1  # of what the highest harmonic resolves: step of the search
+FLOOR = 50  # resolved frequencies to either side, whose median is what a line stands above
+SURE = 6.0  # standard deviations of the sum at frequencies that are no harmonics, by which it must stand out
+
+
+def passing_speed(values: np.ndarray, rate: float, stated: float, flutes: int) -> float | None:
+    """Spindle speed (rad/s) near the `stated` one, from samples of a steady cut; None where its harmonics do not stand out."""
+    passing = stated * flutes / (2.0 * math.pi)
+    if len(values) * passing < FEWEST * rate:
+        return None
+    heights, step = _heights(np.asarray(values, dtype=float), rate)
+    least, most = HARMONICS
+    orders = np.arange(1, max(least, min(most, int(NYQUIST * rate / passing))) + 1)
+    reach = REACH * passing
+    trials = np.arange(passing - reach, passing + reach, BETWEEN * rate / len(values) / len(orders))
+    places = np.minimum(trials[:, None] * orders / step, len(heights) - 2.0)
+    below = places.astype(int)
+    sums = np.sum(heights[below] + (places - below) * (heights[below + 1] - heights[below]), axis=1)
+    best = int(np.argmax(sums))
+    by_chance = len(orders) * heights.mean() + SURE * math.sqrt(len(orders)) * heights.std()
+    return float(trials[best]) * 2.0 * math.pi / flutes if sums[best] > by_chance else None
+
+
+def _heights(values: np.ndarray, rate: float) -> tuple[np.ndarray, float]:
+    """Logarithm of the spectrum's power above its surroundings, and the distance of its points (Hz)."""
+    from scipy.ndimage import median_filter
+
+    count = len(values)
+    time = np.linspace(-1.0, 1.0, count)
+    level = values - np.polynomial.Polynomial.fit(time, values, 1)(time)
+    spectrum = np.abs(np.fft.rfft(level * np.hanning(count), PADDED * count))
+    width = min(len(spectrum) // 4 * 2 + 1, 2 * FLOOR * PADDED + 1)
+    floor = median_filter(spectrum, size=width, mode="nearest")
+    return np.log1p((spectrum / (2.0 * np.maximum(floor, 1e-300))) ** 2), rate / (PADDED * count)
