@@ -31,6 +31,20 @@ HELD = {"second_mode": {"frequency": (300.0, 1200.0), "damping_ratio": (0.005, 0
         "runout": {"angle": (-math.pi, math.pi)},
         "speed_variation": {"frequency": (1.0, 8.0), "phase": (-math.pi, math.pi)},
         "speed_droop": {"time_constant": (0.1, 0.4)}}
+RIG = 146.4  # Hz, natural frequency of the published flexure: ranges of HELD are scaled by a machine's own over it
+FASTEST = 3800.0  # Hz, of a second mode
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How a campaign is measured: largest relative error of the stated speeds, amplitude (m) of a vibration from before at a
+    record's start, mark angle (rad), revolutions of idling, cutting and ringing down, sampling rate (Hz)."""
+
+    speed_error: float = 5e-4
+    ringing: float = 0.0
+    mark_angle: float = 1.1
+    course: tuple[int, int, int] = (15, 70, 30)
+    rate: float = 12800.0
 
 
 @dataclass(frozen=True)
@@ -46,6 +60,7 @@ class Truth:
     tachometer: bool
     effects: Mapping[str, Mapping[str, float]]
     law: str | None = None  # of an effect that no catalogue holds
+    setting: Setting = Setting()
 
 
 def _machine(random: np.random.Generator, flutes: int) -> Model:
@@ -55,6 +70,42 @@ def _machine(random: np.random.Generator, flutes: int) -> Model:
     structure = Structure(near(2.573, 0.2), near(146.4, 0.1), near(0.0035, 0.4))
     return Model(structure, Cutter(flutes=flutes),
                  Cutting("up-milling", 0.162, near(5.5e8, 0.15) / flutes, near(2.0e8, 0.25) / flutes))
+
+
+def _any_machine(random: np.random.Generator, flutes: int) -> Model:
+    """A machine of any workshop: 80 to 700 Hz, 1 to 5 N/um, up- or down-milling, 6 to 35 % of a turn in the cut."""
+
+    def between(low: float, high: float) -> float:
+        return math.exp(random.uniform(math.log(low), math.log(high)))
+
+    frequency, stiffness = between(80.0, 700.0), between(1e6, 5e6)
+    structure = Structure(stiffness / (2 * math.pi * frequency) ** 2, frequency, between(0.003, 0.02))
+    tangential = between(4e8, 9e8)
+    return Model(structure, Cutter(flutes=flutes, diameter=random.uniform(8e-3, 25e-3)),
+                 Cutting(str(random.choice(["up-milling", "down-milling"])), between(0.06, 0.35), tangential,
+                         tangential * random.uniform(0.2, 0.5)))
+
+
+def _any_setting(random: np.random.Generator, model: Model) -> Setting:
+    """Speeds stated up to 1 % wrong; in half of the campaigns the structure still rings when a record begins."""
+    ringing = math.exp(random.uniform(math.log(2e-6), math.log(5e-5))) if random.uniform() < 0.5 else 0.0
+    course = tuple(max(least, count // model.cutter.flutes) for least, count in ((6, 20), (20, 90), (8, 40)))
+    rate = float(round(min(max(30.0 * model.structure.natural_frequency, 4000.0), 12800.0), -2))
+    return Setting(random.uniform(0.0, 0.01), ringing, random.uniform(0.0, 2 * math.pi), course, rate)
+
+
+def _any_tests(random: np.random.Generator, model: Model, count: int) -> tuple[tuple[float, float, float], ...]:
+    """Stable tests from just above the first lobe to five vibrations a tooth; as deep as such a machine bears."""
+    structure, cutting, flutes = model.structure, model.cutting, model.cutter.flutes
+    bears = structure.stiffness / 2.2e6 * 5.5e8 / cutting.tangential_coefficient * 0.162 / cutting.immersion / flutes
+    found: list[tuple[float, float, float]] = []
+    while len(found) < count:
+        passing = structure.natural_frequency / math.exp(random.uniform(math.log(0.8), math.log(5.0)))
+        rpm, depth = 60 * passing / flutes, bears * math.exp(random.uniform(math.log(0.5), math.log(8.0)))
+        cut = Cut(rpm * RPM, depth * 1e-3)
+        if np.abs(characteristic_multipliers(milling_equation(model, cut), 10)).max() < STABLE:
+            found.append((round(rpm), round(depth, 3), round(random.uniform(0.05, 0.15), 3) * 1e-3))
+    return tuple(found)
 
 
 def _belief(random: np.random.Generator, model: Model) -> Model:
@@ -104,13 +155,16 @@ def _left_unexplained(model: Model, effect: Effect, makers: Mapping[str, Effect]
 
 
 def _strength(random: np.random.Generator, model: Model, effect: Effect, makers: Mapping[str, Effect],
-              tests: Sequence[tuple]) -> dict[str, float]:
+              tests: Sequence[tuple], anywhere: bool = False) -> dict[str, float]:
     """The effect's parameters; its strength such that it leaves a drawn share of the records unexplained."""
     wanted = math.exp(random.uniform(math.log(WEAKEST), math.log(STRONGEST)))
     held = {}
     for parameter in effect.parameters:
         if not parameter.vanishes:
             low, high = HELD.get(effect.name, {}).get(parameter.name, (parameter.example, parameter.example))
+            if anywhere and (effect.name, parameter.name) == ("second_mode", "frequency"):
+                scale = model.structure.natural_frequency / RIG
+                low, high = low * scale, min(high * scale, FASTEST)
             held[parameter.name] = float(random.uniform(low, high))
     left = _left_unexplained(model, effect, makers, tests)
 
@@ -127,8 +181,11 @@ def _strength(random: np.random.Generator, model: Model, effect: Effect, makers:
 
 
 def draw(seed: int, catalogue: Mapping, laws: Mapping[str, str] | None = None, kind: str | None = None,
-         names: tuple[str, ...] | None = None) -> Truth:
-    """The truth of one seed; `kind` or the effects' `names` may be laid down."""
+         names: tuple[str, ...] | None = None, anywhere: bool = False) -> Truth:
+    """The truth of one seed; `kind` or the effects' `names` may be laid down.
+
+    anywhere: on a machine of any workshop, measured as it comes; else on the published rig.
+    """
     random = np.random.default_rng([2026, seed])
     drawn = str(random.choice(list(KINDS), p=list(KINDS.values())))
     kind = kind or ("one" if names and len(names) == 1 else "pair" if names else drawn)
@@ -138,13 +195,17 @@ def draw(seed: int, catalogue: Mapping, laws: Mapping[str, str] | None = None, k
     if law:
         chosen = (law,)
     flutes = 2 if "runout" in chosen or random.uniform() < 0.1 else 1
-    model = _machine(random, flutes)
+    if anywhere:
+        flutes = int(random.integers(2 if "runout" in chosen else 1, 5))
+    model = _any_machine(random, flutes) if anywhere else _machine(random, flutes)
+    setting = _any_setting(random, model) if anywhere else Setting()
     believed = _belief(random, model)
-    tests = _tests(random, model, int(random.integers(6, 9)))
-    effects = {name: _strength(random, model, catalogue[name], catalogue, tests) for name in chosen}
+    tests = (_any_tests if anywhere else _tests)(random, model, int(random.integers(4 if anywhere else 6, 9)))
+    effects = {name: _strength(random, model, catalogue[name], catalogue, tests, anywhere) for name in chosen}
     noise = math.exp(random.uniform(math.log(0.3e-6), math.log(5e-6)))
     true = model
     for name, values in effects.items():
         true = true.with_effect(name, **values)
     measured = any(name.startswith("speed_") for name in effects)  # a tachometer would show the speed, and hide nothing
-    return Truth(seed, kind, true, believed, tests, noise, bool(random.uniform() < 0.9) and not measured, effects, law)
+    marked = bool(random.uniform() < (0.7 if anywhere else 0.9)) and not measured
+    return Truth(seed, kind, true, believed, tests, noise, marked, effects, law, setting)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from testbed.campaign import Record
+from testbed.cut import Cut
 from testbed.engines import mujoco_engine
-from tests.synthetic_campaign import synthetic_record
+from testbed.workshop import RPM, Measurement, measured_cut
 from tests.validation.blind.draw import Truth
 
 FAR = 5e-3  # m, beyond which no flexure moves: the law that was drawn lets the machine run away
+LEAST = 0.9  # of a record's length, that is left where the run did not diverge
 
 
 def records_of(truth: Truth, catalogue: Mapping) -> list[Record]:
@@ -23,13 +26,31 @@ def records_of(truth: Truth, catalogue: Mapping) -> list[Record]:
 
     found = []
     for number, (rpm, depth, feed) in enumerate(truth.tests):
-        record = synthetic_record(simulate, truth.model, rpm, depth * 1e-3, 1000 * truth.seed + number, noise=truth.noise,
-                                  feed=feed)
-        if not np.isfinite(record.recording.channels["displacement"]).all() or len(record.recording) < 5000:
+        record = _measured(simulate, truth, rpm, depth * 1e-3, feed, 1000 * truth.seed + number)
+        motion = record.recording.channels["displacement"]
+        if not np.isfinite(motion).all() or len(motion) < LEAST * _whole(truth, rpm):
             raise ValueError("a test diverged")
-        if np.abs(record.recording.channels["displacement"]).max() > FAR:
+        if np.abs(motion).max() > FAR:
             raise ValueError("a test ran away")
         if not truth.tachometer:
             record = replace(record, recording=replace(record.recording, marks=np.empty(0)))
         found.append(replace(record, name=f"{number + 1}_{record.name}"))
     return found
+
+
+def _whole(truth: Truth, rpm: float) -> float:
+    """Samples of a record to its end."""
+    return sum(truth.setting.course) * 60.0 / rpm * truth.setting.rate
+
+
+def _measured(simulate: Callable, truth: Truth, rpm: float, depth: float, feed: float, seed: int) -> Record:
+    """One test (depth m, feed m a tooth) as the campaign's setting has it measured."""
+    setting, flutes = truth.setting, truth.model.cutter.flutes
+    idle, *passes = (part * flutes for part in setting.course)
+    random = np.random.default_rng([seed, 1])
+    phase, omega = random.uniform(0, 2 * math.pi), truth.model.structure.natural_frequency_rad
+    stated = Cut(rpm * RPM, depth, feed, idle + seed % flutes, *passes,
+                 initial_displacement=setting.ringing * math.cos(phase),
+                 initial_velocity=setting.ringing * omega * math.sin(phase))
+    how = Measurement(setting.rate, truth.noise, speed_error=setting.speed_error, mark_angle=setting.mark_angle)
+    return measured_cut(simulate, truth.model, stated, how, seed, f"{rpm:.0f}rpm_{depth * 1e3:.1f}mm")
