@@ -337,6 +337,8 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
     else:
         period = 2 * math.pi / (_heard_speed(base, cut.spindle_speed, flutes) or cut.spindle_speed)
     kinds = {segment.kind for segment in base.segments}
+    if record.feed is not None and record.feed.per == "second":  # the table travels as stated, whatever the spindle does
+        cut = replace(cut, feed_per_tooth=record.feed.per_tooth(2 * math.pi / period, flutes))
     return replace(
         base,
         cut=cut,
