@@ -19,7 +19,7 @@ from analysis.fit.force_window import windowed
 from analysis.fit.nuisances import Nuisances
 from analysis.records.free_decay import spectral_peak
 from analysis.records.noise import noise_floor, rounding
-from analysis.records.passing_speed import passing_speed
+from analysis.records.passing_speed import heard_speed
 from analysis.records.segments import Segment, find_segments
 from analysis.records.spindle_clock import along_marks, check_speed, clock_error, clock_of, digital, smoothed
 from testbed.cut import Cut, Sampling
@@ -359,4 +359,4 @@ def _heard_speed(base: Observed, stated: float, flutes: int) -> float | None:
     cutting = [(one.start, one.stop) for one in base.segments if one.kind in ("entry", "exit")]
     start, stop = max(steady or cutting, key=lambda one: one[1] - one[0], default=(base.start, base.start))
     first, last = (round((time - base.start) * base.rate) for time in (start, stop))
-    return passing_speed(base.data[0, first:last], base.rate, stated, flutes)
+    return heard_speed(base.data[0, first:last], base.rate, stated, flutes, idle=base.data[0, :first])

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares, minimize_scalar
 from analysis.multipliers.floquet import once_per_period_samples
 from analysis.multipliers.multiplier_fit import delay_embedding_multipliers, mode_basis
 from analysis.records.lines import comb_speed
-from analysis.records.passing_speed import passing_speed
+from analysis.records.passing_speed import heard_speed
 from testbed.recording import Recording
 
 DELAYS = 64  # phases a period: the slope of a pattern is seen by few
@@ -101,7 +101,8 @@ def _by_its_harmonics(recording: Recording, stated: float, flutes: int, start: f
     """The period over the stated one as all harmonics of the tooth passing show it; None where they do not stand out."""
     inside = (recording.time >= start) & (recording.time < stop)
     nominal = 2.0 * math.pi / (flutes * stated)
-    found = passing_speed(recording.channels[channel][inside], recording.sampling_rate, nominal, flutes)
+    found = heard_speed(recording.channels[channel][inside], recording.sampling_rate, nominal, flutes,
+                        idle=recording.channels[channel][recording.time < start])
     return None if found is None else nominal / found
 
 

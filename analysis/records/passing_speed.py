@@ -11,7 +11,10 @@ import math
 
 import numpy as np
 
+from analysis.records.lines import comb_speed
+
 REACH = 0.03  # of the stated speed, that is searched about it
+LEAST = 256  # samples whose lines are looked at one by one
 HARMONICS = 4, 60  # fewest and most that are looked at
 NYQUIST = 0.45  # of the sampling rate: highest harmonic
 FEWEST = 4.0  # passes
@@ -19,6 +22,16 @@ PADDED = 8  # times the record's length: the spectrum's points
 BETWEEN = 0.1  # of what the highest harmonic resolves: step of the search
 FLOOR = 50  # resolved frequencies to either side, whose median is what a line stands above
 SURE = 6.0  # standard deviations of the sum at frequencies that are no harmonics, by which it must stand out
+
+
+def heard_speed(values: np.ndarray, rate: float, stated: float, flutes: int, idle: np.ndarray | None = None) -> float | None:
+    """Spindle speed (rad/s) of a steady cut, also where the `stated` one is another by far, if single lines show that surely.
+
+    idle: samples of idling, whose lines are not the cut's. None where the harmonics do not stand out.
+    """
+    lines = comb_speed(values, rate, stated, flutes, idle=idle) if len(values) >= LEAST else None
+    far = lines is not None and abs(lines.spindle_speed / stated - 1.0) > REACH
+    return passing_speed(values, rate, lines.spindle_speed if lines is not None and far else stated, flutes)
 
 
 def passing_speed(values: np.ndarray, rate: float, stated: float, flutes: int) -> float | None:

@@ -11,7 +11,7 @@ from campaign_files import BELIEVED, TRUE
 from analysis.comparison.compare import compare
 from analysis.fit.observed import observe
 from analysis.records.noise import noise_floor
-from analysis.records.passing_speed import passing_speed
+from analysis.records.passing_speed import heard_speed, passing_speed
 from analysis.records.segments import find_segments
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
@@ -46,6 +46,13 @@ def test_the_speed_is_heard_from_all_harmonics_to_a_part_of_a_pass():
         for motion in (teeth, teeth + chatter):
             heard = passing_speed(motion + 2.0 * random.standard_normal(time.size), RATE, stated * passing * math.pi, 2)
             assert abs(heard / (passing * math.pi) - 1.0) * 0.9 * passing < 0.2, stated
+
+
+def test_a_speed_of_another_test_is_heard_where_single_lines_show_it():
+    record = cut(4300, 1.66, 7)
+    values = record.recording.channels["displacement"][int(1.0 * RATE):int(1.9 * RATE)]
+    for wrong in (0.8, 0.93, 1.2):
+        assert heard_speed(values, RATE, wrong * 4300 * RPM, 2) == pytest.approx(4300 * RPM, rel=2e-3), wrong
 
 
 def test_noise_or_a_moment_tells_no_speed():
