@@ -17,8 +17,10 @@ Effects add up (sums) or scale (products), so a set of them has no order.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 
@@ -207,3 +209,19 @@ class Effect:
         """True where any parameter that switches the effect off stands at its neutral value."""
         deciding = [parameter for parameter in self.parameters if parameter.vanishes]
         return bool(deciding) and all(values[parameter.name] == parameter.neutral for parameter in deciding)
+
+
+def hook_value(effect: Effect, hook: str, values: Mapping[str, float], **offers: float) -> float:
+    """What a hook of the effect returns at these values of its parameters and of what its place offers."""
+    known = {**offers, **values}
+    return float(effect.hooks[hook](**{name: known[name] for name in arguments_of(effect, hook)}))
+
+
+def arguments_of(effect: Effect, hook: str) -> tuple[str, ...]:
+    """What a hook of the effect asks for; nothing where it has none."""
+    return _arguments(effect.hooks[hook]) if hook in effect.hooks else ()
+
+
+@lru_cache(maxsize=1024)
+def _arguments(function: Callable) -> tuple[str, ...]:
+    return tuple(inspect.signature(function).parameters)

@@ -19,7 +19,8 @@ from analysis.fit.fit_state import State
 from analysis.fit.observed import Observed
 from testbed.cut import Cut
 from testbed.effect import Effect
-from testbed.machine import Cutter, Cutting, Model
+from testbed.geometry import true_geometry
+from testbed.machine import Cutting, Model
 
 SUBSTEPS = 2
 POINT_ANGLE = 0.3  # rad of helical lag that one axial point more is spent on
@@ -158,20 +159,6 @@ def _hooked(function: Callable, known: Mapping[str, np.ndarray | float], size: i
     return np.fromiter((function(*row) for row in zip(*(one.tolist() for one in columns), strict=True)), float, size)
 
 
-def geometry_of(model: Model, catalogue: Mapping[str, Effect]) -> tuple[Cutter, Cutting]:
-    """Cutter and engagement after the model's effects that change them."""
-    cutter, cutting = model.cutter or Cutter(), model.cutting or Cutting()
-    for name, given in model.effects.items():
-        values, hooks = catalogue[name].shaped(given), catalogue[name].hooks
-        for hook, offer in (("immersion", cutting.immersion), ("helix_angle", cutter.helix_angle)):
-            if hook in hooks:
-                known = {hook: offer, **values}
-                value = float(hooks[hook](**{one: known[one] for one in inspect.signature(hooks[hook]).parameters}))
-                cutting = replace(cutting, immersion=value) if hook == "immersion" else cutting
-                cutter = replace(cutter, helix_angle=value) if hook == "helix_angle" else cutter
-    return cutter, cutting
-
-
 def course_of(record: Observed, state: State, index: int, catalogue: Mapping[str, Effect], turned: float = 0.0) -> Course:
     """The course of one record under a fitted state; `turned` (rad) is added to the tooth angle."""
     cells = (record.samples - 1) * SUBSTEPS
@@ -192,7 +179,7 @@ def course_of(record: Observed, state: State, index: int, catalogue: Mapping[str
 def _cut_course(
     record: Observed, state: State, cut: Cut, starts: np.ndarray, catalogue: Mapping[str, Effect], time: np.ndarray
 ) -> Course:
-    cutter, cutting = geometry_of(state.model, catalogue)
+    cutter, cutting = true_geometry(state.model, catalogue)
     count = np.arange(len(starts), dtype=float)
     position = np.interp(time, starts, count)
     half = 0.5 / (record.rate * SUBSTEPS)

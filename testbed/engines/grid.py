@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
-from testbed.effect import Effect
+from testbed.effect import Effect, arguments_of, hook_value
 from testbed.engines import loop_kernel as lk
 from testbed.engines.compose import Layout
 from testbed.machine import Cutter, Cutting, Structure
@@ -22,21 +19,6 @@ STEP_PHASE = 0.15  # rad of the structure's vibration, or of a law's own, that a
 CARRIED_PHASE = 0.3  # rad of a carried oscillator's vibration that a step in the cut may cover
 FREE_PHASE = 0.3  # rad of the structure's vibration that a step outside the cut may cover: only a weak rest is integrated
 STEP_ANGLE = 0.12  # rad of tooth travel a step in the cut may cover
-
-
-def python_hook(effect: Effect, hook: str, values: Mapping[str, float], **offers: float) -> float:
-    known = {**offers, **values}
-    return float(effect.hooks[hook](**{name: known[name] for name in arguments_of(effect, hook)}))
-
-
-@lru_cache(maxsize=1024)
-def _arguments(function: Callable[..., Any]) -> tuple[str, ...]:
-    return tuple(inspect.signature(function).parameters)
-
-
-def arguments_of(effect: Effect, hook: str) -> tuple[str, ...]:
-    """What a hook of the effect asks for; nothing where it has none."""
-    return _arguments(effect.hooks[hook]) if hook in effect.hooks else ()
 
 
 def corners_of_pitch(cutter: Cutter, cutting: Cutting, lag: float) -> tuple[np.ndarray, list[int]]:
@@ -88,7 +70,7 @@ def _slider(effect: Effect, values: Mapping[str, float], structure: Structure, l
     """(place in the state, pull, travel) of an effect that is a spring and slider in series."""
     assert effect.slider is not None
     state, parameter = effect.slider
-    force = -python_hook(effect, "structure_force", values, **(_at_rest(effect, structure) | {state: values[parameter]}))
+    force = -hook_value(effect, "structure_force", values, **(_at_rest(effect, structure) | {state: values[parameter]}))
     return float(layout.state[effect.name, state]), force / (structure.mass * values[parameter]), values[parameter]
 
 
@@ -96,8 +78,8 @@ def _oscillators(effect: Effect, values: Mapping[str, float], structure: Structu
     """(first state, pull, drag) of each pair of states that is an underdamped oscillator at these values."""
     found, still = [], _at_rest(effect, structure)
     for position, rate in effect.oscillators:
-        pull = -python_hook(effect, f"derivative_{rate}", values, **(still | {position: 1.0}))
-        drag = -python_hook(effect, f"derivative_{rate}", values, **(still | {rate: 1.0}))
+        pull = -hook_value(effect, f"derivative_{rate}", values, **(still | {position: 1.0}))
+        drag = -hook_value(effect, f"derivative_{rate}", values, **(still | {rate: 1.0}))
         if pull > 0.25 * drag * drag:
             found.append((position, pull, drag))
     return found
@@ -124,7 +106,7 @@ def motion_of(structure: Structure, active: Mapping[str, Mapping[str, float]], c
         alone = not places and "structure_force" not in effect.hooks or sliders == [name]
         exact = exact and alone and not reads_states
         if "highest_frequency" in effect.hooks and (places or not pairs):
-            integrated = max(integrated, python_hook(effect, "highest_frequency", values, mass=structure.mass,
+            integrated = max(integrated, hook_value(effect, "highest_frequency", values, mass=structure.mass,
                                                       stiffness=structure.stiffness))  # fmt: skip
     motion = Motion(np.array(rows, dtype=float), plain, exact, (carried, integrated))
     if not exact or not sliders:

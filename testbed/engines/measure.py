@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from testbed.cut import Sampling
-from testbed.effect import Effect
-from testbed.engines.grid import arguments_of
+from testbed.effect import Effect, arguments_of
 from testbed.engines.packing import active_effects
 from testbed.machine import Model
 

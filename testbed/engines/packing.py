@@ -11,11 +11,12 @@ from threading import Lock
 import numpy as np
 
 from testbed.cut import Cut
-from testbed.effect import HOOKS, Effect
+from testbed.effect import HOOKS, Effect, arguments_of, hook_value
 from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
 from testbed.engines.compose import Layout
-from testbed.engines.grid import Motion, arguments_of, axial_points, corners_of_pitch, motion_of, python_hook, steps_of_segments
+from testbed.engines.grid import Motion, axial_points, corners_of_pitch, motion_of, steps_of_segments
+from testbed.geometry import true_geometry
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.problem import InputProblem
 
@@ -82,22 +83,10 @@ def stiffening(model: Model, catalogue: Mapping[str, Effect], amplitude: float) 
         if amplitude > 0.0 and "displacement" in arguments_of(effect, "structure_force"):
             still = offers | dict.fromkeys(effect.states, 0.0)
             added += max(
-                -(python_hook(effect, "structure_force", values, **still, displacement=side + width)
-                  - python_hook(effect, "structure_force", values, **still, displacement=side - width)) / (2.0 * width)
+                -(hook_value(effect, "structure_force", values, **still, displacement=side + width)
+                  - hook_value(effect, "structure_force", values, **still, displacement=side - width)) / (2.0 * width)
                 for side in (-amplitude, amplitude))  # fmt: skip
     return math.sqrt(1.0 + max(0.0, added) / structure.stiffness)
-
-
-def true_geometry(model: Model, catalogue: Mapping[str, Effect]) -> tuple[Cutter, Cutting]:
-    """Cutter and engagement after the effects that change them (helix, immersion_error)."""
-    cutter, cutting = model.cutter or Cutter(), model.cutting or Cutting()
-    for name, values in active_effects(model, catalogue).items():
-        effect = catalogue[name]
-        if "immersion" in effect.hooks:
-            cutting = replace(cutting, immersion=python_hook(effect, "immersion", values, immersion=cutting.immersion))
-        if "helix_angle" in effect.hooks:
-            cutter = replace(cutter, helix_angle=python_hook(effect, "helix_angle", values, helix_angle=cutter.helix_angle))
-    return cutter, cutting
 
 
 def fastest_frequency(model: Model, catalogue: Mapping[str, Effect]) -> float:
@@ -107,7 +96,7 @@ def fastest_frequency(model: Model, catalogue: Mapping[str, Effect]) -> float:
     for name, values in active_effects(model, catalogue).items():
         if "highest_frequency" in catalogue[name].hooks:
             rates.append(
-                python_hook(catalogue[name], "highest_frequency", values, mass=structure.mass, stiffness=structure.stiffness)
+                hook_value(catalogue[name], "highest_frequency", values, mass=structure.mass, stiffness=structure.stiffness)
             )
     return max(rates)
 
