@@ -18,7 +18,7 @@ from testbed.recording import Recording
 PAIRED = 1.5  # samples that count as one: of changes between neighbours, which are correlated by -1/2
 SAME_VALUE = 1e-9  # of a channel's range, within which two values are one step of its converter
 FEWEST_QUIET = 128  # samples of idling that are left when its loud beginning is taken away
-LOUDER = 5.0  # standard errors of a ratio of two rms, by which that beginning is louder
+LOUDER = 3.5  # standard errors of a ratio of two rms, by which that beginning is louder
 FOURTH = 2.63  # of fourth differences: the sum of their squared autocorrelations, (70, -56, 28, -8, 1) / 70
 Basis = Literal["idle", "repeated periods", "high-frequency residual"]
 
@@ -55,11 +55,9 @@ def noise_floor(recording: Recording, segments: Sequence[Segment], channel: str 
     period = revolution_period(recording)
     turn = (period or 64 / recording.sampling_rate) * recording.sampling_rate
     idle = [values[samples_of(recording, segment)] for segment in segments if segment.kind == "idle"]
-    longest = max(idle, key=len, default=np.empty(0))
-    if len(longest) > max(3 * turn, 64):
-        margin = int(min(turn, len(longest) / 8))
-        quiet = longest[margin : len(longest) - margin]
-        rms, used = _of_idling(quiet, recording.sampling_rate, max(64, int(2 * turn)))
+    read = [one for part in idle if len(part) > max(3 * turn, 64) for one in _of_idling(part, recording.sampling_rate, turn)]
+    if read:
+        rms, used = _quietest(read)
         return Noise(rms, "idle", name, _doubt(used))
     steady = [values[samples_of(recording, segment)] for segment in segments if segment.kind == "steady"]
     longest = max(steady, key=len, default=np.empty(0))
@@ -79,17 +77,26 @@ def rounding(values: np.ndarray) -> float:
     return float(steps.min()) / math.sqrt(12.0) if len(steps) else 0.0
 
 
-def _of_idling(values: np.ndarray, rate: float, length: int) -> tuple[float, int]:
-    """(rms of the noise in idling, about lines of `length` samples, and the samples it is read from).
+def _of_idling(values: np.ndarray, rate: float, turn: float) -> list[tuple[float, int]]:
+    """(rms of the noise in idling, the samples it is read from), in several ways, none of which tells too little.
 
-    What still rings from before is motion: it is fitted or, where it is no single free decay, waited for.
+    What still rings from before is motion: it is left in, waited for; one free vibration is fitted.
     """
-    rms = _about_lines(values, length)
-    still = _beside_ringing(values, rate, rms)
-    if still < rms:
-        return still, len(values)
-    rest = _died_away(values)
-    return (rms, len(values)) if rest is values else (_about_lines(rest, length), len(rest))
+    margin = int(min(turn, len(values) / 8))
+    quiet, read = values[margin : len(values) - margin], []
+    for part in (quiet, _died_away(quiet)):
+        rms = _about_lines(part, max(64, int(2 * turn)))
+        read += [(rms, len(part)), (_beside_ringing(part, rate, rms), len(part))]
+    return read
+
+
+def _quietest(read: Sequence[tuple[float, int]]) -> tuple[float, int]:
+    """Of several readings that of most samples, unless one of fewer is quieter beyond chance; of as many, the quieter."""
+    best, *others = sorted(read, key=lambda one: (-one[1], one[0]))
+    for rms, samples in others:
+        if rms * (1.0 + LOUDER / math.sqrt(samples)) < best[0]:
+            best = rms, samples
+    return best
 
 
 def _died_away(values: np.ndarray) -> np.ndarray:
