@@ -22,6 +22,7 @@ STABLE = 0.93  # largest multiplier of a drawn test: transients die away within 
 # what an effect leaves unexplained, as a share of the records' rms: from barely visible to large, log-uniform
 WEAKEST, STRONGEST = 0.008, 0.5
 LIMIT = 3.0  # times the effect's example: no drawn strength is larger
+STUCK = 0.4  # share of its motion below which an effect has all but stopped the machine: nobody measures that
 SEEN = 3  # tests by which a strength is weighed
 SINGLES = ("process_damping", "cubic_stiffness", "dry_friction", "quadratic_damping", "second_mode", "chip_force_exponent",
            "edge_force", "helix", "runout", "tool_wear", "speed_droop", "speed_variation", "entry_ramp", "immersion_error",
@@ -146,7 +147,10 @@ def _left_unexplained(model: Model, effect: Effect, makers: Mapping[str, Effect]
     basis = np.linalg.qr(np.stack([*slopes, records(model, 1e-4) - plain], axis=1))[0]
 
     def left(values: Mapping[str, float]) -> float:
-        moved = records(model.with_effect(effect.name, **values)) - plain
+        there = records(model.with_effect(effect.name, **values))
+        if np.linalg.norm(there) < STUCK * np.linalg.norm(plain):
+            return math.inf
+        moved = there - plain
         rest = moved - basis @ (basis.T @ moved)
         share = float(np.linalg.norm(rest) / np.linalg.norm(plain))
         return share if math.isfinite(share) else math.inf
