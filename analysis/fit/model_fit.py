@@ -16,6 +16,7 @@ from analysis.fit.prediction import Plant
 from analysis.fit.scale_hops import hopped
 from analysis.fit.starts import at_a_bound, base_fit, structure_start, with_courses
 from analysis.fit.swing_start import swung_fit
+from analysis.fit.table_feed import with_feed_found
 from analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -34,7 +35,7 @@ def model_fit(
     Laws with kinks have valleys beside the deepest, into which even the true scale may slip on the way from a wrong opening:
     theirs are looked for. So have free decays alone, whose phases run apart: those are fitted from their openings on.
     goal: the cost above which the fit is of no use, and is given up. Where an effect asks for the length cut and no record
-    states one, the fitter's records have that which explains them better, see `length_cut`.
+    states one, the fitter's records have that which explains them better, see `length_cut`; so with the feed, see `table_feed`.
     """
     if free is None and model.effects:
         free = all_free(records, model, catalogue)
@@ -42,7 +43,7 @@ def model_fit(
     if asks_length(model.effects, catalogue) and (longer := carried_on(records)) is not None:
         worn = _fitted(plant, longer, model, catalogue, free, goal)
         found = with_lengths_found(*worn) if worn[1].cost < found[1].cost else found
-    return found
+    return found if found[1].cost > goal else with_feed_found(*found)
 
 
 def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],

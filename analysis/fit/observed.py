@@ -44,7 +44,8 @@ class Observed:
     heard: whether it has a say in the fit. noise_doubt: standard error of the first channel's noise over itself. believed
     (samples,): those that count; all, where None. measured: the record at the speed that its marks show, where those are
     left out here. slots: of how many slots of the spindle the marks may be any; they do not tell its teeth apart.
-    steady_marks: times (s) of all marks, where they show a constant speed.
+    steady_marks: times (s) of all marks, where they show a constant speed. table_feed: whether the cut's feed a tooth is what
+    the table leaves it at the true speed, not as it was written.
     """
 
     name: str
@@ -73,6 +74,7 @@ class Observed:
     measured: Observed | None = None
     slots: int = 1
     steady_marks: np.ndarray | None = None
+    table_feed: bool = False
 
     @property
     def forces_only(self) -> bool:
@@ -337,11 +339,13 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
     else:
         period = 2 * math.pi / (_heard_speed(base, cut.spindle_speed, flutes) or cut.spindle_speed)
     kinds = {segment.kind for segment in base.segments}
-    if record.feed is not None and record.feed.per == "second":  # the table travels as stated, whatever the spindle does
+    travels = record.feed is not None and record.feed.per == "second"
+    if travels:  # as stated, whatever the spindle does
         cut = replace(cut, feed_per_tooth=record.feed.per_tooth(2 * math.pi / period, flutes))
     return replace(
         base,
         cut=cut,
+        table_feed=travels,
         flutes=flutes,
         period=period,
         first_mark=anchor,

@@ -22,6 +22,7 @@ from analysis.fit.spindle_speed import at_modelled_speed
 from analysis.fit.starts import at_a_bound, polish
 from analysis.fit.swing_start import marks_show
 from analysis.fit.switched import switch_note
+from analysis.fit.table_feed import feed_note
 from analysis.fit.waveform import Fitter
 from analysis.search.begun_anew import with_examples
 from analysis.search.candidate_round import candidate_of, with_effect
@@ -91,7 +92,8 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     result = Addition(effect.name, with_it.state.model, pooled(before)[0], pooled(after)[0], pooled(after)[1],
                       before, tuple(after), holds_out(records), found, with_it.converged, (), with_it, fit,
                       tuple(record.name for record in wider.records if not record.heard), at_bound(wider.free, found))
-    return replace(result, warnings=(*_warnings(result, wider, catalogue), *length_note(records, wider.records)))
+    notes = [*length_note(records, wider.records), *feed_note(records, wider.records)]
+    return replace(result, warnings=(*_warnings(result, wider, catalogue), *notes))
 
 
 def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,

@@ -1,0 +1,52 @@
+"""A table that travels as it was told to, under a spindle that does not turn as it was told to."""
+
+from dataclasses import replace
+from functools import partial
+
+import pytest
+from campaign_files import BELIEVED, TRUE
+
+from analysis.comparison.compare import compare
+from analysis.fit.observed import observe
+from analysis.fit.table_feed import feed_note
+from testbed.catalogue import catalogue
+from testbed.cli._fitting import plant_of
+from testbed.cut import Cut
+from testbed.engines import fast
+from testbed.manifest import Feed
+from testbed.workshop import RPM, Measurement, measured_cut
+
+TESTS = ((3810, 2.9, 1.01), (2850, 2.9, 0.992), (3500, 0.8, 1.0))  # rpm as stated, mm, true over stated speed
+FEED = 1e-4  # m a tooth, as stated
+
+
+def campaign(*, table, written=Feed(FEED, "tooth")):
+    """Cuts by another step size than the fit's, stated at other speeds than they had; table: whether it travels as stated."""
+    found = []
+    for seed, (rpm, depth, ratio) in enumerate(TESTS):
+        cut = Cut(ratio * rpm * RPM, depth * 1e-3, FEED / ratio if table else FEED, 12, 60, 25)
+        record = measured_cut(partial(fast.simulate, steps=37), TRUE, cut, Measurement(noise=3e-7, rate=6400.0), seed, f"c{seed}")
+        conditions = {**record.conditions, "spindle_speed": rpm * RPM, "feed_per_tooth": FEED, "feed_per_revolution": FEED}
+        recording = replace(record.recording, conditions=conditions)
+        feed = Feed(FEED * rpm / 60, "second") if written.per == "second" else written
+        found.append(observe(replace(record, conditions=conditions, recording=recording, feed=feed), BELIEVED))
+    return found
+
+
+@pytest.mark.parametrize("table", [True, False])
+def test_the_data_choose_what_a_tooth_cuts(table):
+    records = campaign(table=table)
+    found = compare(plant_of(catalogue()), records, BELIEVED, catalogue())
+    assert found.error == pytest.approx(found.noise_floor, rel=0.02)
+    assert bool(feed_note(records, found.fitter.records)) == table
+    for record, (_, _, ratio) in zip(found.fitter.records, TESTS, strict=True):
+        assert record.cut.feed_per_tooth == pytest.approx(FEED / ratio if table else FEED, rel=1e-3)
+    one = found.parameters["damping_ratio"]
+    assert abs(one.value - TRUE.structure.damping_ratio) < one.high - one.low
+
+
+def test_a_speed_of_travel_leaves_nothing_to_choose():
+    records = campaign(table=True, written=Feed(FEED, "second"))
+    assert all(record.table_feed for record in records)
+    found = compare(plant_of(catalogue()), records, BELIEVED, catalogue())
+    assert found.error == pytest.approx(found.noise_floor, rel=0.02) and feed_note(records, found.fitter.records) == []
