@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from analysis.records.free_decay import fit_free_decay, spectral_peak
+from analysis.records.free_decay import FreeDecay, fit_free_decay, spectral_peak
 from analysis.records.hum import MAINS
 from analysis.records.periods import period_changes
 from analysis.records.segments import Segment, main_channel, revolution_period, white_noise
@@ -17,6 +17,7 @@ from testbed.recording import Recording
 
 PAIRED = 1.5  # samples that count as one: of changes between neighbours, which are correlated by -1/2
 SAME_VALUE = 1e-9  # of a channel's range, within which two values are one step of its converter
+VIBRATIONS = 3  # that are taken out of idling
 FEWEST_QUIET = 128  # samples of idling that are left when its loud beginning is taken away
 LOUDER = 3.5  # standard errors of a ratio of two rms, by which that beginning is louder
 FOURTH = 2.63  # of fourth differences: the sum of their squared autocorrelations, (70, -56, 28, -8, 1) / 70
@@ -116,16 +117,27 @@ def _doubt(samples: int, lost: float = 1.0) -> float:
 
 
 def _beside_ringing(values: np.ndarray, rate: float, rms: float) -> float:
-    """rms of what a single free vibration leaves of idling, where it leaves only white noise; else `rms`.
+    """rms of what free vibrations, one after the other, leave of idling, where they leave only white noise; else `rms`.
 
-    A structure that was pushed before the record still rings while idling: that is motion, not noise. Hum stays.
+    A structure that was pushed before the record still rings while idling, perhaps amid another vibration: that is motion, not
+    noise. Hum stays.
     """
-    fit = fit_free_decay(values, 0, spectral_peak(values))
-    if fit is None or fit.rest > 0.98 * rms or fit.rest > 1.3 * max(white_noise(values), rounding(values)):
-        return rms
+    white, rest, before = max(white_noise(values), rounding(values)), values, rms
+    for _ in range(VIBRATIONS):
+        fit = fit_free_decay(rest, 0, spectral_peak(rest))
+        if fit is None or fit.rest > 0.98 * before or _is_hum(fit, rate, len(values)):
+            return rms
+        if fit.rest <= 1.3 * white:
+            return fit.rest
+        rest, before = rest - fit.at(np.arange(len(rest))), fit.rest
+    return rms
+
+
+def _is_hum(fit: FreeDecay, rate: float, samples: int) -> bool:
+    """Whether a vibration is at a multiple of the mains and does not die."""
     frequency = fit.frequency * rate
-    mains = any(abs(frequency - base * round(frequency / base)) < 1.5 * rate / len(values) for base in MAINS)
-    return rms if mains and abs(fit.decay) * len(values) < 0.1 else fit.rest
+    mains = any(abs(frequency - base * round(frequency / base)) < 1.5 * rate / samples for base in MAINS)
+    return mains and abs(fit.decay) * samples < 0.1
 
 
 def _about_lines(values: np.ndarray, length: int) -> float:

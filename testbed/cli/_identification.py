@@ -101,7 +101,7 @@ def _decay(ring_down: Any, recording: Any, start: float | None, stop: float | No
 class Identified:
     """What an identification found: model, parameter path -> value, low, high, unit; the tests; quality.
 
-    at_bound: parameters that ended at an end of the range searched.
+    at_bound: parameters that ended at an end of the range searched. notes: in words, what was taken otherwise than stated.
     """
 
     model: Any
@@ -109,6 +109,7 @@ class Identified:
     tests: tuple[Mapping[str, Any], ...]
     quality: Mapping[str, Any]
     at_bound: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, seed: int, *,
@@ -162,8 +163,10 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     """Fit the whole waveform of every record with the simulator, the parameters of the model's effects too."""
     from analysis.fit.estimates import at_bound, estimates
     from analysis.fit.held_out import errors_in_fit, pooled
+    from analysis.fit.length_cut import length_note
     from analysis.fit.model_fit import model_fit
     from analysis.fit.spindle_speed import at_modelled_speed
+    from analysis.fit.table_feed import feed_note
 
     observed = at_modelled_speed(observed_records(records, model, path, model_file), model.effects, catalogue)
     fitter, fit = model_fit(plant_of(catalogue), observed, model, catalogue)
@@ -172,4 +175,5 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     rows = _multipliers_beside(fit.state.model, records, catalogue, path)
     found = estimates(fitter, fit, catalogue)
     quality = {"chi_square": chi_square, "converged": fit.converged, "noise_floor": noise}
-    return Identified(fit.state.model, found, rows, quality, at_bound(fitter.free, found))
+    taken = (*length_note(observed, fitter.records), *feed_note(observed, fitter.records))
+    return Identified(fit.state.model, found, rows, quality, at_bound(fitter.free, found), taken)

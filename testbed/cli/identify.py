@@ -57,7 +57,7 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
         raise InputProblem(data, str(problem), "add tests with a clear entry transient, or try --method waveform"
                            if multipliers else "check the records with testbed inspect") from None
     notes = [*([] if multipliers else uncalibrated(records)), *doubts(records, model),  # multipliers have no unit
-             *of_the_mass(records, model)]
+             *of_the_mass(records, model), *found.notes]
     if multipliers and found.quality["chi_square"] > DOUBTED:
         notes.append(_of_the_misfit(found))
     if found.at_bound:

@@ -18,14 +18,16 @@ from testbed.workshop import RPM, Measurement, measured_cut
 
 TESTS = ((3810, 2.9, 1.01), (2850, 2.9, 0.992), (3500, 0.8, 1.0))  # rpm as stated, mm, true over stated speed
 FEED = 1e-4  # m a tooth, as stated
+A_TOOTH = Feed(FEED, "tooth")
+FINE = Measurement(noise=3e-7, rate=6400.0)
 
 
-def campaign(*, table, written=Feed(FEED, "tooth")):
+def campaign(*, table, written=A_TOOTH):
     """Cuts by another step size than the fit's, stated at other speeds than they had; table: whether it travels as stated."""
     found = []
     for seed, (rpm, depth, ratio) in enumerate(TESTS):
         cut = Cut(ratio * rpm * RPM, depth * 1e-3, FEED / ratio if table else FEED, 12, 60, 25)
-        record = measured_cut(partial(fast.simulate, steps=37), TRUE, cut, Measurement(noise=3e-7, rate=6400.0), seed, f"c{seed}")
+        record = measured_cut(partial(fast.simulate, steps=37), TRUE, cut, FINE, seed, f"c{seed}")
         conditions = {**record.conditions, "spindle_speed": rpm * RPM, "feed_per_tooth": FEED, "feed_per_revolution": FEED}
         recording = replace(record.recording, conditions=conditions)
         feed = Feed(FEED * rpm / 60, "second") if written.per == "second" else written
