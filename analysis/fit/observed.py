@@ -44,8 +44,9 @@ class Observed:
     heard: whether it has a say in the fit. noise_doubt: standard error of the first channel's noise over itself. believed
     (samples,): those that count; all, where None. measured: the record at the speed that its marks show, where those are
     left out here. slots: of how many slots of the spindle the marks may be any; they do not tell its teeth apart.
-    steady_marks: times (s) of all marks, where they show a constant speed. table_feed: whether the cut's feed a tooth is what
-    the table leaves it at the true speed, not as it was written.
+    steady_marks: times (s) of all marks, where they show a constant speed. feed_basis: what the cut's feed a tooth comes from:
+    it was written so ("tooth"), is what a table leaves that travels as stated ("travel"), or was taken so ("table", from what
+    was written by feed_ratio).
     """
 
     name: str
@@ -74,7 +75,8 @@ class Observed:
     measured: Observed | None = None
     slots: int = 1
     steady_marks: np.ndarray | None = None
-    table_feed: bool = False
+    feed_basis: str = "tooth"
+    feed_ratio: float = 1.0
 
     @property
     def forces_only(self) -> bool:
@@ -345,7 +347,7 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
     return replace(
         base,
         cut=cut,
-        table_feed=travels,
+        feed_basis="travel" if travels else "tooth",
         flutes=flutes,
         period=period,
         first_mark=anchor,

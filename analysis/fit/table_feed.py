@@ -16,48 +16,64 @@ from analysis.fit.waveform import Fitter
 
 APART = 3e-4  # by which true over stated speed must differ among the cuts: what is common to all, the coefficients take
 WORTH = 10.0  # in mean square residuals, by which the cost must fall
+EXPLAINED = 0.5  # share of what is beyond the noise that must go: something else that is missing leans on the feed a little
+SLIGHT = 1.1  # mean square residual up to which the fall of the cost alone decides
 TRIED = 2  # iterations of a fit with the other feed
 
 
 def with_feed_found(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
-    """The fit with the feed of every cut as the table leaves it at the true speed, if that explains more; else as it was."""
-    other = travelling(fitter.records, fit.state)
+    """The fit with the feed of every cut as the table leaves it at the true speed, if that explains the rest; else as it was.
+
+    Records that were taken so and do better with the feed as it was written get it back.
+    """
+    other = with_other_feed(fitter.records, fit.state)
     if other is None:
         return fitter, fit
     wider = fitter.on(other)
     tried = wider.fit(fit.state, iterations=TRIED)
     if not fit.cost - tried.cost > WORTH * max(fit.variance, 1.0):
         return fitter, fit
+    back = any(record.feed_basis == "table" for record in fitter.records)
+    if not back and fit.variance > SLIGHT and tried.variance - 1.0 > EXPLAINED * (fit.variance - 1.0):
+        return fitter, fit
     return wider, wider.fit(tried.state)
 
 
-def travelling(records: Sequence[Observed], state: State) -> list[Observed] | None:
-    """The records as cut with a table that travels as the stated speed has it; None where nothing would tell the two apart."""
+def with_other_feed(records: Sequence[Observed], state: State) -> list[Observed] | None:
+    """The records as cut with a table that travels as the stated speed has it; where they were taken so, as they were written.
+
+    None where nothing would tell the two apart, or records are weighed by more than their noise.
+    """
+    if any(record.weight is not None for record in records):
+        return None
+    if any(record.feed_basis == "table" for record in records):
+        return [record if record.feed_basis != "table" else _fed(record, 1.0 / record.feed_ratio, "tooth")
+                for record in records]
     ratios = [_slower(record, own.speed) for record, own in zip(records, state.nuisances, strict=True)]
     known = [ratio for ratio in ratios if ratio is not None]
     if len(known) < 2 or max(known) - min(known) < APART:
         return None
-    return [record if ratio is None else _fed(record, ratio) for record, ratio in zip(records, ratios, strict=True)]
+    return [record if ratio is None else _fed(record, ratio, "table") for record, ratio in zip(records, ratios, strict=True)]
 
 
 def _slower(record: Observed, speed: float) -> float | None:
     """Stated over true spindle speed of a cut whose feed was stated a tooth; None for others."""
-    if record.cut is None or record.table_feed:
+    if record.cut is None or record.feed_basis == "travel":
         return None
     return record.cut.spindle_speed * record.period / (2.0 * math.pi * speed)
 
 
-def _fed(record: Observed, ratio: float) -> Observed:
+def _fed(record: Observed, ratio: float, basis: str) -> Observed:
     """The record with that ratio of its feed a tooth."""
     assert record.cut is not None
     cut = replace(record.cut, feed_per_tooth=ratio * record.cut.feed_per_tooth)
-    measured = None if record.measured is None else _fed(record.measured, ratio)
-    return replace(record, cut=cut, measured=measured, table_feed=True)
+    measured = None if record.measured is None else _fed(record.measured, ratio, basis)
+    return replace(record, cut=cut, measured=measured, feed_basis=basis, feed_ratio=ratio)
 
 
 def feed_note(records: Sequence[Observed], used: Sequence[Observed]) -> list[str]:
     """In words, that the table was taken to travel as stated, where in `used` it was and `records` do not say so."""
-    if all(one.table_feed == other.table_feed for one, other in zip(records, used, strict=True)):
+    if all(one.feed_basis == other.feed_basis for one, other in zip(records, used, strict=True)):
         return []
     return ["the spindle turned faster or slower than stated, and the table is taken to have travelled as stated all the same: "
             "that explains the records better than the feed a tooth as written; a feed in mm/min states it"]

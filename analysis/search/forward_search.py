@@ -19,6 +19,7 @@ from analysis.fit.force_jumps import at_its_jumps
 from analysis.fit.held_out import pooled
 from analysis.fit.parts_of_passes import as_believed, with_parts_of_passes
 from analysis.fit.starts import polish
+from analysis.fit.table_feed import with_feed_found
 from analysis.fit.waveform import Fitter
 from analysis.search.begun_anew import begun_anew, switched_on_too
 from analysis.search.believed_look import BelievedLook
@@ -282,7 +283,14 @@ def _named(first: Candidate, model: Model, catalogue: Mapping[str, Effect], nois
     """The candidate that is named, as the next round finds it: begun anew, unless it is from the believed machine already."""
     if look is None or not look.gave(first.effects):
         first = begun_anew(first, model, catalogue, noise, say)
-    return _weighed(_with_parts(_at_its_jumps(_backward(first, catalogue, say)), noise))
+    return _weighed(_with_parts(_with_feed(_at_its_jumps(_backward(first, catalogue, say))), noise))
+
+
+def _with_feed(one: Candidate) -> Candidate:
+    """The set with the feed a tooth as it explains more with these effects: as written, or as a table leaves it."""
+    assert one.fit is not None and one.fitter is not None
+    fitter, fit = with_feed_found(one.fitter, one.fit)
+    return one if fitter is one.fitter else replace(candidate_of(fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
 
 
 def _with_parts(one: Candidate, noise: float) -> Candidate:

@@ -9,6 +9,7 @@ from campaign_files import BELIEVED, TRUE
 from analysis.comparison.compare import compare
 from analysis.fit.observed import observe
 from analysis.fit.table_feed import feed_note
+from analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
@@ -22,12 +23,12 @@ A_TOOTH = Feed(FEED, "tooth")
 FINE = Measurement(noise=3e-7, rate=6400.0)
 
 
-def campaign(*, table, written=A_TOOTH):
+def campaign(*, table, written=A_TOOTH, true=TRUE):
     """Cuts by another step size than the fit's, stated at other speeds than they had; table: whether it travels as stated."""
     found = []
     for seed, (rpm, depth, ratio) in enumerate(TESTS):
         cut = Cut(ratio * rpm * RPM, depth * 1e-3, FEED / ratio if table else FEED, 12, 60, 25)
-        record = measured_cut(partial(fast.simulate, steps=37), TRUE, cut, FINE, seed, f"c{seed}")
+        record = measured_cut(partial(fast.simulate, steps=37), true, cut, FINE, seed, f"c{seed}")
         conditions = {**record.conditions, "spindle_speed": rpm * RPM, "feed_per_tooth": FEED, "feed_per_revolution": FEED}
         recording = replace(record.recording, conditions=conditions)
         feed = Feed(FEED * rpm / 60, "second") if written.per == "second" else written
@@ -47,8 +48,20 @@ def test_the_data_choose_what_a_tooth_cuts(table):
     assert abs(one.value - TRUE.structure.damping_ratio) < one.high - one.low
 
 
+@pytest.mark.parametrize("table", [True, False])
+def test_a_missing_effect_is_named_whatever_the_table_does(table):
+    """Without it, the base fit may lean on the other feed: with it, that is asked again."""
+    known = {name: catalogue()[name] for name in ("process_damping", "edge_force")}
+    records = campaign(table=table, true=TRUE.with_effect("process_damping", coefficient=2e5))
+    found = diagnose(plant_of(catalogue()), records, BELIEVED, known)
+    assert (found.verdict, found.effects) == ("missing_effect", ("process_damping",))
+    assert found.with_effects == pytest.approx(found.noise_floor, rel=0.03)
+    assert bool(feed_note(records, found.best.fitter.records)) == table
+    assert found.best.parameters["process_damping.coefficient"] == pytest.approx(2e5, rel=0.05)
+
+
 def test_a_speed_of_travel_leaves_nothing_to_choose():
     records = campaign(table=True, written=Feed(FEED, "second"))
-    assert all(record.table_feed for record in records)
+    assert all(record.feed_basis == "travel" for record in records)
     found = compare(plant_of(catalogue()), records, BELIEVED, catalogue())
     assert found.error == pytest.approx(found.noise_floor, rel=0.02) and feed_note(records, found.fitter.records) == []
