@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from scipy.stats import binomtest
@@ -39,18 +40,16 @@ def _claim(what: str, target: str, part: Sequence[Any], whole: Sequence[Any], go
     return Claim(what, target, share(part, whole), good if whole else None, interval(len(part), len(whole)))
 
 
-def _remark() -> str:
-    """What is to be known of how the committed results came about."""
-    path = RESULTS.with_name("remark.txt")
-    return path.read_text().strip() if path.exists() else ""
-
-
 def check() -> Section:
-    """The committed results of `make blind`, counted."""
-    title = "Blind campaigns (results of `make blind`, counted)"
-    if not RESULTS.exists():
-        return Section(title, (Claim("blind campaigns", "at least 200", "0", None, "run `make blind`"),))
-    made = [one for one in map(json.loads, RESULTS.read_text().splitlines()) if one["made"]]
+    """The committed results of `make blind` on the published rig, counted."""
+    return counted("Blind campaigns (results of `make blind`, counted)", RESULTS, RESULTS.with_name("remark.txt"), 200)
+
+
+def counted(title: str, results: Path, remark: Path, least: int) -> Section:
+    """The answers of a file, counted; remark: a file that says how they came about; least: campaigns that there should be."""
+    if not results.exists():
+        return Section(title, (Claim("blind campaigns", f"at least {least}", "0", None, "run `make blind`"),))
+    made = [one for one in map(json.loads, results.read_text().splitlines()) if one["made"]]
     every = [one for one in made if "fault" not in one]
     kinds = {kind: [one for one in every if one["kind"] == kind] for kind in ("one", "pair", "none", "unknown")}
     worth = [one for one in kinds["one"] if misfit(one) > WORTH]
@@ -72,7 +71,7 @@ def check() -> Section:
     values = [value for one in right for path, value in one.get("parameters", {}).items() if "." in path and value["true"]]
     inside = [value for value in values if value["low"] <= value["true"] <= value["high"]]
     claims = (
-        Claim("campaigns", "at least 200", str(len(made)), len(made) >= 200,
+        Claim("campaigns", f"at least {least}", str(len(made)), len(made) >= least,
               f"seeds {min(one['seed'] for one in made)} to {max(one['seed'] for one in made)}"),
         Claim("faults of the program", "0", str(len(made) - len(every)), len(made) == len(every)),
         _claim("one hidden effect worth more than 3 %: named right", ">= 95 %", right, worth, len(right) >= 0.95 * len(worth)),
@@ -93,7 +92,7 @@ def check() -> Section:
         _claim("those of the machine and of every effect, after all right namings", "told", *_calibration(every), None),
     )
     tables = (_by_effect(worth), _missed(worth + pairs + unknown + kinds["none"], named))
-    return Section(title, claims, tables, _remark())
+    return Section(title, claims, tables, remark.read_text().strip() if remark.exists() else "")
 
 
 def _named_right(one: dict[str, Any]) -> bool:

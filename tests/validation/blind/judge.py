@@ -1,6 +1,7 @@
 """Diagnose blind campaigns and count:  python -m tests.validation.blind.judge [--count N] [--first SEED] [--workers N]
 
-Every campaign's answer is one line of results.jsonl, written when it is known, so that a stopped run goes on where it was.
+Every campaign's answer is one line of results.jsonl, of seeds from 4000 on of anywhere.jsonl, written when it is known, so that
+a stopped run goes on where it was.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from tests.validation.blind.make import records_of
 
 FOLDER = Path(__file__).resolve().parent
 RESULTS = FOLDER / "results.jsonl"
+ELSEWHERE = FOLDER / "anywhere.jsonl"
 ANYWHERE = 4000  # seeds from here on are of machines of any workshop, those before of the published rig
 PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 
@@ -111,15 +113,16 @@ def answered(
 
 
 def main(arguments: list[str]) -> int:
-    """Judge the seeds that results.jsonl does not hold yet."""
+    """Judge the seeds whose answers are not known yet."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--first", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args(arguments)
-    known = known_seeds(RESULTS)
+    results = RESULTS if options.first < ANYWHERE else ELSEWHERE
+    known = known_seeds(results)
     seeds = [seed for seed in range(options.first, options.first + options.count) if seed not in known]
-    for told in answered(judged, seeds, RESULTS, options.workers):
+    for told in answered(judged, seeds, results, options.workers):
         print(f"{told['kind']} {list(told['hidden'])} -> {told.get('verdict', told.get('reason'))} {told.get('effects', '')}",
               flush=True)
     return 0
