@@ -280,11 +280,20 @@ def base_fit(
     best = opening_fit(plant, records, started, free)
     soft = Fitter(plant, [softened(record) for record in records], free)
     best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
-    fitter = Fitter(plant, records, free)
+    fitter = Fitter(plant, _entered(records, best.state), free)
     fit = polish(fitter, place_exits(fitter, best.state), goal=goal)
     if fit.cost > goal:
         return fitter, fit
     return fitter, with_courses(fitter, rested(fitter, from_the_best_half(fitter, fit)))
+
+
+def _entered(records: Sequence[Observed], state: State) -> list[Observed]:
+    """The records, of which those that idle after all, amid so much vibration that they seemed to cut from the start, do so."""
+    found = []
+    for record, own in zip(records, state.nuisances, strict=True):
+        idles = record.cut is not None and record.pass_start(own.entry, state.angle, own) > record.start + record.period
+        found.append(replace(record, starts_in_cut=False) if idles and record.starts_in_cut else record)
+    return found
 
 
 def with_courses(fitter: Fitter, fit: WaveformFit) -> WaveformFit:

@@ -12,7 +12,7 @@ from analysis.comparison.compare import compare
 from analysis.fit.observed import observe
 from analysis.records.noise import noise_floor
 from analysis.records.passing_speed import heard_speed, passing_speed
-from analysis.records.segments import find_segments
+from analysis.records.segments import Segment, find_segments
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
@@ -113,3 +113,15 @@ def test_the_believed_rig_is_found_from_a_wrong_speed_too():
                for seed, (rpm, depth) in enumerate(((3810, 2.9), (2850, 2.9), (3500, 0.8)))]
     found = compare(plant_of(catalogue()), [observe(record, BELIEVED) for record in records], BELIEVED, catalogue())
     assert found.error == pytest.approx(found.noise_floor, rel=0.02)
+
+
+def test_a_record_that_idles_after_all_does_not_start_in_the_cut():
+    """Where so much vibrates that no idling is seen, the fit finds it, and with it what rings from before."""
+    tests = ((3810, 0.8, 3e-5), (2850, 2.9, 0.0), (3500, 0.8, 0.0))
+    records = [observe(cut(rpm, depth, seed, model=TRUE, ringing=ringing, noise=7e-7, rate=6400.0), TRUE)
+               for seed, (rpm, depth, ringing) in enumerate(tests)]
+    whole = Segment("steady", records[0].start, records[0].start + records[0].samples / records[0].rate)
+    records[0] = replace(records[0], starts_in_cut=True, segments=(whole,))
+    found = compare(plant_of(catalogue()), records, TRUE, catalogue())
+    assert not found.fitter.records[0].starts_in_cut
+    assert found.error == pytest.approx(found.noise_floor, rel=0.03)
