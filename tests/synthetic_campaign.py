@@ -17,15 +17,18 @@ MARK_ANGLE = 1.1  # rad
 
 def synthetic_record(simulate: Callable, model: Model, rpm: float, depth: float, seed: int, *, noise: float = 1e-6,
                      rate: float = 12800.0, speed_error: float = 5e-4, feed: float = 0.1016e-3,
-                     course: Sequence[int] = COURSE) -> Record:
+                     course: Sequence[int] = COURSE, mark_angle: float = MARK_ANGLE,
+                     state: tuple[float, float] = (0.0, 0.0)) -> Record:
     """One cut (depth m, feed m a tooth), simulated by an engine's `simulate` and measured with `noise` (rms, m).
 
-    Of several teeth another one cuts first from record to record, as on a machine.
+    Of several teeth another one cuts first from record to record, as on a machine. state: the structure's displacement (m) and
+    velocity (m/s) at the start.
     """
     idle, *passes = (part * model.cutter.flutes for part in course)
     passes = (idle + seed % model.cutter.flutes, *passes)
-    how = Measurement(rate=rate, noise=noise, speed_error=speed_error, mark_angle=MARK_ANGLE)
-    return measured_cut(simulate, model, Cut(rpm * RPM, depth, feed, *passes), how, seed, f"{rpm:.0f}rpm_{depth * 1e3:.1f}mm")
+    how = Measurement(rate=rate, noise=noise, speed_error=speed_error, mark_angle=mark_angle)
+    cut = Cut(rpm * RPM, depth, feed, *passes, *state)
+    return measured_cut(simulate, model, cut, how, seed, f"{rpm:.0f}rpm_{depth * 1e3:.1f}mm")
 
 
 def synthetic_campaign(simulate: Callable, model: Model, *, seed: int = 0, noise: float = 1e-6,

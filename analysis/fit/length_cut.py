@@ -6,7 +6,6 @@ its cuts in their order; with a fresh edge every time, it begins anew. Both are 
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -15,7 +14,7 @@ from analysis.fit.fit_state import WaveformFit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
 from analysis.fit.waveform import Fitter
-from testbed.effect import Effect
+from testbed.effect import Effect, arguments_of
 
 LENGTH = "length_cut"
 AGAIN = 10  # iterations of a fit with other lengths
@@ -23,8 +22,8 @@ AGAIN = 10  # iterations of a fit with other lengths
 
 def asks_length(names: Iterable[str], catalogue: Mapping[str, Effect]) -> bool:
     """Whether any of these effects depends on the length cut."""
-    hooks = (hook for name in names if name in catalogue for hook in catalogue[name].hooks.values())
-    return any(LENGTH in inspect.signature(hook).parameters for hook in hooks)
+    effects = [catalogue[name] for name in names if name in catalogue]
+    return any(LENGTH in arguments_of(effect, hook) for effect in effects for hook in effect.hooks)
 
 
 def carried_on(records: Sequence[Observed]) -> list[Observed] | None:

@@ -328,10 +328,9 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2) -> Wave
             return fit
         kept = sorted(int(place) for place in np.argsort(ratio)[: (len(ratio) + 1) // 2])
         found = polish(fitter.of_records(kept), fit.state.of_records(kept), rounds=2, iterations=12).state
-        nuisances = []
-        for place, one in enumerate(fit.state.nuisances):
-            fresh = _begun_afresh(fitter.of_records([place]), replace(found, nuisances=(one,)))
-            nuisances.append(found.nuisances[kept.index(place)] if place in kept else fresh)
+        nuisances = [found.nuisances[kept.index(place)] if place in kept
+                     else _begun_afresh(fitter.of_records([place]), replace(found, nuisances=(one,)))
+                     for place, one in enumerate(fit.state.nuisances)]
         state, _ = settle_passes(fitter, replace(found, nuisances=tuple(nuisances)), reach=2)
         state = own_refit(fitter, state, [place for place in range(len(ratio)) if place not in kept])
         again = polish(fitter, state)

@@ -52,14 +52,16 @@ def vibration_period(recording: Recording, stated: float, flutes: int, start: fl
         samples = once_per_period_samples(recording, scale * stated, start, stop, DELAYS, channel)
         return _least_misfit(samples[:count], flutes)
 
-    step = (STEP if heard is None else FINE_STEP) / count
-    trials = [_trials(seen, FINER * stated / (stop - start), step)] if heard else [_trials(1.0, NEAR, step)]
-    if abs(seen - 1.0) > NEAR and not heard:
+    if heard is not None:
+        step = FINE_STEP / count
+        near = _trials(heard, FINER * stated / (stop - start), step)
+        found, _ = _least(misfit, near, step)
+        return (found if near[0] < found < near[-1] else heard) * stated
+    step = STEP / count
+    trials = [_trials(1.0, NEAR, step)]
+    if abs(seen - 1.0) > NEAR:
         trials.append(_trials(seen, CLOSE, step))
     found, left = _least(misfit, np.concatenate(trials), step)
-    if heard:
-        inside = trials[0][0] < found < trials[0][-1]
-        return (found if inside else heard) * stated
     chance = left * math.sqrt(2.0 / (count * DELAYS))
     return found * stated if misfit(1.0) - left > CERTAIN * chance else stated
 
@@ -99,17 +101,21 @@ def _least(misfit: Callable[[float], float], trials: np.ndarray, step: float) ->
 def _by_its_harmonics(recording: Recording, stated: float, flutes: int, start: float, stop: float,
                       channel: str) -> float | None:  # fmt: skip
     """The period over the stated one as all harmonics of the tooth passing show it; None where they do not stand out."""
-    inside = (recording.time >= start) & (recording.time < stop)
+    values, idle = _in_cut(recording, start, stop, channel)
     nominal = 2.0 * math.pi / (flutes * stated)
-    found = heard_speed(recording.channels[channel][inside], recording.sampling_rate, nominal, flutes,
-                        idle=recording.channels[channel][recording.time < start])
+    found = heard_speed(values, recording.sampling_rate, nominal, flutes, idle=idle)
     return None if found is None else nominal / found
 
 
 def _by_its_lines(recording: Recording, stated: float, flutes: int, start: float, stop: float, channel: str) -> float:
     """The period over the stated one as spectral lines show it; 1 where they do not."""
-    inside = (recording.time >= start) & (recording.time < stop)
+    values, idle = _in_cut(recording, start, stop, channel)
     nominal = 2.0 * math.pi / (flutes * stated)
-    comb = comb_speed(recording.channels[channel][inside], recording.sampling_rate, nominal, flutes,
-                      idle=recording.channels[channel][recording.time < start])
+    comb = comb_speed(values, recording.sampling_rate, nominal, flutes, idle=idle)
     return 1.0 if comb is None else nominal / comb.spindle_speed
+
+
+def _in_cut(recording: Recording, start: float, stop: float, channel: str) -> tuple[np.ndarray, np.ndarray]:
+    """(samples of the channel from `start` to `stop`, those before)."""
+    time, values = recording.time, recording.channels[channel]
+    return values[(time >= start) & (time < stop)], values[time < start]

@@ -36,12 +36,12 @@ class CombSpeed:
     basis: Literal["tooth-passing lines", "side bands"]
 
 
-def amplitude_spectrum(values: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (Hz) and amplitudes of a Hann-windowed record without its straight line; zero-padded fourfold."""
+def amplitude_spectrum(values: np.ndarray, rate: float, padded: int = 4) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (Hz) and amplitudes of a Hann-windowed record without its straight line, `padded` times its length."""
     time = np.linspace(-1, 1, len(values))
     flat = values - np.polynomial.Polynomial.fit(time, values, 1)(time)
     window = np.hanning(len(values))
-    size = 4 * len(values)
+    size = padded * len(values)
     return np.fft.rfftfreq(size, 1 / rate), np.abs(np.fft.rfft(flat * window, size)) * 2 / window.sum()
 
 

@@ -85,7 +85,8 @@ def _of_idling(values: np.ndarray, rate: float, turn: float) -> list[tuple[float
     """
     margin = int(min(turn, len(values) / 8))
     quiet, read = values[margin : len(values) - margin], []
-    for part in (quiet, _died_away(quiet)):
+    rest = _died_away(quiet)
+    for part in (quiet, rest) if rest is not quiet else (quiet,):
         rms = _about_lines(part, max(64, int(2 * turn)))
         read += [(rms, len(part)), (_beside_ringing(part, rate, rms), len(part))]
     return read

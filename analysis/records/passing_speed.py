@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from analysis.records.lines import comb_speed
+from analysis.records.lines import amplitude_spectrum, comb_speed
 
 REACH = 0.03  # of the stated speed, that is searched about it
 LEAST = 256  # samples whose lines are looked at one by one
@@ -30,8 +30,9 @@ def heard_speed(values: np.ndarray, rate: float, stated: float, flutes: int, idl
     idle: samples of idling, whose lines are not the cut's. None where the harmonics do not stand out.
     """
     lines = comb_speed(values, rate, stated, flutes, idle=idle) if len(values) >= LEAST else None
-    far = lines is not None and abs(lines.spindle_speed / stated - 1.0) > REACH
-    return passing_speed(values, rate, lines.spindle_speed if lines is not None and far else stated, flutes)
+    if lines is not None and abs(lines.spindle_speed / stated - 1.0) > REACH:
+        stated = lines.spindle_speed
+    return passing_speed(values, rate, stated, flutes)
 
 
 def passing_speed(values: np.ndarray, rate: float, stated: float, flutes: int) -> float | None:
@@ -56,10 +57,7 @@ def _heights(values: np.ndarray, rate: float) -> tuple[np.ndarray, float]:
     """Logarithm of the spectrum's power above its surroundings, and the distance of its points (Hz)."""
     from scipy.ndimage import median_filter
 
-    count = len(values)
-    time = np.linspace(-1.0, 1.0, count)
-    level = values - np.polynomial.Polynomial.fit(time, values, 1)(time)
-    spectrum = np.abs(np.fft.rfft(level * np.hanning(count), PADDED * count))
+    frequencies, spectrum = amplitude_spectrum(values, rate, PADDED)
     width = min(len(spectrum) // 4 * 2 + 1, 2 * FLOOR * PADDED + 1)
     floor = median_filter(spectrum, size=width, mode="nearest")
-    return np.log1p((spectrum / (2.0 * np.maximum(floor, 1e-300))) ** 2), rate / (PADDED * count)
+    return np.log1p((spectrum / (2.0 * np.maximum(floor, 1e-300))) ** 2), float(frequencies[1])

@@ -14,7 +14,6 @@ from analysis.fit.fine_steps import finely, has_kinks
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.force_jumps import at_its_jumps
 from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled
-from analysis.fit.length_cut import length_note
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant
@@ -22,7 +21,7 @@ from analysis.fit.spindle_speed import at_modelled_speed
 from analysis.fit.starts import at_a_bound, polish
 from analysis.fit.swing_start import marks_show
 from analysis.fit.switched import switch_note
-from analysis.fit.table_feed import feed_note
+from analysis.fit.taken import taken_notes
 from analysis.fit.waveform import Fitter
 from analysis.search.begun_anew import with_examples
 from analysis.search.candidate_round import candidate_of, with_effect
@@ -92,8 +91,7 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     result = Addition(effect.name, with_it.state.model, pooled(before)[0], pooled(after)[0], pooled(after)[1],
                       before, tuple(after), holds_out(records), found, with_it.converged, (), with_it, fit,
                       tuple(record.name for record in wider.records if not record.heard), at_bound(wider.free, found))
-    notes = [*length_note(records, wider.records), *feed_note(records, wider.records)]
-    return replace(result, warnings=(*_warnings(result, wider, catalogue), *notes))
+    return replace(result, warnings=(*_warnings(result, wider, catalogue), *taken_notes(records, wider.records)))
 
 
 def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,

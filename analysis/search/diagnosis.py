@@ -130,8 +130,6 @@ def verdict_of(
     tied: tuple[str, ...],
 ) -> Diagnosis:
     """The verdict on the best set of effects found, after all steps."""
-    if not best.effects and best.error_fit < base.error_fit:  # the model as it is, in a deeper valley that a larger one showed
-        base, steps = best, (best,)
 
     def answer(verdict: str, effects: tuple[str, ...], sentence: str) -> Diagnosis:
         return Diagnosis(

@@ -98,8 +98,12 @@ def by_noise(one: Candidate) -> Candidate:
 def _at_its_jumps(one: Candidate) -> Candidate:
     """The set with the samples left out at the jumps of a force where its own fit, not that of a smaller set, places them."""
     assert one.fit is not None and one.fitter is not None
-    fitter, fit = at_its_jumps(one.fitter, one.fit)
-    return one if fitter is one.fitter else replace(candidate_of(fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
+    return _fitted_anew(one, *at_its_jumps(one.fitter, one.fit))
+
+
+def _fitted_anew(one: Candidate, fitter: Fitter, fit: WaveformFit) -> Candidate:
+    """The set as it was fitted otherwise, its gain as it was; itself where that is its own fit."""
+    return one if fit is one.fit else replace(candidate_of(fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
 
 
 def _with_finer_steps(
@@ -289,8 +293,7 @@ def _named(first: Candidate, model: Model, catalogue: Mapping[str, Effect], nois
 def _with_feed(one: Candidate) -> Candidate:
     """The set with the feed a tooth as it explains more with these effects: as written, or as a table leaves it."""
     assert one.fit is not None and one.fitter is not None
-    fitter, fit = with_feed_found(one.fitter, one.fit)
-    return one if fitter is one.fitter else replace(candidate_of(fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
+    return _fitted_anew(one, *with_feed_found(one.fitter, one.fit))
 
 
 def _with_parts(one: Candidate, noise: float) -> Candidate:
@@ -298,8 +301,7 @@ def _with_parts(one: Candidate, noise: float) -> Candidate:
     assert one.fit is not None and one.fitter is not None
     if one.error_held_out <= ADEQUATE * noise:
         return one
-    fit = with_parts_of_passes(one.fitter, one.fit)
-    return one if fit is one.fit else replace(candidate_of(one.fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
+    return _fitted_anew(one, one.fitter, with_parts_of_passes(one.fitter, one.fit))
 
 
 def forward(

@@ -163,10 +163,9 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     """Fit the whole waveform of every record with the simulator, the parameters of the model's effects too."""
     from analysis.fit.estimates import at_bound, estimates
     from analysis.fit.held_out import errors_in_fit, pooled
-    from analysis.fit.length_cut import length_note
     from analysis.fit.model_fit import model_fit
     from analysis.fit.spindle_speed import at_modelled_speed
-    from analysis.fit.table_feed import feed_note
+    from analysis.fit.taken import taken_notes
 
     observed = at_modelled_speed(observed_records(records, model, path, model_file), model.effects, catalogue)
     fitter, fit = model_fit(plant_of(catalogue), observed, model, catalogue)
@@ -175,5 +174,5 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     rows = _multipliers_beside(fit.state.model, records, catalogue, path)
     found = estimates(fitter, fit, catalogue)
     quality = {"chi_square": chi_square, "converged": fit.converged, "noise_floor": noise}
-    taken = (*length_note(observed, fitter.records), *feed_note(observed, fitter.records))
-    return Identified(fit.state.model, found, rows, quality, at_bound(fitter.free, found), taken)
+    return Identified(fit.state.model, found, rows, quality, at_bound(fitter.free, found),
+                      tuple(taken_notes(observed, fitter.records)))

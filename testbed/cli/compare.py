@@ -28,9 +28,8 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     error = rms(measured - predicted) / rms(measured about its mean). Nothing here is random: --seed changes nothing.
     """
     from analysis.comparison.compare import as_json, compare
-    from analysis.fit.length_cut import length_note
     from analysis.fit.switched import switch_note
-    from analysis.fit.table_feed import feed_note
+    from analysis.fit.taken import taken_notes
     from analysis.search.mark_delay import delay_note
     from analysis.search.other_way import other_way_note
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
@@ -43,8 +42,8 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
         found = compare(plant_of(catalogue), records, model, catalogue)
         turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
     unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
-    notes = [*notes_on(read, model), *turned, *unlike, *length_note(records, found.fitter.records),
-             *feed_note(records, found.fitter.records), *delay_note(found.fitter, found.fit)]
+    notes = [*notes_on(read, model), *turned, *unlike, *taken_notes(records, found.fitter.records),
+             *delay_note(found.fitter, found.fit)]
     _say(answer, found, notes, model)
     notes += _of_silence(found)
     if pictures is not None:

@@ -39,8 +39,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 
     An honest "these records cannot tell" is an answer too. Only --false-alarms draws random numbers, from --seed.
     """
-    from analysis.fit.length_cut import length_note
-    from analysis.fit.table_feed import feed_note
+    from analysis.fit.taken import taken_notes
     from analysis.search.diagnose import diagnose
     from analysis.search.diagnosis import as_json, unaided
     from analysis.search.mark_delay import delay_note
@@ -63,8 +62,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
             turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
     notes = [*notes_on(read, model), *turned]
     if found.best.fitter is not None and found.best.fit is not None:
-        used = found.best.fitter.records
-        notes += [*length_note(records, used), *feed_note(records, used), *delay_note(found.best.fitter, found.best.fit)]
+        notes += [*taken_notes(records, found.best.fitter.records), *delay_note(found.best.fitter, found.best.fit)]
     for note in notes:
         answer.say(note)
     said = as_json(found, model) | {"notes": notes}

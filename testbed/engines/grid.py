@@ -107,7 +107,7 @@ def motion_of(structure: Structure, active: Mapping[str, Mapping[str, float]], c
         exact = exact and alone and not reads_states
         if "highest_frequency" in effect.hooks and (places or not pairs):
             integrated = max(integrated, hook_value(effect, "highest_frequency", values, mass=structure.mass,
-                                                      stiffness=structure.stiffness))  # fmt: skip
+                                                     stiffness=structure.stiffness))  # fmt: skip
     motion = Motion(np.array(rows, dtype=float), plain, exact, (carried, integrated))
     if not exact or not sliders:
         return motion

@@ -7,8 +7,11 @@ import pytest
 from campaign_files import BELIEVED, TRUE
 
 from analysis.comparison.compare import compare
+from analysis.fit.first_passes import first_nuisances
+from analysis.fit.fit_state import State
 from analysis.fit.observed import observe
-from analysis.fit.table_feed import feed_note
+from analysis.fit.table_feed import feed_note, with_other_feed
+from analysis.fit.taken import taken_notes
 from analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
@@ -58,6 +61,14 @@ def test_a_missing_effect_is_named_whatever_the_table_does(table):
     assert found.with_effects == pytest.approx(found.noise_floor, rel=0.03)
     assert bool(feed_note(records, found.best.fitter.records)) == table
     assert found.best.parameters["process_damping.coefficient"] == pytest.approx(2e5, rel=0.05)
+
+
+def test_what_was_taken_is_told_of_the_records_that_a_fit_has():
+    """A search may leave records out, and tells of the others all the same."""
+    records = campaign(table=True)
+    other = with_other_feed(records, State(BELIEVED, 0.0, tuple(first_nuisances(record, 0.0) for record in records)))
+    assert taken_notes(records, records[1:]) == [] and taken_notes(records, other[1:]) == feed_note(records, other)
+    assert len(feed_note(records, other)) == 1
 
 
 def test_a_speed_of_travel_leaves_nothing_to_choose():

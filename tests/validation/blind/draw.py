@@ -126,8 +126,12 @@ def _tests(random: np.random.Generator, model: Model, count: int) -> tuple[tuple
     return tuple(found)
 
 
-def _left_unexplained(model: Model, effect: Effect, makers: Mapping[str, Effect], tests: Sequence[tuple]) -> Callable:
-    """The share of the records' rms that the effect at given values leaves when the base parameters have made up for it."""
+def _left_unexplained(model: Model, effect: Effect, makers: Mapping[str, Effect], tests: Sequence[tuple],
+                      anywhere: bool) -> Callable:  # fmt: skip
+    """The share of the records' rms that the effect at given values leaves when the base parameters have made up for it.
+
+    anywhere: infinite, too, where the machine is all but stopped.
+    """
     cuts = [Cut(rpm * RPM, depth * 1e-3, feed, 3 * model.cutter.flutes, 60 * model.cutter.flutes, 25 * model.cutter.flutes)
             for rpm, depth, feed in tests[:SEEN]]
     flutes = model.cutter.flutes
@@ -148,7 +152,7 @@ def _left_unexplained(model: Model, effect: Effect, makers: Mapping[str, Effect]
 
     def left(values: Mapping[str, float]) -> float:
         there = records(model.with_effect(effect.name, **values))
-        if np.linalg.norm(there) < STUCK * np.linalg.norm(plain):
+        if anywhere and np.linalg.norm(there) < STUCK * np.linalg.norm(plain):
             return math.inf
         moved = there - plain
         rest = moved - basis @ (basis.T @ moved)
@@ -170,7 +174,7 @@ def _strength(random: np.random.Generator, model: Model, effect: Effect, makers:
                 scale = model.structure.natural_frequency / RIG
                 low, high = low * scale, min(high * scale, FASTEST)
             held[parameter.name] = float(random.uniform(low, high))
-    left = _left_unexplained(model, effect, makers, tests)
+    left = _left_unexplained(model, effect, makers, tests, anywhere)
 
     def values(share: float) -> dict[str, float]:
         strengths = {one.name: min(max(one.neutral + share * (one.example - one.neutral), one.bounds[0]), one.bounds[1])

@@ -51,7 +51,7 @@ def judged(seed: int) -> dict[str, Any]:
     known, makers, truth = drawn(seed)
     told = {"seed": seed, "kind": truth.kind, "hidden": {name: dict(values) for name, values in truth.effects.items()},
             "noise": truth.noise, "tachometer": truth.tachometer, "flutes": truth.model.cutter.flutes,
-            "records": len(truth.tests), "anywhere": seed >= ANYWHERE}
+            "records": len(truth.tests)}
     try:
         records = records_of(truth, makers)
     except ValueError as problem:

@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from testbed.campaign import Record
-from testbed.cut import Cut
 from testbed.engines import mujoco_engine
-from testbed.workshop import RPM, Measurement, measured_cut
+from tests.synthetic_campaign import synthetic_record
 from tests.validation.blind.draw import Truth
 
 FAR = 5e-3  # m, beyond which no flexure moves: the law that was drawn lets the machine run away
@@ -45,12 +44,8 @@ def _whole(truth: Truth, rpm: float) -> float:
 
 def _measured(simulate: Callable, truth: Truth, rpm: float, depth: float, feed: float, seed: int) -> Record:
     """One test (depth m, feed m a tooth) as the campaign's setting has it measured."""
-    setting, flutes = truth.setting, truth.model.cutter.flutes
-    idle, *passes = (part * flutes for part in setting.course)
-    random = np.random.default_rng([seed, 1])
+    setting, random = truth.setting, np.random.default_rng([seed, 1])
     phase, omega = random.uniform(0, 2 * math.pi), truth.model.structure.natural_frequency_rad
-    stated = Cut(rpm * RPM, depth, feed, idle + seed % flutes, *passes,
-                 initial_displacement=setting.ringing * math.cos(phase),
-                 initial_velocity=setting.ringing * omega * math.sin(phase))
-    how = Measurement(setting.rate, truth.noise, speed_error=setting.speed_error, mark_angle=setting.mark_angle)
-    return measured_cut(simulate, truth.model, stated, how, seed, f"{rpm:.0f}rpm_{depth * 1e3:.1f}mm")
+    return synthetic_record(simulate, truth.model, rpm, depth, seed, noise=truth.noise, rate=setting.rate,
+                            speed_error=setting.speed_error, feed=feed, course=setting.course, mark_angle=setting.mark_angle,
+                            state=(setting.ringing * math.cos(phase), setting.ringing * omega * math.sin(phase)))
