@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
@@ -17,8 +18,8 @@ from analysis.fit.waveform import Fitter
 from analysis.search.begun_anew import begun_anew
 from analysis.search.candidate_round import candidate_of
 from analysis.search.diagnose import diagnose
-from analysis.search.diagnosis import Candidate, as_json, verdict_of
-from analysis.search.forward_search import _certain, below_a_guess, worth_naming
+from analysis.search.diagnosis import Candidate, as_json, told_of_base, verdict_of
+from analysis.search.forward_search import _certain, below_a_guess, likeliest, worth_naming
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
@@ -99,6 +100,31 @@ def test_of_the_faint_rest_of_a_strong_effect_another_must_take_most(before, fir
     base, current, other = (Candidate(effects, {}, error, error, 75.0, True)
                             for effects, error in (((), before), (("edge_force",), first), (("edge_force", "helix"), second)))
     assert worth_naming(other, current, base, 1.0) is worth
+
+
+def test_where_the_model_is_adequate_no_set_that_is_not_named_is_told():
+    base, best = (Candidate(names, {}, error, error, 20.0, True) for names, error in (((), 1.034), (("helix",), 1.021)))
+    told = verdict_of(base, best, [base, best], (best,), 1.0, ())
+    assert told.verdict == "adequate" and told.with_effects == 1.021
+    told = told_of_base(told)
+    assert told.with_effects == told.baseline == 1.034 and told.best is base and told.steps == (base,)
+    named = verdict_of(base, replace(best, error_held_out=1.0), [base, best], (best,), 1.0, ())
+    assert named.verdict == "missing_effect" and told_of_base(named) is named
+
+
+@pytest.mark.parametrize(("second", "gain", "chosen"), [
+    (1.002, 68.0, 1),  # of two that leave but noise the one that all samples together prefer
+    (1.002, -68.0, 0),
+    (1.100, 68.0, 0),  # more than noise is left: it foretells worse
+])
+def test_of_candidates_that_leave_but_noise_the_likeliest_is_chosen(second, gain, chosen):
+    def fitted(cost):
+        rest = np.random.default_rng(1).normal(size=2000) * np.sqrt(cost / 1000.0)
+        return SimpleNamespace(residuals=(rest,), squares=float(rest @ rest), names=("a", "b"), parts=())
+
+    first, other = (Candidate((name,), {}, error, error, 100.0, True, fitted(cost))
+                    for name, error, cost in (("a", 1.0, 1000.0), ("b", second, 1000.0 * np.exp(-gain / 2000.0))))
+    assert likeliest([first, other], 1.0) is (first, other)[chosen]
 
 
 @pytest.mark.parametrize(("left", "worth"), [(1.031, False), (1.005, True)])

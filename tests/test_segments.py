@@ -98,6 +98,16 @@ def test_a_ring_down_ends_where_it_is_lost_in_the_noise() -> None:
     assert 0.3e-6 < level < 10e-6
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_record_that_is_all_an_old_motion_dying_away_has_no_cut() -> None:
+    time = np.arange(12363) / 9100.0
+    decay = 2.2e-5 * np.exp(-2 * np.pi * 302.6 * 0.0041 * time) * np.sin(2 * np.pi * 302.6 * time)
+    noise = 3e-6 * np.random.default_rng(7).standard_normal(len(time))
+    marks = np.arange(0.004, 1.35, 60 / 3302)
+    recording = Recording({"displacement": decay + noise}, 9100.0, {"displacement": "m"}, "measured", marks=marks)
+    assert _kinds(find_segments(recording)) == ["idle"]
+
+
 def test_a_tap_is_quiet_then_rings() -> None:
     random = np.random.default_rng(2)
     time = np.arange(25600) / 12800

@@ -10,6 +10,7 @@ from analysis.fit.effect_start import all_free, grown
 from analysis.fit.fine_steps import kinked
 from analysis.fit.fit_state import Free, WaveformFit
 from analysis.fit.force_jumps import at_its_jumps
+from analysis.fit.grown_cuts import bends_frequency, grown_cuts
 from analysis.fit.length_cut import asks_length, carried_on, with_lengths_found
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant
@@ -50,7 +51,10 @@ def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
             free: Sequence[Free] | None, goal: float) -> tuple[Fitter, WaveformFit]:  # fmt: skip
     """The fit to the records with the lengths cut before as they have them."""
     swung = swung_fit(plant, records, model, catalogue, free) if free is not None else None
-    fitter, fit = swung or base_fit(plant, records, model, free=free, goal=goal)
+    bent = bends_frequency(model.effects, catalogue)  # such a fit comes to its goal when it is grown, or not at all
+    fitter, fit = swung or base_fit(plant, records, model, free=free, goal=math.inf if bent else goal)
+    if bent:
+        fit = grown_cuts(fitter, fit)
     if model.effects and all(record.kind == "ring-down" for record in records):
         believed = replace(fit.state, model=structure_start(records, model))
         fit = min(fit, grown(fitter, [believed, fit.state]), key=lambda one: one.cost)

@@ -8,14 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from analysis.fit.first_passes import first_nuisances
 from analysis.fit.fit_state import State
 from analysis.fit.nuisances import Nuisances, other_teeth, turned_by
+from analysis.fit.observed import Observed
 from analysis.fit.waveform import Fitter
 from analysis.threads import threaded
 
 COARSE = 24  # places over a record at which an exit is looked for first
 EARLIER = 5  # passes by which a gentle entry may precede what is seen of it
 TURNS = (0.0, -0.4, -0.25, -0.15, -0.07, 0.07, 0.15, 0.25, 0.4)  # rad: where the angle of a record without marks is tried
+SHORTEST = 0.25  # share of a cut that is seen which it lasts at the least, however wrong the model
 ROUND = 8  # places round the circle at which a record's own phase is looked for
 
 
@@ -100,9 +103,7 @@ def _placed(fitter: Fitter, state: State, field: str) -> State:
         record, nuisances = fitter.records[index], state.nuisances[index]
         if record.cut is None or (field == "entry" and record.starts_in_cut and record.forces_only):
             return nuisances
-        last = record.last_pass(state.angle, nuisances) + 1
-        first = record.first_pass if field == "entry" else nuisances.entry + 1
-        last = min(last, nuisances.exit - 1) if field == "entry" else last
+        first, last = _range(record, state.angle, nuisances, field)
         if last <= first:
             return nuisances
         now = getattr(nuisances, field)
@@ -114,6 +115,20 @@ def _placed(fitter: Fitter, state: State, field: str) -> State:
         return _best_place(fitter, index, state, nuisances, field, sorted({*near, now}))
 
     return replace(state, nuisances=threaded(one, range(len(fitter.records))))
+
+
+def _range(record: Observed, angle: float, nuisances: Nuisances, field: str) -> tuple[int, int]:
+    """First and last pass between which an entry or exit is looked for.
+
+    Under a model that is wrong for a loud record it explains most of it that hardly a tooth cuts, and no fit comes back from
+    there: so a cut that is seen to begin does so not much later, and lasts for a part of what is seen.
+    """
+    seen = first_nuisances(record, angle + nuisances.angle)
+    part = 0 if record.starts_in_cut else max(0, round(SHORTEST * (seen.exit - seen.entry)))
+    if field == "exit":
+        return nuisances.entry + max(1, part), record.last_pass(angle, nuisances) + 1
+    last = nuisances.exit - 1
+    return record.first_pass, min(last, max(seen.entry + part, record.first_pass)) if part else last
 
 
 def _best_place(fitter: Fitter, index: int, state: State, nuisances: Nuisances, field: str, places: Sequence[int]) -> Nuisances:

@@ -113,7 +113,9 @@ def _levels(values: np.ndarray, window: int) -> _Levels:
 
 
 def _idle_end(values: np.ndarray, turn: int, white: float) -> int:
-    """Samples of idling at the front: 0 where the record starts in the cut."""
+    """Samples of idling at the front: 0 where the record starts in the cut, or there are no samples."""
+    if not len(values):
+        return 0
     levels = _levels(values, turn)
     floor = max(white, 1e-3 * float(np.median(levels.level)), 1e-300)
     level = np.maximum(levels.level, floor)

@@ -209,6 +209,20 @@ def with_effect(
     return found
 
 
+def begun_and_fitted(
+    current: Candidate, effect: Effect, catalogue: Mapping[str, Effect], origins: Sequence[Origin],
+    say: Callable[[str], None], *, hopeful: float, goal: float,
+) -> Candidate | None:  # fmt: skip
+    """The current set and one effect more, as far as showed that it does not come to a cost of `goal`.
+
+    None where its first step leaves more than the cost `hopeful`.
+    """
+    entry = _begun(current, effect, origins)
+    if effect.name not in entry.state.model.effects or entry.cost > hopeful:
+        return None
+    return _refitted(current, entry, catalogue, say, goal=goal)
+
+
 def _first_steps(
     current: Candidate, catalogue: Mapping[str, Effect], origins: Sequence[Origin], say: Callable[[str], None],
     growing: bool = True,

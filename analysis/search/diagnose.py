@@ -21,7 +21,7 @@ from analysis.fit.swing_start import marks_show
 from analysis.search.begun_anew import from_believed
 from analysis.search.believed_look import BelievedLook
 from analysis.search.candidate_round import candidate_of
-from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, excess, verdict_of
+from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, excess, told_of_base, verdict_of
 from analysis.search.forward_search import ROUGH, against, by_noise, forward
 from analysis.search.irregular import followed, irregular
 from analysis.search.law_form import with_form_asked, with_other_form
@@ -94,13 +94,14 @@ def _diagnosed(plant: Plant, records: Sequence[Observed], model: Model, catalogu
         base = base or _as_believed(plant, records, model, catalogue, say)
         found, first = _without_irregular(base, plant, model, catalogue, most, say)
         found = found or _search(base, plant, model, catalogue, most, say, first)
-        return with_odd_records(_with_next_test(found, plant, records, say), plant, model, catalogue, say)
+        return told_of_base(with_odd_records(_with_next_test(found, plant, records, say), plant, model, catalogue, say))
     found = _search(_as_believed(plant, parts, model, catalogue, say), plant, model, catalogue, most, say)
     say("fitting the whole records")
     steps = [_on_whole(step, records) for step in found.steps]
     noise = pooled(steps[0].errors)[1]
     tied = found.effects if found.verdict == "undecided" else ()
-    return with_other_form(verdict_of(steps[0], steps[-1], steps, found.candidates, noise, tied), found.form)
+    told = verdict_of(steps[0], steps[-1], steps, found.candidates, noise, tied)
+    return told_of_base(with_other_form(told, found.form))
 
 
 def _without_irregular(base: Candidate, plant: Plant, model: Model, catalogue: Mapping[str, Effect], most: int,

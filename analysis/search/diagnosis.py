@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -177,6 +177,13 @@ def verdict_of(
         (),
         f"Something is missing (error {ratio:.3g} times the noise floor) that no effect of the catalogue explains.",
     )
+
+
+def told_of_base(found: Diagnosis) -> Diagnosis:
+    """The diagnosis; where the model as it is is adequate, with that alone, not with a set of effects that is not named."""
+    if found.verdict != "adequate" or not found.best.effects:
+        return found
+    return replace(found, with_effects=found.baseline, best=found.base, steps=found.steps[:1])
 
 
 def _of_the_base(base: Candidate, noise: float) -> tuple[str, str] | None:

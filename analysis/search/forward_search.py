@@ -6,6 +6,7 @@ in a local minimum is fitted again, and what later effects made needless is take
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -25,6 +26,7 @@ from analysis.search.begun_anew import begun_anew, switched_on_too
 from analysis.search.believed_look import BelievedLook
 from analysis.search.candidate_round import CERTAIN, GAIN, candidate_of, certain_candidates, try_candidates
 from analysis.search.diagnosis import ADEQUATE, COMPLETE, MANY, PARTIAL, Candidate, excess
+from analysis.search.exchanged import exchanged
 from analysis.search.mains import hum_of
 from analysis.search.settled import settled
 from analysis.search.ties import tied_with, with_rivals
@@ -273,6 +275,18 @@ def _switched(current: Candidate, model: Model, catalogue: Mapping[str, Effect],
     return None if more is None else against(more, by_noise(current))
 
 
+def likeliest(passing: Sequence[Candidate], noise: float) -> Candidate:
+    """The one of these candidates that foretells best; of those that leave but noise, the one that explains most.
+
+    Between errors of noise alone, held out, chance decides.
+    """
+    complete = [one for one in passing if one.error_where_known <= ADEQUATE * noise and one.fit is not None]
+    if not complete or passing[0] is not complete[0] or complete[0].fit is None:
+        return passing[0]
+    size = effective_size(complete[0].fit)
+    return min(complete, key=lambda one: math.inf if one.fit is None else bic(one.fit, size))
+
+
 def _round(current: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None],
            final: bool, look: BelievedLook | None) -> tuple[Candidate, list[Candidate]]:  # fmt: skip
     """The current set, refitted where a larger one shows a deeper valley of it, and the candidates that extend it by one."""
@@ -340,7 +354,8 @@ def forward(
         passing = [one for one in last if one.fit is not None and worth_naming(one, current, base, noise)]
         if not passing:
             break
-        first = passing[0]
+        first = likeliest(passing, noise)
+        passing = [first, *(one for one in passing if one is not first)]
         if final and first.error_where_known > HOPEFUL * noise:
             break
         equal = [one for one in passing[1:] if tied_with(first, one, current, noise)]
@@ -368,6 +383,11 @@ def forward(
     if not current.effects:
         return Path((by_noise(believed),), tuple(seen), ())
     current = _weighed(current)
+    if not tied:
+        instead, tied = exchanged(current, base, model, catalogue, noise, say)
+        if instead is not current:
+            current = steps[-1] = instead
+            seen.append(_told(instead))
     end = fine[1] if fine is not None and fine[0] is current else settled(by_noise(current), catalogue)
     path = _ended([believed, *steps[1:-1], end], seen, tied, rivals, noise, catalogue, say)
     if path.tied or not path.end.effects or len(path.end.effects) >= most or path.end.error_where_known > ADEQUATE * noise:

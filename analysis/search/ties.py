@@ -9,7 +9,7 @@ from analysis.fit.effect_start import extended, state_without
 from analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from analysis.fit.starts import polish
 from analysis.search.candidate_round import candidate_of
-from analysis.search.diagnosis import Candidate, excess
+from analysis.search.diagnosis import ADEQUATE, Candidate, excess
 from testbed.effect import Effect
 
 ALIKE = 0.02  # share of what the better one gains that the other may lack
@@ -48,15 +48,17 @@ def with_rivals(
             other = _in_place(found, first, rival, catalogue)
         if tied_with(found, other, base, noise):
             tied.append(name)
-        elif other.fit is not None and found.fit is not None and _better(other, found):
+        elif other.fit is not None and found.fit is not None and clearly_better(other, found, noise):
             found, first, tied = other, name, []
     return found, (first, *tied) if tied else ()
 
 
-def _better(other: Candidate, found: Candidate) -> bool:
+def clearly_better(other: Candidate, found: Candidate, noise: float) -> bool:
+    """Whether a set of effects explains more than the one found by BIC, and held out too, unless it leaves but noise."""
     assert other.fit is not None and found.fit is not None
     size = effective_size(found.fit)
-    return bic(other.fit, size) < bic(found.fit, size) - DELTA_BIC and other.error_held_out < found.error_held_out
+    foretold = other.error_where_known <= ADEQUATE * noise or other.error_held_out < found.error_held_out
+    return foretold and bic(other.fit, size) < bic(found.fit, size) - DELTA_BIC
 
 
 def _in_place(found: Candidate, first: str, rival: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:

@@ -39,10 +39,8 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 
     An honest "these records cannot tell" is an answer too. Only --false-alarms draws random numbers, from --seed.
     """
-    from analysis.fit.taken import taken_notes
     from analysis.search.diagnose import diagnose
     from analysis.search.diagnosis import as_json, unaided
-    from analysis.search.mark_delay import delay_note
     from analysis.search.other_way import other_way_note
     from testbed.catalogue import DECOYS
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
@@ -60,12 +58,11 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         turned = []
         if found.candidates:  # else no search was made, for what was found before it
             turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
-    notes = [*notes_on(read, model), *turned]
-    if found.best.fitter is not None and found.best.fit is not None:
-        notes += [*taken_notes(records, found.best.fitter.records), *delay_note(found.best.fitter, found.best.fit)]
+    stuck, of_the_fit = _of_the_best_fit(found, records, catalogue)
+    notes = [*notes_on(read, model), *turned, *of_the_fit]
     for note in notes:
         answer.say(note)
-    said = as_json(found, model) | {"notes": notes}
+    said = as_json(found, model) | {"at_bound": list(stuck), "notes": notes}
     next_step = next_command(found, campaign, model_file, bool(propose), folders)
     _say(answer, found, said, unaided(model))
     if found.form is not None:
@@ -89,6 +86,19 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
                               next_step=next_step, force_maps=_force_maps(found, catalogue))
         answer.say(f"open {page.write(folder / 'report.html')}")
     answer.finish(said)
+
+
+def _of_the_best_fit(found: Any, records: Any, catalogue: Any) -> tuple[tuple[str, ...], list[str]]:
+    """(parameters at a bound, notes) of the fit of the best set of effects."""
+    from analysis.fit.estimates import at_bound, estimates, said_at_bound
+    from analysis.fit.taken import taken_notes
+    from analysis.search.mark_delay import delay_note
+
+    fitter, fit = found.best.fitter, found.best.fit
+    if fitter is None or fit is None:
+        return (), []
+    stuck = at_bound(fitter.free, estimates(fitter, fit, catalogue))
+    return stuck, [*taken_notes(records, fitter.records), *delay_note(fitter, fit), *([said_at_bound(stuck)] if stuck else [])]
 
 
 def _force_maps(found: Any, catalogue: Any) -> list[Any]:

@@ -9,6 +9,7 @@ from analysis.fit.held_out import pooled
 from analysis.fit.observed import observe
 from analysis.search.begun_anew import from_believed
 from analysis.search.diagnosis import Candidate, verdict_of
+from analysis.search.exchanged import exchanged
 from analysis.search.ties import with_rivals
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
@@ -67,6 +68,19 @@ def test_a_rival_that_does_better_with_what_was_found_since_takes_the_place_of_t
     assert set(better.effects) == {"process_damping", "edge_force"} and tied == ()
     assert better.error_held_out < 1.05 * noise
     kept, tied = with_rivals(better, [rival, wrong], base, noise, KNOWN, lambda text: None)
+    assert kept is better and tied == ()
+
+
+def test_what_was_named_first_is_exchanged_for_one_of_its_kind_that_explains_more(observed):
+    def fitted(*names):
+        return from_believed(PLANT, observed, BELIEVED, names, KNOWN)
+
+    base, found = fitted(), fitted("chip_force_exponent", "edge_force")
+    noise = pooled(base.errors)[1]
+    better, tied = exchanged(found, base, BELIEVED, KNOWN, noise, lambda text: None)
+    assert better.effects == ("process_damping", "edge_force") and tied == ()
+    assert better.error_held_out < 1.05 * noise
+    kept, tied = exchanged(better, base, BELIEVED, KNOWN, noise, lambda text: None)
     assert kept is better and tied == ()
 
 

@@ -1,0 +1,84 @@
+"""An effect of a found set exchanged for one of its kind, where that explains more beside the others.
+
+A search is greedy: what was named first was named while the others were missing, and a law of its kind (a swing of the speed
+for a droop, wear for an exponent of the chip) may have made up for them better than the true one, which no later round asks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from analysis.fit.effect_start import Origin, applicable, origins_of, state_without
+from analysis.fit.starts import polish
+from analysis.search.candidate_round import BEHIND, begun_and_fitted, candidate_of
+from analysis.search.diagnosis import Candidate
+from analysis.search.steady_speed import no_swing
+from analysis.search.ties import clearly_better, tied_with
+from testbed.effect import Effect
+from testbed.machine import Model
+
+NEAR = 1.02  # times the cost of the set to which one with another effect must come
+
+
+def exchanged(
+    found: Candidate, base: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None]
+) -> tuple[Candidate, tuple[str, ...]]:  # fmt: skip
+    """The set, or a better one with another effect of the same kind in it; and what is tied, if anything.
+
+    The last effect is not asked about: the round that named it has tried all others. base: the base model.
+    """
+    for name in found.effects[:-1]:
+        kin = _kin(name, found, catalogue)
+        if not kin:
+            continue
+        say(f"would another of its kind do in place of {name}?")
+        reduced = _without(found, name, catalogue)
+        assert reduced.fit is not None and reduced.fitter is not None
+        origins = origins_of(reduced.fitter.plant, model, reduced.fitter, reduced.fit, anchored=False)
+        for other in kin:
+            instead = _instead(found, reduced, name, other, origins, catalogue, say)
+            if instead is None:
+                continue
+            if tied_with(found, instead, base, noise):
+                return found, (name, other)
+            if clearly_better(instead, found, noise):
+                return instead, ()
+    return found, ()
+
+
+def _kin(name: str, found: Candidate, catalogue: Mapping[str, Effect]) -> list[str]:
+    """Effects that act at the same places of the loop, by which one could be exchanged."""
+    assert found.fitter is not None and found.fit is not None
+    present, kind = found.fit.state.model.effects, _places(catalogue[name])
+    if any(name in catalogue[other].requires for other in present):
+        return []
+    others = {other: one for other, one in catalogue.items() if other not in present and one.parameters}
+    return [other for other, one in others.items()
+            if _places(one) & kind and applicable(one, found.fitter.records, present)]
+
+
+def _places(effect: Effect) -> set[str]:
+    """Where on the loop an effect acts; all forces on a tooth are one place."""
+    tooth = {"force_factor", "tangential_force", "normal_force"}
+    return {"tooth" if hook in tooth else hook for hook in effect.hooks} - {"highest_frequency"}
+
+
+def _without(found: Candidate, name: str, catalogue: Mapping[str, Effect]) -> Candidate:
+    """The set without one of its effects, refitted."""
+    assert found.fit is not None and found.fitter is not None
+    fitter = found.fitter.without(name)
+    fit = polish(fitter, state_without(found.fit.state, name, catalogue), rounds=2, iterations=15)
+    return candidate_of(fitter, fit, tuple(one for one in found.effects if one != name), None, 1.0)
+
+
+def _instead(found: Candidate, reduced: Candidate, name: str, other: str, origins: Sequence[Origin],
+             catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> Candidate | None:  # fmt: skip
+    """The set with `other` in the place of `name`; None where that comes to nothing."""
+    assert found.fit is not None
+    tried = begun_and_fitted(reduced, catalogue[other], catalogue, origins, say,
+                             hopeful=BEHIND * found.fit.cost, goal=NEAR * found.fit.cost)
+    if tried is None or tried.fit is None or tried.fit.cost > NEAR * found.fit.cost or no_swing(tried, catalogue):
+        return None
+    effects = tuple(other if one == name else one for one in found.effects)
+    return replace(tried, effects=effects, delta_bic=found.delta_bic)
