@@ -115,7 +115,7 @@ def test_where_the_model_is_adequate_no_set_that_is_not_named_is_told():
 @pytest.mark.parametrize(("second", "gain", "chosen"), [
     (1.002, 68.0, 1),  # of two that leave but noise the one that all samples together prefer
     (1.002, -68.0, 0),
-    (1.100, 68.0, 0),  # more than noise is left: it foretells worse
+    (1.200, 68.0, 0),  # more than noise is left: it foretells worse
 ])
 def test_of_candidates_that_leave_but_noise_the_likeliest_is_chosen(second, gain, chosen):
     def fitted(cost):

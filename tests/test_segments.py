@@ -98,6 +98,15 @@ def test_a_ring_down_ends_where_it_is_lost_in_the_noise() -> None:
     assert 0.3e-6 < level < 10e-6
 
 
+@pytest.mark.parametrize(("frequency", "noise"), [(180.6, 0.5e-6), (180.05, 6.4e-6)], ids=["ambient", "hum"])
+def test_a_vibration_near_the_mains_is_hum_only_as_closely_as_its_frequency_is_known(frequency, noise) -> None:
+    time = np.arange(6000) / 12800.0
+    values = 9e-6 * np.sin(2 * np.pi * frequency * time) + 0.5e-6 * np.random.default_rng(5).standard_normal(len(time))
+    recording = Recording({"displacement": values}, 12800.0, {"displacement": "m"}, "measured")
+    found = noise_floor(recording, (Segment("idle", 0.0, time[-1]),))
+    assert found.basis == "idle" and found.rms == pytest.approx(noise, rel=0.1)
+
+
 @pytest.mark.filterwarnings("error")
 def test_a_record_that_is_all_an_old_motion_dying_away_has_no_cut() -> None:
     time = np.arange(12363) / 9100.0

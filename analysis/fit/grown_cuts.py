@@ -30,13 +30,19 @@ def bends_frequency(names: Iterable[str], catalogue: Mapping[str, Effect]) -> bo
 
 
 def grown_cuts(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
-    """The fit, or the one grown from its state where that explains the records better; itself where no record stands out."""
+    """The fit, or the one grown from its state where that explains the records better; itself where no record stands out.
+
+    A model that does not explain the openings will not explain the whole: it is given up there.
+    """
     if fit.mean_squares.max() < ASTRAY or all(record.cut is None for record in fitter.records):
         return fit
     state = fit.state
     for share in GROWTH:
         opened, begun = _opened(fitter, state, share)
-        state = polish(opened, begun, rounds=2, iterations=15).state
+        grown = polish(opened, begun, rounds=2, iterations=15)
+        if grown.mean_squares.max() > ASTRAY:
+            return fit
+        state = grown.state
     found = polish(fitter, place_exits(fitter, state))
     return found if found.cost < BETTER * fit.cost else fit
 

@@ -51,8 +51,8 @@ def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
             free: Sequence[Free] | None, goal: float) -> tuple[Fitter, WaveformFit]:  # fmt: skip
     """The fit to the records with the lengths cut before as they have them."""
     swung = swung_fit(plant, records, model, catalogue, free) if free is not None else None
-    bent = bends_frequency(model.effects, catalogue)  # such a fit comes to its goal when it is grown, or not at all
-    fitter, fit = swung or base_fit(plant, records, model, free=free, goal=math.inf if bent else goal)
+    bent = bends_frequency(model.effects, catalogue)  # such a fit may come to its goal when it is grown
+    fitter, fit = swung or base_fit(plant, records, model, free=free, goal=goal, patient=bent)
     if bent:
         fit = grown_cuts(fitter, fit)
     if model.effects and all(record.kind == "ring-down" for record in records):

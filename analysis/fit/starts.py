@@ -270,10 +270,12 @@ def base_fit(
     *,
     free: Sequence[Free] | None = None,
     goal: float = math.inf,
+    patient: bool = False,
 ) -> tuple[Fitter, WaveformFit]:
     """The believed model refitted to all records, from several starts, with every nuisance.
 
-    goal: the cost above which the fit is of no use, and is given up.
+    goal: the cost above which the fit is of no use, and is given up; `patient`: once the better half of the records has been
+    tried alone.
     """
     started = structure_start(records, model)
     free = list(free) if free is not None else free_parameters(records, started)
@@ -282,9 +284,10 @@ def base_fit(
     best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
     fitter = Fitter(plant, _entered(records, best.state), free)
     fit = polish(fitter, place_exits(fitter, best.state), goal=goal)
-    if fit.cost > goal:
+    if fit.cost > goal and not patient:
         return fitter, fit
-    return fitter, with_courses(fitter, rested(fitter, from_the_best_half(fitter, fit)))
+    fit = from_the_best_half(fitter, fit, goal=goal)
+    return fitter, fit if fit.cost > goal else with_courses(fitter, rested(fitter, fit))
 
 
 def _entered(records: Sequence[Observed], state: State) -> list[Observed]:
@@ -316,8 +319,10 @@ def with_exits(fitter: Fitter, state: State) -> State:
     return place_exits(fitter, replace(state, nuisances=tuple(known)))
 
 
-def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2) -> WaveformFit:
+def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2, goal: float = math.inf) -> WaveformFit:
     """The fit started again from the better half of the records, where a few records stand out; kept if it costs less.
+
+    goal: see `polish`.
 
     A record whose entry or exit is a pass wrong drags the coefficients to where that pass seems right; without it they
     are free, and its passes are looked for again.
@@ -333,7 +338,7 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2) -> Wave
                      for place, one in enumerate(fit.state.nuisances)]
         state, _ = settle_passes(fitter, replace(found, nuisances=tuple(nuisances)), reach=2)
         state = own_refit(fitter, state, [place for place in range(len(ratio)) if place not in kept])
-        again = polish(fitter, state)
+        again = polish(fitter, state, goal=goal)
         if not again.cost < 0.999 * fit.cost:
             return fit
         fit = again

@@ -20,6 +20,8 @@ SAME_VALUE = 1e-9  # of a channel's range, within which two values are one step 
 VIBRATIONS = 3  # that are taken out of idling
 FEWEST_QUIET = 128  # samples of idling that are left when its loud beginning is taken away
 LOUDER = 3.5  # standard errors of a ratio of two rms, by which that beginning is louder
+SURE = 4.0  # standard errors of a frequency within which it may be that of the mains,
+MAINS_DRIFT = 0.002  # which itself is so many parts off at the most
 FOURTH = 2.63  # of fourth differences: the sum of their squared autocorrelations, (70, -56, 28, -8, 1) / 70
 Basis = Literal["idle", "repeated periods", "high-frequency residual"]
 
@@ -135,9 +137,10 @@ def _beside_ringing(values: np.ndarray, rate: float, rms: float) -> float:
 
 
 def _is_hum(fit: FreeDecay, rate: float, samples: int) -> bool:
-    """Whether a vibration is at a multiple of the mains and does not die."""
-    frequency = fit.frequency * rate
-    mains = any(abs(frequency - base * round(frequency / base)) < 1.5 * rate / samples for base in MAINS)
+    """Whether a vibration is at a multiple of the mains, as closely as its frequency is known, and does not die."""
+    frequency, known = fit.frequency * rate, SURE * fit.decay_error * rate / (2.0 * math.pi)  # as well as its decay
+    near = min(1.5 * rate / samples, known + MAINS_DRIFT * frequency)
+    mains = any(abs(frequency - base * round(frequency / base)) < near for base in MAINS)
     return mains and abs(fit.decay) * samples < 0.1
 
 

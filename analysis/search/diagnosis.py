@@ -20,6 +20,7 @@ FAINT_REST = 1.05  # error over noise floor up to which what no effect lowers is
 SURE = 2.0  # standard errors of the noise floor by which that is widened: a floor from a short idle is a few per cent off
 COMPLETE = 1.15  # error over noise floor above which something is still missing
 EXPLAINED = 0.99  # share of the excess that named effects must take away where something is left: else the law is unknown
+MOSTLY = 0.9  # share of it that they must take away where more is left than noise may be: a known law does, if it is the one
 MANY = 3  # effects from which they must leave no more than ADEQUATE: a law of no catalogue is soon made up of several known
 NOTHING = 2.0  # error from which a prediction foretells nothing
 SILENT = 0.95  # noise over what was measured from which records say nothing
@@ -151,13 +152,15 @@ def verdict_of(
         )
     many = len(best.effects) >= MANY
     helps = left <= ADEQUATE or share >= PARTIAL  # of a little that is left, what takes a part of it is no name for it
-    if best.effects and helps and (left <= ADEQUATE if many else left <= COMPLETE or share >= EXPLAINED):
+    faint = FAINT_REST + SURE * pooled_doubt(base.errors)
+    complete = left <= COMPLETE and (left <= faint or share >= MOSTLY) or share >= EXPLAINED
+    if best.effects and helps and (left <= ADEQUATE if many else complete):
         return answer(
             "missing_effect",
             best.effects,
             f"The model lacks {' and '.join(best.effects)}: the error {_fall(base, best)}.{_besides(base, best, noise, tied)}",
         )
-    if ratio <= FAINT_REST + SURE * pooled_doubt(base.errors) and not (best.effects and helps):
+    if ratio <= faint and not (best.effects and helps):
         return answer(
             "adequate",
             (),

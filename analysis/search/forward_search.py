@@ -41,6 +41,7 @@ FINAL = 1.05  # error over noise floor up to which a model counts as complete
 HOPEFUL = 2.0  # error over noise floor above which the last effect that may be added is not: too much would still be missing
 COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
 GUESSED = 0.9  # error over noise floor below which a floor that no idling shows was none
+AS_LITTLE = 1.01  # times the error in the fit of another set, up to which a set explains as much
 SEARCHED = 10  # iterations from a set settled with finer steps to the same with those of the search
 NEARLY = 100.0  # in BIC, by which a short fit without an effect may be worse, to be followed to its end
 ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
@@ -276,15 +277,23 @@ def _switched(current: Candidate, model: Model, catalogue: Mapping[str, Effect],
 
 
 def likeliest(passing: Sequence[Candidate], noise: float) -> Candidate:
-    """The one of these candidates that foretells best; of those that leave but noise, the one that explains most.
+    """The one of these candidates that foretells best; of those that leave as little as it, the one that explains most.
 
-    Between errors of noise alone, held out, chance decides.
+    Between held-out errors of hardly more than noise chance decides, and a record that no other foretells.
     """
-    complete = [one for one in passing if one.error_where_known <= ADEQUATE * noise and one.fit is not None]
-    if not complete or passing[0] is not complete[0] or complete[0].fit is None:
-        return passing[0]
-    size = effective_size(complete[0].fit)
-    return min(complete, key=lambda one: math.inf if one.fit is None else bic(one.fit, size))
+    first = passing[0]
+    rivals = [one for one in passing if one.fit is not None and _leaves_as_little(one, first, noise)]
+    if first not in rivals or first.fit is None:
+        return first
+    size = effective_size(first.fit)
+    best = min(rivals, key=lambda one: math.inf if one.fit is None else bic(one.fit, size))
+    assert best.fit is not None
+    return best if bic(best.fit, size) < bic(first.fit, size) - DELTA_BIC else first
+
+
+def _leaves_as_little(one: Candidate, first: Candidate, noise: float) -> bool:
+    """Whether a candidate leaves but noise where it is known, or hardly more than noise, and as much as the first, in the fit."""
+    return one.error_where_known <= ADEQUATE * noise or one.error_fit <= min(COMPLETE * noise, AS_LITTLE * first.error_fit)
 
 
 def _round(current: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None],
