@@ -177,6 +177,7 @@ def test_the_exit_codes_are_those_of_the_program():
 @pytest.mark.parametrize("said", [
     f"at most {diagnosis.ADEQUATE} times the noise floor", f"or up to {diagnosis.FAINT_REST} times",
     f"at most {diagnosis.COMPLETE} times the noise floor", f"take away {100 * diagnosis.EXPLAINED:g} %",
+    f"and, above {diagnosis.FAINT_REST}, take away {100 * diagnosis.MOSTLY:g} %",
     f"(three or more effects: {diagnosis.ADEQUATE})",
     f"Above {evidence.DELTA_BIC:g} a gain is worth having", f"with {100 * FALSE_DISCOVERIES:g} % of false discoveries",
     f"a polynomial of {observed.DRIFT_ORDER} terms, and one more for each second, {observed.MOST_DRIFT} at",

@@ -292,7 +292,7 @@ def likeliest(passing: Sequence[Candidate], noise: float) -> Candidate:
 
 
 def _leaves_as_little(one: Candidate, first: Candidate, noise: float) -> bool:
-    """Whether a candidate leaves but noise where it is known, or hardly more than noise, and as much as the first, in the fit."""
+    """Whether a candidate leaves but noise where it is known, or in the fit hardly more, and as much as the first."""
     return one.error_where_known <= ADEQUATE * noise or one.error_fit <= min(COMPLETE * noise, AS_LITTLE * first.error_fit)
 
 
