@@ -102,6 +102,20 @@ def test_of_the_faint_rest_of_a_strong_effect_another_must_take_most(before, fir
     assert worth_naming(other, current, base, 1.0) is worth
 
 
+@pytest.mark.parametrize(("names", "baseline", "left", "verdict"), [
+    (("cubic_stiffness",), 100.0, 6.0, "missing_effect"),  # one law that takes nearly all of a real machine's misfit
+    (("cubic_stiffness", "helix"), 100.0, 6.0, "unexplained"),  # of several that leave much, any law is soon made up
+    (("cubic_stiffness", "helix"), 100.0, 1.12, "missing_effect"),
+    (("cubic_stiffness",), 1.18, 1.09, "unexplained"),  # half of a little is no name for it
+    (("cubic_stiffness",), 1.18, 1.03, "missing_effect"),
+])
+def test_an_effect_is_named_by_what_it_leaves_and_by_what_it_takes(names, baseline, left, verdict):
+    base, best = (Candidate(one, {}, error, error, 50.0, True) for one, error in (((), baseline), (names, left)))
+    found = verdict_of(base, best, [base, best], (), 1.0, ())
+    assert (found.verdict, found.effects) == (verdict, names)
+    assert "100%" not in found.sentence
+
+
 def test_where_the_model_is_adequate_no_set_that_is_not_named_is_told():
     base, best = (Candidate(names, {}, error, error, 20.0, True) for names, error in (((), 1.034), (("helix",), 1.021)))
     told = verdict_of(base, best, [base, best], (best,), 1.0, ())

@@ -19,7 +19,7 @@ ADEQUATE = 1.02  # error over noise floor up to which nothing is looked for
 FAINT_REST = 1.05  # error over noise floor up to which what no effect lowers is no claim that something is missing
 SURE = 2.0  # standard errors of the noise floor by which that is widened: a floor from a short idle is a few per cent off
 COMPLETE = 1.15  # error over noise floor above which something is still missing
-EXPLAINED = 0.99  # share of the excess that named effects must take away where something is left: else the law is unknown
+EXPLAINED = 0.99  # share of the excess that one effect must take away where more is left: else the law is unknown
 MOSTLY = 0.9  # share of it that they must take away where more is left than noise may be: a known law does, if it is the one
 MANY = 3  # effects from which they must leave no more than ADEQUATE: a law of no catalogue is soon made up of several known
 NOTHING = 2.0  # error from which a prediction foretells nothing
@@ -153,7 +153,8 @@ def verdict_of(
     many = len(best.effects) >= MANY
     helps = left <= ADEQUATE or share >= PARTIAL  # of a little that is left, what takes a part of it is no name for it
     faint = FAINT_REST + SURE * pooled_doubt(base.errors)
-    complete = left <= COMPLETE and (left <= faint or share >= MOSTLY) or share >= EXPLAINED
+    single = len(best.effects) == 1  # of several that leave much, a law of no catalogue may be made up
+    complete = left <= COMPLETE and (left <= faint or share >= MOSTLY) or share >= EXPLAINED and single
     if best.effects and helps and (left <= ADEQUATE if many else complete):
         return answer(
             "missing_effect",
@@ -171,9 +172,9 @@ def verdict_of(
         return answer(
             "unexplained",
             best.effects,
-            f"{' and '.join(best.effects)}{_or(tied, best.effects)} would take away {share:.0%} of what is unexplained, "
-            f"but the error is still {left:.3g} times the noise floor: something is missing that no effect of the catalogue "
-            "explains.",
+            f"{' and '.join(best.effects)}{_or(tied, best.effects)} would take away {_told_share(share)} of what is "
+            f"unexplained, but the error is still {left:.3g} times the noise floor: something is missing that no effect of "
+            "the catalogue explains.",
         )
     return answer(
         "unexplained",
@@ -235,6 +236,11 @@ def _fall(base: Candidate, best: Candidate) -> str:
 def _told(error: float) -> str:
     """An error in words: a prediction that is worse than none at all may be so by any number."""
     return f"{error:.3g}" if error <= NOTHING else "more than the motion itself"
+
+
+def _told_share(share: float) -> str:
+    """A share in words: what leaves something is never told as all."""
+    return f"{share:.0%}" if share < EXPLAINED else f"{min(share, 0.999):.1%}"
 
 
 def _besides(base: Candidate, best: Candidate, noise: float, tied: tuple[str, ...]) -> str:
