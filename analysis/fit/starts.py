@@ -322,10 +322,8 @@ def with_exits(fitter: Fitter, state: State) -> State:
 def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2, goal: float = math.inf) -> WaveformFit:
     """The fit started again from the better half of the records, where a few records stand out; kept if it costs less.
 
-    goal: see `polish`.
-
     A record whose entry or exit is a pass wrong drags the coefficients to where that pass seems right; without it they
-    are free, and its passes are looked for again.
+    are free, and its passes are looked for again. goal: see `polish`.
     """
     for _ in range(tries):
         ratio = fit.mean_squares
