@@ -26,7 +26,8 @@ BESIDE = 0.25  # of the step between angles tried: at quarter turns an effect ma
 SMALL = 1e-3  # relative gain of a first step below which a sensor effect is fitted a little further
 TOGETHER = 24  # passes by which the entries of all records are moved at the most
 SETTLING, SETTLED = 10, 0.98  # rounds of placing entries and fitting at the most, and the share of the cost one must beat
-CORNER = 8  # iterations of a fit that only has to find its valley
+CORNER = 8  # iterations of a fit that only has to find its valley,
+CREEPING = 32  # and of one that, from nearer, creeps along it
 GROWTH = (0.006, 0.02, 0.06, 0.2, 0.6, 1.0)  # shares of free decays that are fitted one after the other
 
 
@@ -306,8 +307,8 @@ def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit, goal: float = mat
     for: near nothing the valley is flat and bent, and no single step leads along it. From far outside it is short.
     A law with a kink begins at whichever strength explains most: far too strong it holds everything stuck. It takes twice as
     long, and is given up where it would not come below the cost `goal`; the others, slow at first, need all their steps.
-    nearer: where the largest start of a smooth law does not come below the goal, a middle one is tried as well: from too far
-    there are not steps enough.
+    nearer: where the largest start of a smooth law does not come below the goal, a middle one is tried as well, with more
+    steps: from too far, and where the valley is narrow, there are not enough of them.
     """
     effect = fitting_example(fitter, effect, fit)
     wider = extended(fitter, effect)
@@ -325,5 +326,5 @@ def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit, goal: float = mat
         return found.cost, found.state, wider
     found = wider.descend(begun(SHARES[-1:]), iterations=CORNER)
     if nearer and not found.cost < goal:
-        found = min(found, wider.descend(begun(SHARES[-2:-1]), iterations=CORNER), key=lambda one: one.cost)
+        found = min(found, wider.descend(begun(SHARES[-2:-1]), iterations=CREEPING), key=lambda one: one.cost)
     return found.cost, found.state, wider

@@ -113,7 +113,8 @@ def try_candidates(
             if not _put(current, entries, alone()):
                 _try_from_far(current, entries, catalogue, origins, say)
         elif not incomplete and current.error_held_out < FAINT * noise and not near:
-            _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say, nearer=True)
+            stuck = [one for one in entries if one.fitted is None and one.cost > hopeful]
+            _try_from_far(current, _not_sudden(stuck, catalogue), catalogue, origins, say, nearer=True)
             entries.sort(key=lambda entry: entry.reached)
         elif incomplete and "engagement" in catalogue[leader.name].hooks:  # its passes may be wrong in all records alike
             _from_far(current, leader, catalogue[leader.name], origins)
@@ -181,7 +182,8 @@ def certain_candidates(
     hopeful = current.fit.cost * math.exp(-HOPE * CERTAIN / effective_size(current.fit))
     entries = _first_steps(current, catalogue, origins, say, growing=False)
     if not _nothing_hidden(current, pooled(current.errors)[1]) and entries and entries[0].cost <= hopeful:
-        _try_from_far(current, _stuck(entries, hopeful, catalogue), catalogue, origins, say, nearer=True)
+        behind = [one for place, one in enumerate(entries) if place >= LEADERS or one.cost > hopeful]  # no first step tells
+        _try_from_far(current, _not_sudden(behind, catalogue), catalogue, origins, say, nearer=True)
     leaders = sorted((one for one in entries if one.cost <= hopeful), key=lambda one: one.cost)[:LEADERS]
     found = [_refitted(current, one, catalogue, say) for one in leaders]
     believable = (one for one in found if one.delta_bic > CERTAIN and not no_swing(one, catalogue))
@@ -240,10 +242,9 @@ def _first_steps(
     return sorted(threaded(begun, asked), key=lambda entry: entry.cost)
 
 
-def _stuck(entries: Sequence[_Entry], hopeful: float, catalogue: Mapping[str, Effect]) -> list[_Entry]:
-    """Entries not fitted yet whose first step led nowhere, see FAINT; of an entry that is not sudden that says more."""
-    return [one for one in entries
-            if one.fitted is None and one.cost > hopeful and "engagement" not in catalogue[one.name].hooks]
+def _not_sudden(entries: Sequence[_Entry], catalogue: Mapping[str, Effect]) -> list[_Entry]:
+    """Entries whose first step may lead nowhere, see FAINT; of an entry that is not sudden it says more."""
+    return [one for one in entries if "engagement" not in catalogue[one.name].hooks]
 
 
 def shifts_in_time(effect: Effect) -> bool:

@@ -235,14 +235,21 @@ def below_a_guess(one: Candidate, noise: float) -> bool:
 
 
 def _certain(found: Sequence[Candidate], current: Candidate, base: Candidate, noise: float) -> list[Candidate]:
-    """Those that many samples make certain and that take away most of what the current set leaves.
+    """Those that many samples make certain and that take away most of what the current set leaves, known or held out.
 
     Beside effects that are named already, what is small against their gain in BIC may be the form of their laws.
     """
-    left = (1.0 - TAKEN) * excess(current.error_where_known, noise)
     least = CERTAIN if not current.effects else max(CERTAIN, OWN_FORM * against(current, base).delta_bic)
-    return [one for one in found if one.delta_bic > least and excess(one.error_where_known, noise) <= left
-            and one.error_where_known < current.error_where_known]
+    return [one for one in found if one.delta_bic > least and one.error_where_known < current.error_where_known
+            and _takes_most(one, current, noise)]
+
+
+def _takes_most(one: Candidate, current: Candidate, noise: float) -> bool:
+    """Whether most of what is left goes where it is known or, of a record that the current set does not foretell, held out."""
+    left = (1.0 - TAKEN) * excess(current.error_where_known, noise)
+    foretold = (1.0 - TAKEN) * excess(current.error_held_out, noise)
+    return excess(one.error_where_known, noise) <= left or (
+        current.error_held_out > ADEQUATE * noise and excess(one.error_held_out, noise) <= foretold)
 
 
 def _with_search_steps(one: Candidate, base: Candidate, noise: float) -> Candidate:
@@ -341,8 +348,10 @@ def forward(
     """
     base, current, steps = begun[0], begun[-1], list(begun)
     noise = pooled(base.errors)[1]
-    if not current.effects and current.error_where_known <= ADEQUATE * noise:
-        return _faint([base], model, catalogue, noise, say)
+    if not current.effects and min(current.error_where_known, current.error_fit) <= ADEQUATE * noise:
+        faint = _faint([base], model, catalogue, noise, say)
+        if current.error_where_known <= ADEQUATE * noise or faint.end.effects:
+            return faint  # else its wrong law shows only where the others foretell a record: by that, effects are looked for
     seen: list[Candidate] = []
     tied: tuple[str, ...] = ()
     rivals: list[Candidate] = []
