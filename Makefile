@@ -30,7 +30,7 @@ validate: $(VENV)/ready
 
 blind: $(VENV)/ready
 	$(BIN)/python -m tests.validation.blind.judge --first 3000 --count 202  # some seeds make no campaign
-	$(BIN)/python -m tests.validation.blind.judge --first 4001 --count 90
+	$(BIN)/python -m tests.validation.blind.judge --first 4001 --count 138
 	$(BIN)/python -m tests.validation.blind.propose
 
 bench: $(VENV)/ready

@@ -303,6 +303,15 @@ def _leaves_as_little(one: Candidate, first: Candidate, noise: float) -> bool:
     return one.error_where_known <= ADEQUATE * noise or one.error_fit <= min(COMPLETE * noise, AS_LITTLE * first.error_fit)
 
 
+def _vanishes(one: Candidate, catalogue: Mapping[str, Effect]) -> bool:
+    """Whether the last effect of a set ended where it does nothing: what it gained was a better place without it."""
+    assert one.fit is not None
+    name = one.effects[-1]
+    values = one.fit.state.model.effects.get(name, {})
+    strengths = [each for each in catalogue[name].parameters if each.vanishes and each.name in values]
+    return bool(strengths) and all(values[each.name] == each.neutral for each in strengths)
+
+
 def _round(current: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None],
            final: bool, look: BelievedLook | None) -> tuple[Candidate, list[Candidate]]:  # fmt: skip
     """The current set, refitted where a larger one shows a deeper valley of it, and the candidates that extend it by one."""
@@ -369,7 +378,8 @@ def forward(
             if current.error_where_known <= ADEQUATE * noise:
                 break
         seen += map(_told, last)
-        passing = [one for one in last if one.fit is not None and worth_naming(one, current, base, noise)]
+        passing = [one for one in last if one.fit is not None and worth_naming(one, current, base, noise)
+                   and not _vanishes(one, catalogue)]
         if not passing:
             break
         first = likeliest(passing, noise)
