@@ -19,7 +19,7 @@ from analysis.search.begun_anew import begun_anew
 from analysis.search.candidate_round import candidate_of
 from analysis.search.diagnose import diagnose
 from analysis.search.diagnosis import Candidate, as_json, told_of_base, verdict_of
-from analysis.search.forward_search import _certain, below_a_guess, likeliest, worth_naming
+from analysis.search.gates import below_a_guess, certain_ones, likeliest, vanishes, worth_naming
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
@@ -141,6 +141,13 @@ def test_of_candidates_that_leave_but_noise_the_likeliest_is_chosen(second, gain
     assert likeliest([first, other], 1.0) is (first, other)[chosen]
 
 
+@pytest.mark.parametrize(("extent", "nothing"), [(0.0, True), (0.4, False)])
+def test_an_effect_that_ended_where_it_vanishes_is_none(extent, nothing):
+    model = BELIEVED.with_effect("entry_ramp", extent=extent)
+    one = Candidate(("entry_ramp",), {}, 1.0, 1.0, 1476.0, True, SimpleNamespace(state=SimpleNamespace(model=model)))
+    assert vanishes(one, catalogue()) is nothing
+
+
 @pytest.mark.parametrize(("left", "worth"), [(1.031, False), (1.005, True)])
 def test_of_the_little_that_two_effects_leave_a_third_must_take_half(left, worth):
     two = ("contact_loss", "runout")
@@ -164,7 +171,7 @@ def test_beside_a_strong_effect_a_small_gain_may_be_the_form_of_its_law(gain, be
     named = ("speed_droop",) if beside else ()
     base, current, other = (Candidate(effects, {}, error, error, delta, True) for effects, error, delta in
                             (((), 9.0, 0.0), (named, 1.003, beside), ((*named, "process_damping"), 1.0, gain)))
-    assert bool(_certain([other], current, base, 1.0)) is certain
+    assert bool(certain_ones([other], current, base, 1.0)) is certain
 
 
 @pytest.mark.parametrize(("value", "bound"), [(5.5e8, False), (5.5e5, True)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from analysis.fit.observed import Observed
 from analysis.fit.pass_search import at_rest, place_entries, settle_passes, turn_phases
 from analysis.fit.prediction import Plant
 from analysis.fit.recurring_start import SCREENED, recurring_starts, residual_peaks
-from analysis.fit.starts import anchored_states, free_parameters, softened
+from analysis.fit.starts import anchored_states, free_parameters, polish, softened
 from analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -106,6 +106,17 @@ def state_without(state: State, name: str, catalogue: Mapping[str, Effect]) -> S
     """The state whose model lacks an effect; without one that makes entries gradual, they are those of whole passes again."""
     state = state.without_effect(name)
     return state.with_whole_first_passes() if name in catalogue and "engagement" in catalogue[name].hooks else state
+
+
+def refitted_without(fitter: Fitter, state: State, name: str, catalogue: Mapping[str, Effect]) -> tuple[Fitter, WaveformFit]:
+    """A short fit without one of the effects, from where all of them were."""
+    without = fitter.without(name)
+    return without, polish(without, state_without(state, name, catalogue), rounds=2, iterations=15)
+
+
+def is_required(name: str, names: Iterable[str], catalogue: Mapping[str, Effect]) -> bool:
+    """Whether one of these effects can only be there beside the one of this name."""
+    return any(name in catalogue[other].requires for other in names)
 
 
 def all_free(records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> list[Free]:

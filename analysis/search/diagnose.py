@@ -22,7 +22,8 @@ from analysis.search.begun_anew import from_believed
 from analysis.search.believed_look import BelievedLook
 from analysis.search.candidate_round import candidate_of
 from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, excess, told_of_base, verdict_of
-from analysis.search.forward_search import ROUGH, against, by_noise, forward
+from analysis.search.forward_search import ROUGH, by_noise, forward
+from analysis.search.gates import against
 from analysis.search.irregular import followed, irregular
 from analysis.search.law_form import with_form_asked, with_other_form
 from analysis.search.misstated import misstated

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from analysis.fit.effect_start import Origin, applicable, origins_of, state_without
-from analysis.fit.starts import polish
+from analysis.fit.effect_start import Origin, applicable, is_required, origins_of, refitted_without
 from analysis.search.candidate_round import BEHIND, begun_and_fitted, candidate_of
 from analysis.search.diagnosis import Candidate
 from analysis.search.steady_speed import no_swing
@@ -51,7 +50,7 @@ def _kin(name: str, found: Candidate, catalogue: Mapping[str, Effect]) -> list[s
     """Effects that act at the same places of the loop, by which one could be exchanged."""
     assert found.fitter is not None and found.fit is not None
     present, kind = found.fit.state.model.effects, _places(catalogue[name])
-    if any(name in catalogue[other].requires for other in present):
+    if is_required(name, present, catalogue):
         return []
     others = {other: one for other, one in catalogue.items() if other not in present and one.parameters}
     return [other for other, one in others.items()
@@ -67,8 +66,7 @@ def _places(effect: Effect) -> set[str]:
 def _without(found: Candidate, name: str, catalogue: Mapping[str, Effect]) -> Candidate:
     """The set without one of its effects, refitted."""
     assert found.fit is not None and found.fitter is not None
-    fitter = found.fitter.without(name)
-    fit = polish(fitter, state_without(found.fit.state, name, catalogue), rounds=2, iterations=15)
+    fitter, fit = refitted_without(found.fitter, found.fit.state, name, catalogue)
     return candidate_of(fitter, fit, tuple(one for one in found.effects if one != name), None, 1.0)
 
 

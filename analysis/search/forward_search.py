@@ -6,13 +6,12 @@ in a local minimum is fitted again, and what later effects made needless is take
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.fit.effect_start import ANCHOR, Origin, origins_of, state_without
+from analysis.fit.effect_start import ANCHOR, Origin, is_required, origins_of, refitted_without, state_without
 from analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from analysis.fit.fine_steps import has_kinks
 from analysis.fit.fit_state import WaveformFit
@@ -24,24 +23,18 @@ from analysis.fit.table_feed import with_feed_found
 from analysis.fit.waveform import Fitter
 from analysis.search.begun_anew import begun_anew, switched_on_too
 from analysis.search.believed_look import BelievedLook
-from analysis.search.candidate_round import CERTAIN, GAIN, candidate_of, certain_candidates, try_candidates
-from analysis.search.diagnosis import ADEQUATE, COMPLETE, MANY, PARTIAL, Candidate, excess
+from analysis.search.candidate_round import CERTAIN, candidate_of, certain_candidates, try_candidates
+from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate
 from analysis.search.exchanged import exchanged
+from analysis.search.gates import against, below_a_guess, certain_ones, passing_gates, vanishes
 from analysis.search.mains import hum_of
 from analysis.search.settled import settled
 from analysis.search.ties import tied_with, with_rivals
 from testbed.effect import Effect
 from testbed.machine import Model
 
-MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
-FAINT = 5e-3  # share of it below which what the found effects leave may be the form of their laws, not another effect,
-TAKEN = 0.6  # unless that takes away this share of what is left
-OWN_FORM = 2e-3  # share of the named effects' gain in BIC, and of what they explain: a law is good to some per cent of itself
-FINAL = 1.05  # error over noise floor up to which a model counts as complete
 HOPEFUL = 2.0  # error over noise floor above which the last effect that may be added is not: too much would still be missing
 COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
-GUESSED = 0.9  # error over noise floor below which a floor that no idling shows was none
-AS_LITTLE = 1.01  # times the error in the fit of another set, up to which a set explains as much
 SEARCHED = 10  # iterations from a set settled with finer steps to the same with those of the search
 NEARLY = 100.0  # in BIC, by which a short fit without an effect may be worse, to be followed to its end
 ROUGH = 8.0  # error over noise floor from which records are weighed by what is left of them,
@@ -149,12 +142,11 @@ def _nested(fitter: Fitter, larger: Candidate, catalogue: Mapping[str, Effect]) 
 def _backward(current: Candidate, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> Candidate:
     """The set without every effect that the later ones made needless: refitted without it, the BIC is no worse."""
     for name in current.effects[:-1]:
-        if any(name in catalogue[other].requires for other in current.effects):
+        if is_required(name, current.effects, catalogue):
             continue
         assert current.fit is not None and current.fitter is not None
         say(f"is {name} still needed?")
-        fitter = current.fitter.without(name)
-        fit = polish(fitter, state_without(current.fit.state, name, catalogue), rounds=2, iterations=15)
+        fitter, fit = refitted_without(current.fitter, current.fit.state, name, catalogue)
         size = effective_size(current.fit)
         if 0.0 < bic(fit, size) - bic(current.fit, size) - DELTA_BIC < NEARLY:
             fit = polish(fitter, fit.state)  # it may creep on
@@ -162,36 +154,6 @@ def _backward(current: Candidate, catalogue: Mapping[str, Effect], say: Callable
             effects = tuple(other for other in current.effects if other != name)
             current = replace(candidate_of(fitter, fit, effects, current.fit, size), delta_bic=current.delta_bic)
     return current
-
-
-def against(one: Candidate, reference: Candidate) -> Candidate:
-    """A candidate's gain counted from a better reference."""
-    if one.fit is None or reference.fit is None:
-        return one
-    size = effective_size(one.fit)
-    return replace(one, delta_bic=bic(reference.fit, size) - bic(one.fit, size))
-
-
-def worth_naming(candidate: Candidate, current: Candidate, base: Candidate, noise: float) -> bool:
-    """Whether an effect is worth naming: by BIC, by what it takes of the present excess, and by its share of the whole one.
-
-    The last, so that where something unknown remains, no effect is named for nibbling at it; what completes the model passes.
-    Of the faint rest of a strong effect it must take away most, and where that is little above the noise all: no law is the
-    machine's own to the last per cent. Of the little that two effects leave, a third must take half, or it would make a good
-    answer doubtful.
-    """
-    before, after = excess(current.error_held_out, noise), excess(candidate.error_beside(noise), noise)
-    gained = before - after
-    whole = excess(min(base.error_held_out, base.error_fit), noise)  # extrapolated, a wrong law may look worse than it is
-    material = gained > MATERIAL * whole or candidate.error_beside(noise) <= FINAL * noise
-    share = GAIN
-    if current.effects and before < FAINT * whole:
-        share = TAKEN
-        if before <= excess(COMPLETE * noise, noise) and candidate.error_beside(noise) > ADEQUATE * noise:
-            return False
-    elif len(current.effects) >= MANY - 1 and before <= excess(FINAL * noise, noise):
-        share = PARTIAL
-    return candidate.delta_bic > DELTA_BIC and gained > max(share * before, 1e-3 * noise**2) and material
 
 
 def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Effect], noise: float,
@@ -205,15 +167,15 @@ def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Eff
     origins = origins_of(current.fitter.plant, model, current.fitter, current.fit, anchored=False)
     found = certain_candidates(current, catalogue, origins, say)
     seen = tuple(map(_told, found))
-    hum = next(filter(None, (hum_of(one, current, catalogue) for one in _certain(found, current, steps[0], noise))), "")
+    hum = next(filter(None, (hum_of(one, current, catalogue) for one in certain_ones(found, current, steps[0], noise))), "")
     found = [one for one in found if not hum_of(one, current, catalogue)] if hum else found
-    refitted = _nesting_guard(current, _certain(found, current, steps[0], noise), catalogue)
+    refitted = _nesting_guard(current, certain_ones(found, current, steps[0], noise), catalogue)
     if refitted is not current:  # the set itself, begun where an effect more ended, explains as much without it
         refitted = replace(refitted, delta_bic=current.delta_bic)
         found = sorted((against(one, refitted) for one in found), key=lambda one: -one.delta_bic)
         end = refitted if current is end else settled(refitted, catalogue)
         current, steps = refitted, [*steps[:-1], end]
-    passing = _certain(found, current, steps[0], noise)
+    passing = [one for one in certain_ones(found, current, steps[0], noise) if not vanishes(one, catalogue)]
     tied = tuple(one.effects[-1] for one in passing if tied_with(passing[0], one, current, noise))  # the first with itself
     if not passing or (len(tied) > 1 and current.effects):  # which of them it is, so faint, is not asked beside what is known
         return Path(tuple(steps), seen, (), hum)
@@ -225,31 +187,26 @@ def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Eff
     return Path((*steps, best), seen, tied if len(tied) > 1 else (), hum)
 
 
-def below_a_guess(one: Candidate, noise: float) -> bool:
-    """Whether a set leaves clearly less than the noise was taken for, in records that never idle.
+def _known(base: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float,
+           say: Callable[[str], None]) -> Path | None:  # fmt: skip
+    """The search from a base model that leaves but noise in the fit; None where it is to be gone on with.
 
-    What is left may then be noise or the last per cent of a law, and no gain in BIC tells which.
+    Where a wrong law shows only in a record that the others are to foretell, effects are looked for by that if none is certain.
     """
-    assert one.fitter is not None
-    return one.error_where_known < GUESSED * noise and all(record.noise_basis != "idle" for record in one.fitter.records)
+    if min(base.error_where_known, base.error_fit) > ADEQUATE * noise:
+        return None
+    faint = _faint([base], model, catalogue, noise, say)
+    return faint if base.error_where_known <= ADEQUATE * noise or faint.end.effects else None
 
 
-def _certain(found: Sequence[Candidate], current: Candidate, base: Candidate, noise: float) -> list[Candidate]:
-    """Those that many samples make certain and that take away most of what the current set leaves, known or held out.
-
-    Beside effects that are named already, what is small against their gain in BIC may be the form of their laws.
-    """
-    least = CERTAIN if not current.effects else max(CERTAIN, OWN_FORM * against(current, base).delta_bic)
-    return [one for one in found if one.delta_bic > least and one.error_where_known < current.error_where_known
-            and _takes_most(one, current, noise)]
-
-
-def _takes_most(one: Candidate, current: Candidate, noise: float) -> bool:
-    """Whether most of what is left goes where it is known or, of a record that the current set does not foretell, held out."""
-    left = (1.0 - TAKEN) * excess(current.error_where_known, noise)
-    foretold = (1.0 - TAKEN) * excess(current.error_held_out, noise)
-    return excess(one.error_where_known, noise) <= left or (
-        current.error_held_out > ADEQUATE * noise and excess(one.error_held_out, noise) <= foretold)
+def _with_faint(path: Path, model: Model, catalogue: Mapping[str, Effect], most: int, noise: float,
+                say: Callable[[str], None]) -> Path:  # fmt: skip
+    """The path and, where it leaves but noise, an effect more that is certain."""
+    end = path.end
+    if path.tied or not end.effects or len(end.effects) >= most or end.error_where_known > ADEQUATE * noise:
+        return path
+    faint = _faint(path.steps, model, catalogue, noise, say)
+    return replace(faint, seen=(*path.seen, *faint.seen))
 
 
 def _with_search_steps(one: Candidate, base: Candidate, noise: float) -> Candidate:
@@ -283,35 +240,6 @@ def _switched(current: Candidate, model: Model, catalogue: Mapping[str, Effect],
     return None if more is None else against(more, by_noise(current))
 
 
-def likeliest(passing: Sequence[Candidate], noise: float) -> Candidate:
-    """The one of these candidates that foretells best; of those that leave as little as it, the one that explains most.
-
-    Between held-out errors of hardly more than noise chance decides, and a record that no other foretells.
-    """
-    first = passing[0]
-    rivals = [one for one in passing if one.fit is not None and _leaves_as_little(one, first, noise)]
-    if first not in rivals or first.fit is None:
-        return first
-    size = effective_size(first.fit)
-    best = min(rivals, key=lambda one: math.inf if one.fit is None else bic(one.fit, size))
-    assert best.fit is not None
-    return best if bic(best.fit, size) < bic(first.fit, size) - DELTA_BIC else first
-
-
-def _leaves_as_little(one: Candidate, first: Candidate, noise: float) -> bool:
-    """Whether a candidate leaves but noise where it is known, or in the fit hardly more, and as much as the first."""
-    return one.error_where_known <= ADEQUATE * noise or one.error_fit <= min(COMPLETE * noise, AS_LITTLE * first.error_fit)
-
-
-def _vanishes(one: Candidate, catalogue: Mapping[str, Effect]) -> bool:
-    """Whether the last effect of a set ended where it does nothing: what it gained was a better place without it."""
-    assert one.fit is not None
-    name = one.effects[-1]
-    values = one.fit.state.model.effects.get(name, {})
-    strengths = [each for each in catalogue[name].parameters if each.vanishes and each.name in values]
-    return bool(strengths) and all(values[each.name] == each.neutral for each in strengths)
-
-
 def _round(current: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None],
            final: bool, look: BelievedLook | None) -> tuple[Candidate, list[Candidate]]:  # fmt: skip
     """The current set, refitted where a larger one shows a deeper valley of it, and the candidates that extend it by one."""
@@ -343,24 +271,16 @@ def _with_parts(one: Candidate, noise: float) -> Candidate:
     return _fitted_anew(one, one.fitter, with_parts_of_passes(one.fitter, one.fit))
 
 
-def forward(
-    begun: Sequence[Candidate],
-    model: Model,
-    catalogue: Mapping[str, Effect],
-    most: int,
-    say: Callable[[str], None],
-    look: BelievedLook | None = None,
-) -> Path:
+def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Effect], most: int,
+            say: Callable[[str], None], look: BelievedLook | None = None) -> Path:  # fmt: skip
     """Rounds of candidates from the last of the steps `begun` (the first: the base model), until there are `most` effects.
 
     look: at the believed machine, for the first round.
     """
     base, current, steps = begun[0], begun[-1], list(begun)
     noise = pooled(base.errors)[1]
-    if not current.effects and min(current.error_where_known, current.error_fit) <= ADEQUATE * noise:
-        faint = _faint([base], model, catalogue, noise, say)
-        if current.error_where_known <= ADEQUATE * noise or faint.end.effects:
-            return faint  # else its wrong law shows only where the others foretell a record: by that, effects are looked for
+    if not current.effects and (known := _known(base, model, catalogue, noise, say)) is not None:
+        return known
     seen: list[Candidate] = []
     tied: tuple[str, ...] = ()
     rivals: list[Candidate] = []
@@ -378,12 +298,10 @@ def forward(
             if current.error_where_known <= ADEQUATE * noise:
                 break
         seen += map(_told, last)
-        passing = [one for one in last if one.fit is not None and worth_naming(one, current, base, noise)
-                   and not _vanishes(one, catalogue)]
+        passing = passing_gates(last, current, base, noise, catalogue)
         if not passing:
             break
-        first = likeliest(passing, noise)
-        passing = [first, *(one for one in passing if one is not first)]
+        first = passing[0]
         if final and first.error_where_known > HOPEFUL * noise:
             break
         equal = [one for one in passing[1:] if tied_with(first, one, current, noise)]
@@ -418,10 +336,7 @@ def forward(
             seen.append(_told(instead))
     end = fine[1] if fine is not None and fine[0] is current else settled(by_noise(current), catalogue)
     path = _ended([believed, *steps[1:-1], end], seen, tied, rivals, noise, catalogue, say)
-    if path.tied or not path.end.effects or len(path.end.effects) >= most or path.end.error_where_known > ADEQUATE * noise:
-        return path
-    faint = _faint(path.steps, model, catalogue, noise, say)
-    return replace(faint, seen=(*path.seen, *faint.seen))
+    return _with_faint(path, model, catalogue, most, noise, say)
 
 
 def _ended(

@@ -11,7 +11,8 @@ from dataclasses import replace
 
 from analysis.search.believed_look import BelievedLook
 from analysis.search.diagnosis import COMPLETE, excess
-from analysis.search.forward_search import Path, against, forward, worth_naming
+from analysis.search.forward_search import Path, forward
+from analysis.search.gates import against, worth_naming
 
 CLEARLY = 0.5  # share of the excess of the first search that the second may leave, to be believed instead
 SEEN = 0.8  # share of the cost of the openings with one effect that those with two may leave, to be fitted

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from analysis.fit.effect_start import extended, state_without
+from analysis.fit.effect_start import extended, is_required, state_without
 from analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from analysis.fit.starts import polish
 from analysis.search.candidate_round import candidate_of
@@ -39,8 +39,7 @@ def with_rivals(
     first, tied = rivals[0].effects[-1], []
     for rival in rivals[1:]:
         name = rival.effects[-1]
-        required = any(first in catalogue[one].requires for one in found.effects)
-        if first not in found.effects or name in found.effects or required:
+        if first not in found.effects or name in found.effects or is_required(first, found.effects, catalogue):
             continue
         other = rival
         if len(found.effects) > 1:
