@@ -187,16 +187,17 @@ def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Eff
     return Path((*steps, best), seen, tied if len(tied) > 1 else (), hum)
 
 
-def _known(base: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float,
+def _known(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Effect], noise: float,
            say: Callable[[str], None]) -> Path | None:  # fmt: skip
-    """The search from a base model that leaves but noise in the fit; None where it is to be gone on with.
+    """The search from a model without effects that leaves but noise in the fit; None where it is to be gone on with.
 
     Where a wrong law shows only in a record that the others are to foretell, effects are looked for by that if none is certain.
     """
-    if min(base.error_where_known, base.error_fit) > ADEQUATE * noise:
+    base, current = begun[0], begun[-1]
+    if min(current.error_where_known, current.error_fit) > ADEQUATE * noise:
         return None
     faint = _faint([base], model, catalogue, noise, say)
-    return faint if base.error_where_known <= ADEQUATE * noise or faint.end.effects else None
+    return faint if current.error_where_known <= ADEQUATE * noise or faint.end.effects else None
 
 
 def _with_faint(path: Path, model: Model, catalogue: Mapping[str, Effect], most: int, noise: float,
@@ -279,7 +280,7 @@ def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Ef
     """
     base, current, steps = begun[0], begun[-1], list(begun)
     noise = pooled(base.errors)[1]
-    if not current.effects and (known := _known(base, model, catalogue, noise, say)) is not None:
+    if not current.effects and (known := _known(begun, model, catalogue, noise, say)) is not None:
         return known
     seen: list[Candidate] = []
     tied: tuple[str, ...] = ()
