@@ -20,13 +20,15 @@ from analysis.force.cut_variables import course_of
 from analysis.force.latent_force import MissingForce, missing_force, with_force
 from analysis.force.ranking import Ranked, rank
 from analysis.force.regression import products, windows_of
-from analysis.search.diagnosis import ADEQUATE, Diagnosis
+from analysis.force.terms import power_term
+from analysis.search.diagnosis import ADEQUATE, Diagnosis, OtherForm
 from testbed.effect import Effect
 from testbed.proposal import Coefficient, ForceTerm, write_proposal
 
 ANGLES = (-0.05, 0.0, 0.05)  # rad, changes of the tooth angle that every formula is tried at
 EXPLAINED = 0.5  # share of the excess from which a formula is called a description of the force
 CLEAR = 0.25  # share of the force's variance from which a variable is said to rule it
+REFERENCE = "reference_"  # with which the name begins of what a law is a power of
 RETURN_ANGLE = 3e-3  # rad, change of the tooth angle from which the regression is done again
 
 
@@ -90,8 +92,11 @@ def left_unexplained(
 ) -> list[Explanation]:
     """What describes the force that a diagnosis left unexplained, as `explanations`; none where it left but noise.
 
+    Where a known law with another exponent explains the records, that is the force looked for, from the machine of that fit.
     ValueError where the force cannot be estimated.
     """
+    if found.form is not None and found.form.fitted is not None:
+        return _of_form(plant, records, found.form, catalogue, say)
     chosen = found.best if found.verdict == "missing_effect" else found.base
     if chosen.fit is None or chosen.error_held_out <= ADEQUATE * found.noise_floor:
         return []
@@ -104,6 +109,26 @@ def left_unexplained(
         states.append(bare)
     told = [explanations(missing_force(plant, records, state, catalogue, say), say) for state in states]
     return max(told, key=lambda some: some[0].share)
+
+
+def _of_form(plant: Plant, records: Sequence[Observed], form: OtherForm, catalogue: Mapping[str, Effect],
+             say: Callable[[str], None]) -> list[Explanation]:  # fmt: skip
+    """What describes the force of a known law with another exponent: by regression, or the power where that is too faint.
+
+    All of a record shows a law to a fit; a regression sees but windows of it.
+    """
+    assert form.fitted is not None and form.fitted.fit is not None
+    bare = form.fitted.fit.state.without_effect(form.effect)
+    missing = missing_force(plant, records, bare, catalogue, say)
+    told = explanations(missing, say)
+    reference = next(one.name for one in catalogue[form.effect].form if one.name.startswith(REFERENCE))
+    term = power_term(reference.removeprefix(REFERENCE), form.low, form.high)
+    if term is None or told[0].formula and told[0].share >= EXPLAINED:
+        return told
+    chooser = Chooser(products(missing, [term], say=say))
+    alone, power = chooser.subset(()), chooser.subset((0,))
+    choice = Choice(power, ((alone,), (power,)), max(alone.held_out - min(power.held_out, chooser.rows), 1e-12))
+    return [_explanation(missing, chooser, choice, power, certain=True)]
 
 
 def corrected(state: State, corrections: dict[str, float]) -> State:
@@ -144,17 +169,18 @@ def explanations(missing: MissingForce, say: Callable[[str], None] = lambda text
     return [_explanation(missing, chooser, choice, one) for one in (choice.chosen, *choice.rivals(chooser))]
 
 
-def _explanation(missing: MissingForce, chooser: Chooser, choice: Choice, wanted: Subset) -> Explanation:
-    """What one subset of the terms says of the missing force."""
+def _explanation(missing: MissingForce, chooser: Chooser, choice: Choice, wanted: Subset,
+                 certain: bool = False) -> Explanation:  # fmt: skip
+    """What one subset of the terms says of the missing force. certain: a fit has shown that they are there."""
     terms = [chooser.terms[place] for place in wanted.places]
     alternatives = tuple((tuple(chooser.terms[place].law or "1" for place in one.places), choice.share(one))
                          for one in choice.alternatives())  # fmt: skip
-    significant = choice.excess > 4.0 * math.sqrt(2.0 * chooser.rows) and bool(wanted.places)
+    significant = certain or choice.excess > 4.0 * math.sqrt(2.0 * chooser.rows) and bool(wanted.places)
     chooser, chosen, turned = _settled(missing, terms, chooser, wanted)
     found, corrections = coefficients(chooser, chosen)
     if "mark_angle" in corrections:
         corrections["mark_angle"] += turned
-    share = choice.share(chosen)
+    share = max(0.0, choice.share(chosen))
     drive = max(1.0 + corrections.get("drive", 0.0), 0.1)
     written = tuple(
         replace(one, value=one.value / drive, low=one.low / drive, high=one.high / drive)

@@ -15,6 +15,10 @@ from testbed.proposal import ForceTerm
 
 HARMONICS = 6  # of the tooth angle
 CREEP = 1e-3  # m/s, the velocity over which a change of sign is rounded
+POWERS = {  # terms whose force is a power of a variable, with its sign
+    "stiffness_2_odd": ("displacement", 2), "stiffness_3": ("displacement", 3), "stiffness_5": ("displacement", 5),
+    "stiffness_7": ("displacement", 7), "damping_2": ("velocity", 2), "damping_3": ("velocity", 3),
+}  # fmt: skip
 _MATH = SimpleNamespace(cos=np.cos, sin=np.sin, tanh=np.tanh, sqrt=np.sqrt, copysign=np.copysign, pi=math.pi)
 
 
@@ -41,6 +45,12 @@ def structure_terms() -> list[ForceTerm]:
         term("damping_xx", "-x^2 v", f"-{x} * {x} * {v}", "N s/m^3", "damping by the square of the displacement", 1.1),
         term("inertia_xvv", "-x v^2", f"-{x} * {v} * {v}", "N s^2/m^3", "inertia that depends on the displacement", 1.4),
     ]
+
+
+def power_term(variable: str, low: float, high: float) -> ForceTerm | None:
+    """The term of the structure whose power of a variable lies between two exponents, if there is one."""
+    within = (term for term in structure_terms() if term.name in POWERS and POWERS[term.name][0] == variable)
+    return next((term for term in within if low <= POWERS[term.name][1] <= high), None)
 
 
 def _tooth_laws(flutes: int) -> list[tuple[str, str, str, str, str, float]]:

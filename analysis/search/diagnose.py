@@ -110,29 +110,39 @@ def _without_irregular(base: Candidate, plant: Plant, model: Model, catalogue: M
     """(the diagnosis of the records whose motion repeats, a set of effects with which a search on all begins), where the others
     make the base fit a rough one; None for what there is not.
 
-    The diagnosis stands where by what it found, too, motions part in those others that it does not foretell; the set is had
-    where it foretells them all.
+    The diagnosis stands where by what it found, too, motions part in those others that it does not foretell, and where that is
+    a law of no catalogue; the set is had where it foretells them all.
     """
     assert base.fitter is not None
     records = base.fitter.records
     places = irregular(records) if base.error_held_out > ROUGH * pooled(base.errors)[1] else []
     if not places:
         return None, None
-    names = ", ".join(records[place].name for place in places)
-    say(f"without {names}: no revolution is like the one before")
+    names = [records[place].name for place in places]
+    say(f"without {', '.join(names)}: no revolution is like the one before")
     kept = [record for place, record in enumerate(records) if place not in places]
     found = _search(_as_believed(plant, kept, model, catalogue, say), plant, model, catalogue, most, say)
     if not _complete(found) and found.form is None:
         return None, None
-    best = by_noise(found.best)
+    best = by_noise(found.best) if found.form is None or found.form.fitted is None else found.form.fitted
     assert best.fitter is not None and best.fit is not None
-    say(f"holding what was found against {names}")
+    say(f"holding what was found against {', '.join(names)}")
     seen = followed(best.fitter, best.fit.state, records, places)
-    if not seen.strange:
+    if not seen.strange and found.form is None:
         return None, against(candidate_of(seen.fitter, seen.fitted(), best.effects, None, 1.0), base)
-    if set(seen.parting) < set(seen.strange):
+    strange = [records[place].name for place in seen.strange]
+    if set(seen.parting) == set(seen.strange) and strange:
+        return replace(found, sentence=f"{found.sentence} {_left_out(strange)}"), None
+    if found.form is None:
         return None, None
-    return replace(found, sentence=f"{found.sentence} {_left_out([records[place].name for place in seen.strange])}"), None
+    return replace(found, sentence=f"{found.sentence} {_held_against(names, strange)}"), None
+
+
+def _held_against(names: Sequence[str], strange: Sequence[str]) -> str:
+    """In words, what a law that was found on the other records says of these."""
+    if strange:
+        return f"Left out: {', '.join(strange)}. No revolution there is like the one before, and that law does not explain it."
+    return f"Found without {', '.join(names)}, where no revolution is like the one before, it explains that, too."
 
 
 def _left_out(names: Sequence[str]) -> str:
@@ -206,7 +216,7 @@ def _search(
     path = looked_again(forward(begun, model, catalogue, most, say, look), look, noise, most)
     seen = sorted(path.seen, key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))
     found = verdict_of(path.steps[0], path.end, path.steps, tuple(seen), noise, path.tied)
-    found = with_form_asked(found, catalogue, say)
+    found = with_other_form(found, path.form) if path.form is not None else with_form_asked(found, catalogue, say)
     return replace(found, sentence=f"{found.sentence} {path.hum}") if path.hum else found
 
 

@@ -61,7 +61,7 @@ class OtherForm:
     """The exponent of an effect's law, as the law has it and as the records do, with its 95 % interval and the gain in BIC.
 
     left: error over noise floor, in the fit. parameters: the effect's values, as a model file may say them. needless: effects
-    named beside it that are not needed with that exponent.
+    named beside it that are not needed with that exponent. fitted: with that exponent.
     """
 
     effect: str
@@ -73,6 +73,7 @@ class OtherForm:
     left: float
     parameters: Mapping[str, float]
     needless: tuple[str, ...] = ()
+    fitted: Candidate | None = field(default=None, repr=False, compare=False)
 
     @property
     def sentence(self) -> str:
@@ -81,6 +82,12 @@ class OtherForm:
         return (f"The law itself is another: in {self.effect} an exponent of {self.value:.2f} ({self.low:.2f} to "
                 f"{self.high:.2f}) explains the records better than its {self.stated:g} (gain in BIC {self.delta_bic:.0f}; "
                 f"{self.left:.2f} times the noise floor is left){doing}. No effect of the catalogue has that law.")
+
+    def as_json(self) -> dict[str, Any]:
+        """As `testbed diagnose --json` tells it (contract)."""
+        told = asdict(replace(self, fitted=None))
+        del told["fitted"]
+        return told
 
 
 @dataclass(frozen=True)
@@ -293,7 +300,7 @@ def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
             "separates": list(result.separates),
             "difference": result.next_test.difference,
         },
-        "other_law": None if result.form is None else asdict(result.form),
+        "other_law": None if result.form is None else result.form.as_json(),
         "history": [
             {"effects": list(step.effects), "error": step.error_held_out, "noise_floor": result.noise_floor}
             for step in result.steps

@@ -24,9 +24,10 @@ from analysis.fit.waveform import Fitter
 from analysis.search.begun_anew import begun_anew, switched_on_too
 from analysis.search.believed_look import BelievedLook
 from analysis.search.candidate_round import CERTAIN, candidate_of, certain_candidates, try_candidates
-from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate
+from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, OtherForm
 from analysis.search.exchanged import exchanged
 from analysis.search.gates import against, below_a_guess, certain_ones, passing_gates, vanishes
+from analysis.search.law_form import steeper_form
 from analysis.search.mains import hum_of
 from analysis.search.settled import settled
 from analysis.search.ties import tied_with, with_rivals
@@ -45,13 +46,14 @@ STILL_ROUGH = 3.0  # and, once they were, from which they still are: else the qu
 class Path:
     """A search from its first step to its last. tied: effects that the data cannot tell apart, where that ended it.
 
-    hum: in words, the line of the mains that is all it found last.
+    hum: in words, the line of the mains that is all it found last. form: a law of no catalogue, where finding it ended it.
     """
 
     steps: tuple[Candidate, ...]
     seen: tuple[Candidate, ...]
     tied: tuple[str, ...]
     hum: str = ""
+    form: OtherForm | None = None
 
     @property
     def end(self) -> Candidate:
@@ -258,6 +260,15 @@ def _named(first: Candidate, model: Model, catalogue: Mapping[str, Effect], nois
     return _weighed(_with_parts(_with_feed(_at_its_jumps(_backward(first, catalogue, say))), noise))
 
 
+def _first_form(asked: Sequence[Candidate], tried: Sequence[Candidate], before: Candidate, noise: float,
+                catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> OtherForm | None:  # fmt: skip
+    """After the first round, another form of the law of an effect, where that explains what none of those tried does."""
+    if before.effects or any(one.error_where_known <= ADEQUATE * noise for one in tried):
+        return None
+    sets = [by_noise(one) for one in tried if one.fit is not None]
+    return steeper_form(sets if asked is tried else [by_noise(one) for one in asked], sets, catalogue, say)
+
+
 def _with_feed(one: Candidate) -> Candidate:
     """The set with the feed a tooth as it explains more with these effects: as written, or as a table leaves it."""
     assert one.fit is not None and one.fitter is not None
@@ -286,6 +297,7 @@ def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Ef
     tied: tuple[str, ...] = ()
     rivals: list[Candidate] = []
     fine: tuple[Candidate, Candidate] | None = None  # a set, and the same with finer steps
+    form: OtherForm | None = None
     believed = base  # as it was fitted to the noise, or by the nesting guard: with this the fall of the error is told
     current = steps[-1] = _weighed(current)
     base = base if current.effects else current
@@ -300,7 +312,8 @@ def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Ef
                 break
         seen += map(_told, last)
         passing = passing_gates(last, current, base, noise, catalogue)
-        if not passing:
+        form = _first_form(last, last, current, noise, catalogue, say)
+        if form is not None or not passing:
             break
         first = passing[0]
         if final and first.error_where_known > HOPEFUL * noise:
@@ -318,6 +331,8 @@ def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Ef
         steps.append(current)
         if current is not first:
             seen = [*(one for one in seen if one.effects != current.effects), _told(current)]
+        if (form := _first_form([current], last, steps[-2], noise, catalogue, say)) is not None:
+            break
         finer = _with_finer_steps(current, noise, catalogue, say)
         fine = None if finer is None else (current, finer)
         if finer is not None and finer.error_held_out <= ADEQUATE * noise:
@@ -327,8 +342,8 @@ def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Ef
             current = completed
             steps.append(current)
             seen.append(_told(current))
-    if not current.effects:
-        return Path((by_noise(believed),), tuple(seen), ())
+    if form is not None or not current.effects:
+        return Path((by_noise(believed), *map(by_noise, steps[1:])), tuple(seen), (), form=form)
     current = _weighed(current)
     if not tied:
         instead, tied = exchanged(current, base, model, catalogue, noise, say)

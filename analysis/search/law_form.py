@@ -7,20 +7,22 @@ are sure that it is three. Then the law is one that the catalogue does not hold.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from analysis.fit.effect_start import state_without
 from analysis.fit.estimates import estimates
 from analysis.fit.evidence import DELTA_BIC, bic, effective_size
-from analysis.fit.fit_state import Free, State, WaveformFit
+from analysis.fit.fit_state import Free, State
 from analysis.fit.held_out import errors_in_fit, pooled
 from analysis.fit.waveform import Fitter
-from analysis.search.diagnosis import COMPLETE, Candidate, Diagnosis, OtherForm
+from analysis.search.candidate_round import candidate_of
+from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, OtherForm
 from testbed.effect import Effect, Parameter
 
 ANOTHER = 0.25  # difference of an exponent from the law's own, from which it is another law's
-DOUBTED = ("missing_effect", "unexplained", "adequate")  # verdicts under which a law may be another
+STEEPER = 0.5  # by which it must be larger, to be believed before pairs of effects were tried: what those make up is not
+DOUBTED = ("missing_effect", "unexplained", "adequate", "not_converged")  # verdicts under which a law may be another
 STEP = 0.1  # natural step of an exponent
 ITERATIONS = 40
 
@@ -56,10 +58,32 @@ def other_form(one: Candidate, catalogue: Mapping[str, Effect], say: Callable[[s
             state, fitter = one.fit.state, one.fitter
             for other in needless:
                 state, fitter = state_without(state, other, catalogue), fitter.without(other)
-            found = _freed(fitter, state, catalogue, name, exponent, one.fit)
+            kept = tuple(other for other in one.effects if other not in needless)
+            found = _freed(fitter, state, catalogue, name, exponent, kept, one)
             if found is not None:
                 return replace(found, needless=needless)
     return None
+
+
+def steeper_form(asked: Sequence[Candidate], tried: Sequence[Candidate], catalogue: Mapping[str, Effect],
+                 say: Callable[[str], None]) -> OtherForm | None:  # fmt: skip
+    """The clearly larger exponent of a law, by which one of the sets `asked` leaves but noise, and less than all those `tried`.
+
+    With it a search may end: two effects of the catalogue do not make up a steeper law than either has. The records of all
+    sets are weighed by their noise.
+    """
+    for one in sorted((one for one in asked if one.fit is not None), key=lambda one: one.error_fit):
+        other = other_form(one, catalogue, say)
+        if other is not None and other.value >= other.stated + STEEPER and other.left <= ADEQUATE and _beats(other, tried):
+            return other
+    return None
+
+
+def _beats(other: OtherForm, tried: Sequence[Candidate]) -> bool:
+    """Whether BIC prefers a law of another form to every set of effects."""
+    assert other.fitted is not None and other.fitted.fit is not None
+    size = effective_size(other.fitted.fit)
+    return all(bic(other.fitted.fit, size) < bic(one.fit, size) - DELTA_BIC for one in tried if one.fit is not None)
 
 
 def _exponent(effect: Effect) -> Parameter | None:
@@ -67,9 +91,15 @@ def _exponent(effect: Effect) -> Parameter | None:
 
 
 def _freed(
-    fitter: Fitter, state: State, catalogue: Mapping[str, Effect], name: str, exponent: Parameter, before: WaveformFit
+    fitter: Fitter, state: State, catalogue: Mapping[str, Effect], name: str, exponent: Parameter, kept: tuple[str, ...],
+    one: Candidate,
 ) -> OtherForm | None:  # fmt: skip
-    """What a fit with the exponent of an effect free finds, where that is another, explains more, and leaves but noise."""
+    """What a fit of the effects `kept` with the exponent of one free finds, where that is another, and leaves but noise.
+
+    one: the set as it was fitted with the law's own exponent, which must explain clearly less.
+    """
+    before = one.fit
+    assert before is not None
     path = f"{name}.{exponent.name}"
     model = state.model.with_effect(name, exponent=exponent.neutral, **_references(catalogue[name], fitter))
     free = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, Free(path, STEP, exponent.bounds)])
@@ -82,7 +112,8 @@ def _freed(
     if not far or gain <= DELTA_BIC or error > COMPLETE * noise:  # what leaves more is not the law either
         return None
     values = dict(fit.state.model.effects[name])
-    return OtherForm(name, exponent.neutral, told.value, told.low, told.high, gain, error / noise, values)
+    fitted = candidate_of(free, fit, kept, before, size)
+    return OtherForm(name, exponent.neutral, told.value, told.low, told.high, gain, error / noise, values, fitted=fitted)
 
 
 def _references(effect: Effect, fitter: Fitter) -> dict[str, float]:

@@ -11,8 +11,9 @@ from dataclasses import replace
 
 from analysis.search.believed_look import BelievedLook
 from analysis.search.diagnosis import COMPLETE, excess
-from analysis.search.forward_search import Path, forward
+from analysis.search.forward_search import Path, by_noise, forward
 from analysis.search.gates import against, worth_naming
+from analysis.search.law_form import steeper_form
 
 CLEARLY = 0.5  # share of the excess of the first search that the second may leave, to be believed instead
 SEEN = 0.8  # share of the cost of the openings with one effect that those with two may leave, to be fitted
@@ -24,10 +25,10 @@ def looked_again(path: Path, look: BelievedLook, noise: float, most: int) -> Pat
     Which that is, the openings of the records tell. Where that, too, leaves much, it is tried with every other effect at once:
     of two strong ones neither need explain anything alone. noise: the noise floor, as the errors.
     """
-    if most < 2 or path.end.error_where_known <= COMPLETE * noise or (best := look.leader) is None:
+    if most < 2 or path.form or path.end.error_where_known <= COMPLETE * noise or (best := look.leader) is None:
         return path
     found = begun_with(path, [best], look, noise, most)
-    if found.end.error_where_known <= COMPLETE * noise:
+    if found.form or found.end.error_where_known <= COMPLETE * noise:
         return found
     pairs = look.beside_leader()
     other = min(pairs, key=lambda name: pairs[name], default=best)
@@ -45,6 +46,9 @@ def begun_with(path: Path, names: Sequence[str], look: BelievedLook, noise: floa
     reference = first if first is not None and len(first.effects) == len(names) else base
     if begun.error_held_out >= reference.error_held_out or first is None and not worth_naming(begun, base, base, noise):
         return path
+    form = steeper_form([by_noise(begun)], [by_noise(one) for one in (*path.steps, begun)], look.catalogue, look.say)
+    if form is not None:
+        return replace(path, seen=(*path.seen, begun), form=form)
     again = forward([base, begun], look.model, look.catalogue, most, look.say)
     now, before = excess(again.end.error_held_out, noise), excess(path.end.error_held_out, noise)
     return replace(again, seen=(*path.seen, begun, *again.seen)) if now <= CLEARLY * before else path

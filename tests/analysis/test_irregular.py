@@ -9,7 +9,10 @@ import pytest
 from analysis.fit.fit_state import State
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import observe
+from analysis.search.begun_anew import from_believed
+from analysis.search.candidate_round import candidate_of
 from analysis.search.diagnose import diagnose
+from analysis.search.diagnosis import OtherForm, verdict_of
 from analysis.search.irregular import followed, irregular, parts
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
@@ -29,6 +32,12 @@ def observed():
     records = synthetic_campaign(partial(fast.simulate, steps=97), STIFF, seed=6, tests=(*REPEATING, CHAOTIC),
                                  course=(10, 60, 20), rate=3200.0)
     return [observe(record, BELIEVED) for record in records]
+
+
+@pytest.fixture(scope="module")
+def believed(observed):
+    """The base fit, a rough one, to all records."""
+    return from_believed(PLANT, observed, BELIEVED, (), KNOWN)
 
 
 def test_the_cut_that_never_repeats_is_recognised_where_enough_others_do(observed):
@@ -60,3 +69,25 @@ def test_a_record_left_out_that_the_machine_follows_is_fitted_with_the_others(ob
     seen = followed(fitter, fit.state, observed[:4], [3])
     assert seen.strange == seen.parting == ()
     assert seen.fitted().mean_squares.max() < 1.15
+
+
+@pytest.mark.parametrize(("left_out", "model", "told"), [
+    pytest.param(4, STIFF, "motions that begin almost at one place part there", id="chaotic by the law, too"),
+    pytest.param(4, BELIEVED, "that law does not explain it", id="the law does not foretell it"),
+    pytest.param(3, STIFF, "it explains that, too", id="the law foretells it"),
+])
+def test_a_law_found_on_the_others_is_held_against_the_irregular_record_and_ends_the_search(
+        observed, believed, monkeypatch, left_out, model, told):
+    def searched(base, plant, *_):
+        assert len(base.fitter.records) == len(records) - 1  # no search on all records follows
+        law = candidate_of(*model_fit(plant, base.fitter.records, model, KNOWN), ("cubic_stiffness",), None, 1.0)
+        form = OtherForm("cubic_stiffness", 3.0, 5.0, 4.9, 5.1, 100.0, 1.0, {}, (), law)
+        return replace(verdict_of(base, base, [base], (), 1e-9, ()), verdict="unexplained", form=form)
+
+    records = observed if left_out == 4 else observed[:4]
+    monkeypatch.setattr("analysis.search.diagnose._as_believed",
+                        lambda _, records, *more: replace(believed, fitter=believed.fitter.on(records)))
+    monkeypatch.setattr("analysis.search.diagnose.irregular", lambda _: [left_out])
+    monkeypatch.setattr("analysis.search.diagnose._search", searched)
+    found = diagnose(PLANT, records, BELIEVED, KNOWN)
+    assert found.verdict == "unexplained" and told in found.sentence and records[left_out].name in found.sentence

@@ -1,14 +1,17 @@
 """Is another law told from the one it was named by, and the named one left alone where it holds?"""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 from plain_cut import TRUE, free_decays
 
+from analysis.force.explain_force import formula_text, left_unexplained
 from analysis.search.begun_anew import from_believed
 from analysis.search.diagnose import diagnose
 from analysis.search.diagnosis import as_json
-from analysis.search.law_form import other_form
+from analysis.search.law_form import other_form, steeper_form
+from analysis.search.odd_records import with_odd_records
 from testbed.catalogue import catalogue
 from testbed.engines import predict
 
@@ -81,3 +84,56 @@ def test_a_diagnosis_calls_a_named_law_unknown_where_its_exponent_is_another():
     assert told["parameters"]["exponent"] == told["value"]
     assert told["effect"] == "quadratic_damping" and told["stated"] == 2.0 and told["low"] < 3.0 < told["high"]
     assert "The law itself is another" in found.sentence
+
+
+def quiet(text):
+    """Nothing is told."""
+
+
+def test_a_steeper_law_is_believed_where_no_set_that_was_tried_explains_as_much():
+    fitted = from_believed(PLANT, free_decays(lambda x, v: -1500.0 * v**3), BELIEVED, ("quadratic_damping",), KNOWN)
+    found = steeper_form([fitted], [fitted], KNOWN, quiet)
+    assert found.value == pytest.approx(3.0, abs=0.2) and found.fitted.effects == ("quadratic_damping",)
+    assert found.fitted.error_fit < fitted.error_fit
+    assert steeper_form([fitted], [fitted, found.fitted], KNOWN, quiet) is None
+
+
+def test_a_law_that_is_less_steep_may_be_made_up_of_two_and_is_left_to_the_search():
+    fitted = from_believed(PLANT, free_decays(lambda x, v: -300.0 * abs(v) ** 0.5 * v), BELIEVED, ("quadratic_damping",), KNOWN)
+    assert other_form(fitted, KNOWN, quiet) is not None and steeper_form([fitted], [fitted], KNOWN, quiet) is None
+
+
+@pytest.fixture(scope="module")
+def cubed():
+    """The diagnosis of decays under a cubic damping, with what was said."""
+    known, said = {name: KNOWN[name] for name in ("quadratic_damping", "dry_friction", "cubic_stiffness")}, []
+    records = free_decays(lambda x, v: -6000.0 * v**3)
+    return records, diagnose(PLANT, records, BELIEVED, known, say=said.append), known, said
+
+
+def test_a_steeper_law_ends_the_search_before_others_are_added_to_imitate_it(cubed):
+    _, found, _, said = cubed
+    assert found.verdict == "unexplained" and found.form.value == pytest.approx(3.0, abs=0.1)
+    assert found.form.needless == () and all(len(step.effects) < 2 for step in found.steps)
+    assert said[-1] == "is the exponent of quadratic_damping that of its law?"
+
+
+def test_records_that_a_law_explains_are_not_fitted_each_alone(cubed):
+    _, found, known, _ = cubed
+    assert with_odd_records(found, PLANT, BELIEVED, known, pytest.fail) is found
+
+
+def test_the_force_is_looked_for_from_the_machine_of_the_law_that_explains_the_records(cubed):
+    records, found, known, _ = cubed
+    first = left_unexplained(PLANT, records, found, known)[0]
+    assert [one.term.name for one in first.formula] == ["damping_3"], formula_text(first.formula)
+    assert first.formula[0].value == pytest.approx(6000.0, rel=0.05)
+
+
+def test_a_law_that_only_a_fit_sees_is_proposed_as_the_power_that_its_interval_holds(cubed, monkeypatch):
+    records, found, known, _ = cubed
+    monkeypatch.setattr("analysis.force.explain_force.EXPLAINED", 1.1)  # no regression explains enough
+    (only,) = left_unexplained(PLANT, records, found, known)
+    assert [one.term.name for one in only.formula] == ["damping_3"] and 0.9 < only.share <= 1.0
+    nowhere = replace(found, form=replace(found.form, low=2.4, high=2.6))  # no term of the library has such a power
+    assert len(left_unexplained(PLANT, records, nowhere, known)) > 1

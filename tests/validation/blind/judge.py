@@ -17,7 +17,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -69,7 +68,7 @@ def _diagnosed(truth: Any, records: Any, known: Any) -> dict[str, Any]:
     told = {"made": True, "seconds": time.perf_counter() - begin, "processor": time.process_time() - processor,
             "verdict": found.verdict, "effects": list(found.effects), "baseline": found.baseline,
             "with_effects": found.with_effects, "noise_floor": found.noise_floor,
-            "other_law": None if found.form is None else asdict(found.form)}
+            "other_law": None if found.form is None else found.form.as_json()}
     if found.best.fit is not None and found.best.fitter is not None:
         told["parameters"] = {
             path: {"value": one.value, "low": one.low, "high": one.high, "true": _true(truth, path)}

@@ -28,7 +28,7 @@ from analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from tests.validation.blind.count import misfit
-from tests.validation.blind.judge import FOLDER, PLANT, RESULTS, answered, drawn, known_seeds
+from tests.validation.blind.judge import ELSEWHERE, FOLDER, PLANT, RESULTS, answered, drawn, known_seeds
 from tests.validation.blind.make import records_of
 from tests.validation.claims import Claim, Section
 
@@ -99,12 +99,12 @@ def check() -> Section:
 
 
 def main(arguments: list[str]) -> int:
-    """Propose for the unexplained campaigns of results.jsonl that proposed.jsonl does not hold yet."""
+    """Propose for the unexplained campaigns of results.jsonl and anywhere.jsonl that proposed.jsonl does not hold yet."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args(arguments)
     known = known_seeds(PROPOSED)
-    judged = [json.loads(line) for line in RESULTS.read_text().splitlines()]
+    judged = [json.loads(line) for results in (RESULTS, ELSEWHERE) for line in results.read_text().splitlines()]
     seeds = [one["seed"] for one in judged if one["kind"] == "unknown" and one.get("verdict") == "unexplained"
              and one["seed"] not in known]
     for told in answered(_told, seeds, PROPOSED, options.workers):
