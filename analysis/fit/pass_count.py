@@ -6,7 +6,8 @@ have bent to suit them. Moved at fixed coefficients the right pass then looks wo
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,13 +15,19 @@ import numpy as np
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.held_out import own_refit
 from analysis.fit.nuisances import Nuisances
-from analysis.fit.pass_search import place_entries, place_exits
+from analysis.fit.observed import Observed
+from analysis.fit.pass_search import place_entries, place_exits, squares_of
 from analysis.fit.waveform import Fitter
+from analysis.threads import threaded
 
-MISFIT = 1.5  # mean square residual, in units of the noise, from which a record's passes are doubted
+MISFIT = 1.1  # mean square residual, in units of the noise, from which a record's passes are doubted
 DOUBTED = 2  # records, the worst fitted, whose passes are tried
 ITERATIONS = 8  # of a fit that only has to show which valley is deeper
 MOVES = 6  # of one pass, that a fit is followed through
+ROUND = 24  # places round a tooth's pitch at which the angle of a record without marks is looked for,
+LIKELY = 4  # and of them those whose own unknowns are refitted
+EXPLAINED = 1.5  # mean square residual of all records up to which a model explains them,
+GAIN = 20.0  # and in minus the log likelihood, by which an entry or exit elsewhere must then be better
 
 
 def recounted(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
@@ -63,3 +70,59 @@ def _neighbours(fitter: Fitter, state: State, index: int) -> list[Nuisances]:
     alone = replace(state, nuisances=(own,))
     found += [one.nuisances[0] for one in (place_entries(single, alone), place_exits(single, alone))]
     return [one for one in found if one.entry < one.exit and one != own]
+
+
+def cut_elsewhere(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
+    """The fit with the passes of cuts that it explains looked for once more, all unknowns refitted, if that costs less.
+
+    Where hardly more than noise was measured, an entry many passes off leaves a few per cent more than the right one, and so
+    does a record taken to start in the cut: less than the noise is known to. An effect that moves the entry would be named
+    for it.
+    """
+    if fit.cost > 0.5 * EXPLAINED * sum(record.size for record in fitter.records):
+        return fitter, fit
+    elsewhere = threaded(lambda index: _elsewhere(fitter, fit, index), range(len(fitter.records)))
+    if not any(elsewhere):
+        return fitter, fit
+    records, state = list(fitter.records), fit.state
+    for index, one in enumerate(elsewhere):
+        if one is not None:
+            records[index], state = one[0], state.with_record(index, one[1])
+    wider = fitter.on(records)
+    again = wider.fit(state)
+    return (wider, again) if again.cost < fit.cost - GAIN else (fitter, fit)
+
+
+def _elsewhere(fitter: Fitter, fit: WaveformFit, index: int) -> tuple[Observed, Nuisances] | None:
+    """A record, idling before its cut, with its nuisances where it is cut elsewhere; None where that is hardly better."""
+    record, own = fitter.records[index], fit.state.nuisances[index]
+    if record.cut is None or record.forces_only:
+        return None
+    idling = replace(record, starts_in_cut=False)
+    single, state = fitter.on([idling]), replace(fit.state, nuisances=(own,))
+    best = _best_of(single, state, _neighbours(single, state, 0))
+    if record.first_mark is None:
+        best = _best_of(single, best, _all_round(single, best))
+    if not single.cost(best) < 0.5 * float(np.sum(fit.residuals[index] ** 2)) - GAIN:
+        return None
+    return idling, best.nuisances[0]
+
+
+def _best_of(single: Fitter, state: State, tried: Sequence[Nuisances]) -> State:
+    """The one record's state, or that with the nuisances that explain it best once its own unknowns are refitted."""
+    moved = [own_refit(single, state.with_record(0, one), [0]) for one in tried]
+    return min((state, *moved), key=single.cost)
+
+
+def _all_round(single: Fitter, state: State) -> list[Nuisances]:
+    """The nuisances of a record without marks at the likeliest other tooth angles, with the passes that suit them."""
+    record, own = single.records[0], state.nuisances[0]
+    pitch = 2 * math.pi / record.flutes
+    ranked = []
+    for part in range(ROUND):
+        turned = replace(own, angle=own.angle + pitch * (part / ROUND - 0.5))
+        tried = [replace(turned, entry=own.entry + late, exit=own.exit + later) for late in (-1, 0, 1) for later in (-1, 0, 1)
+                 if own.entry + late < own.exit + later]  # fmt: skip
+        squares = squares_of(single, 0, state, tried)
+        ranked.append((float(squares.min()), tried[int(np.argmin(squares))]))
+    return [one for _, one in sorted(ranked, key=lambda pair: pair[0])[:LIKELY]]

@@ -16,7 +16,7 @@ from analysis.fit.held_out import own_refit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
 from analysis.fit.parts_of_passes import with_parts_of_passes
-from analysis.fit.pass_count import recounted
+from analysis.fit.pass_count import cut_elsewhere, recounted
 from analysis.fit.pass_search import at_rest, place_entries, place_exits, settle_passes, squares_of
 from analysis.fit.prediction import Plant, predict
 from analysis.fit.waveform import Fitter
@@ -287,7 +287,7 @@ def base_fit(
     if fit.cost > goal and not patient:
         return fitter, fit
     fit = from_the_best_half(fitter, fit, goal=goal)
-    return fitter, fit if fit.cost > goal else with_courses(fitter, rested(fitter, fit))
+    return (fitter, fit) if fit.cost > goal else cut_elsewhere(fitter, with_courses(fitter, rested(fitter, fit)))
 
 
 def _entered(records: Sequence[Observed], state: State) -> list[Observed]:

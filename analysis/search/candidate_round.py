@@ -20,7 +20,7 @@ from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.held_out import errors_in_fit, held_out_errors, pooled
 from analysis.fit.length_cut import asks_length, carried_on, with_lengths_found
 from analysis.fit.parts_of_passes import with_parts_of_passes
-from analysis.fit.pass_count import recounted
+from analysis.fit.pass_count import cut_elsewhere, recounted
 from analysis.fit.scale_hops import hopped
 from analysis.fit.starts import at_a_bound, polish, rested
 from analysis.fit.waveform import Fitter
@@ -323,7 +323,7 @@ def _refitted(
     if not smooth:
         fit = rested(entry.fitter, fit, rounds=3, iterations=iterations)
     effects = (*current.effects, entry.name)
-    fit = recounted(entry.fitter, entries_together(entry.fitter, fit))
+    entry.fitter, fit = cut_elsewhere(entry.fitter, recounted(entry.fitter, entries_together(entry.fitter, fit)))
     if _beyond_noise(entry.fitter, fit) < HALVES * _beyond_noise(entry.fitter, current.fit):
         fit = with_parts_of_passes(entry.fitter, fit)
     found = _candidate(current, entry.fitter, fit, effects)

@@ -136,7 +136,9 @@ def _nested(fitter: Fitter, larger: Candidate, catalogue: Mapping[str, Effect]) 
     found = [fitter.fit(state_without(state, name, catalogue), iterations=12)]
     if "engagement" in catalogue[name].hooks and not fitter.gradual:
         sudden = state.without_effect(name).with_sudden_entries(fitter.records)
-        parts = as_believed(fitter, fitter.fit(sudden, iterations=12))
+        begun = fitter.fit(sudden, iterations=12)
+        in_arc = any(own.ends_in_arc() for own in begun.state.nuisances)
+        parts = as_believed(fitter, begun) if in_arc else begun
         found += [] if parts is None else [parts]
     return found
 

@@ -13,6 +13,8 @@ from analysis.fit.held_out import pooled
 from analysis.fit.observed import observe
 from analysis.fit.starts import anchored_states, base_fit, polish
 from analysis.search.begun_anew import from_believed
+from analysis.search.candidate_round import candidate_of
+from analysis.search.forward_search import _nesting_guard
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
@@ -53,3 +55,19 @@ def test_the_first_touch_within_a_pass_is_found_record_by_record():
     assert [own.late_entry for own in state.nuisances] == pytest.approx(list(late.values()), abs=0.05)
     whole = state_without(state, "entry_ramp", catalogue())
     assert all(own.late_entry == 0.0 for own in whole.nuisances)
+
+
+def test_a_ramp_of_no_extent_shows_the_set_without_it_where_its_cuts_begin():
+    """The set without it enters three passes off. The ramp touches the work behind a pass's arc: so the next is the first."""
+    records = synthetic_campaign(partial(fast.simulate, steps=37), TRUE.without_effect("entry_ramp"), seed=4, rate=6400.0,
+                                 tests=((3500, 0.8), (2600, 1.5)), course=(12, 30, 10))
+    known = catalogue()
+    fitter, fit = base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
+    touched = tuple(replace(own, entry=own.entry - 1, late_entry=0.6) for own in fit.state.nuisances)
+    ramp = replace(fit.state, model=fit.state.model.with_effect("entry_ramp", extent=0.0), nuisances=touched)
+    larger = candidate_of(fitter, replace(fit, state=ramp), ("entry_ramp",), None, 1.0)
+    own = fit.state.nuisances[1]
+    wrong = fitter.fit(fit.state.with_record(1, replace(own, entry=own.entry - 3)), iterations=5)
+    current = candidate_of(fitter, wrong, (), None, 1.0)
+    assert wrong.cost > 1.05 * fit.cost
+    assert _nesting_guard(current, [larger], known).fit.cost == pytest.approx(fit.cost, rel=1e-4)

@@ -10,7 +10,7 @@ import pytest
 
 from analysis.fit.entry_passes import REACH, best_moves, entries_together
 from analysis.fit.observed import observe
-from analysis.fit.pass_count import recounted
+from analysis.fit.pass_count import GAIN, cut_elsewhere, recounted
 from analysis.fit.starts import base_fit
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE
@@ -62,3 +62,52 @@ def test_the_best_moves_are_those_of_an_exhaustive_search():
 
         best = min(left(np.array(places)) for places in itertools.product(range(2 * REACH + 1), repeat=3))
         assert left(best_moves(squares, pulls) + REACH) == pytest.approx(best, rel=0.02)
+
+
+@pytest.fixture(scope="module", params=[True, False], ids=["marks", "no marks"])
+def quiet(request):
+    """Three cuts, the last hardly louder than its noise, and their fit."""
+    records = synthetic_campaign(partial(fast.simulate, steps=37), TRUE, seed=4, noise=4e-6, course=(12, 30, 10),
+                                 tests=((3500, 1.5), (3900, 2.2), (2600, 0.15)))
+    if not request.param:
+        records = [replace(one, recording=replace(one.recording, marks=np.empty(0))) for one in records]
+    return base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
+
+
+def _begun_wrong(fitter, fit, **changes):
+    """The fit settled where the last record begins otherwise."""
+    return fitter.fit(fit.state.with_record(2, replace(fit.state.nuisances[2], **changes)), iterations=10)
+
+
+def test_a_quiet_cut_that_was_entered_many_passes_off_is_entered_right(quiet):
+    fitter, fit = quiet
+    entry = fit.state.nuisances[2].entry
+    wrong = _begun_wrong(fitter, fit, entry=entry - 8)
+    assert wrong.cost - GAIN > fit.cost and wrong.mean_squares[2] < 1.5 and wrong.state.nuisances[2].entry == entry - 8
+    _, again = cut_elsewhere(fitter, wrong)
+    assert again.state.nuisances[2].entry == entry and again.cost == pytest.approx(fit.cost, abs=1.0)
+
+
+def test_a_quiet_record_that_was_taken_to_start_in_the_cut_idles(quiet):
+    fitter, fit = quiet
+    entry, record = fit.state.nuisances[2].entry, replace(fitter.records[2], starts_in_cut=True)
+    begun = fitter.on([*fitter.records[:2], record])
+    wrong = _begun_wrong(begun, fit, entry=record.first_pass - 20)
+    assert wrong.cost - GAIN > fit.cost
+    found, again = cut_elsewhere(begun, wrong)
+    assert not found.records[2].starts_in_cut and again.state.nuisances[2].entry == entry
+
+
+@pytest.mark.parametrize("quiet", [False], indirect=True, ids=["no marks"])
+def test_without_marks_a_tooth_angle_in_another_valley_is_found(quiet):
+    fitter, fit = quiet
+    own = fit.state.nuisances[2]
+    wrong = _begun_wrong(fitter, fit, angle=own.angle + 2 * np.pi / 3)
+    assert wrong.cost - GAIN > fit.cost
+    _, again = cut_elsewhere(fitter, wrong)
+    assert again.state.nuisances[2].angle == pytest.approx(own.angle, abs=0.05)
+
+
+def test_passes_that_are_right_stay(quiet):
+    fitter, fit = quiet
+    assert cut_elsewhere(fitter, fit)[1] is fit
