@@ -15,8 +15,7 @@ import numpy as np
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.held_out import own_refit
 from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed
-from analysis.fit.pass_search import place_entries, place_exits, squares_of
+from analysis.fit.pass_search import entered, place_entries, place_exits, squares_of
 from analysis.fit.waveform import Fitter
 from analysis.threads import threaded
 
@@ -82,30 +81,29 @@ def cut_elsewhere(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit
     if fit.cost > 0.5 * EXPLAINED * sum(record.size for record in fitter.records):
         return fitter, fit
     elsewhere = threaded(lambda index: _elsewhere(fitter, fit, index), range(len(fitter.records)))
-    if not any(elsewhere):
+    if elsewhere == fit.state.nuisances:
         return fitter, fit
-    records, state = list(fitter.records), fit.state
-    for index, one in enumerate(elsewhere):
-        if one is not None:
-            records[index], state = one[0], state.with_record(index, one[1])
-    wider = fitter.on(records)
+    state = replace(fit.state, nuisances=elsewhere)
+    wider = fitter.on(entered(fitter.records, state))
     again = wider.fit(state)
     return (wider, again) if again.cost < fit.cost - GAIN else (fitter, fit)
 
 
-def _elsewhere(fitter: Fitter, fit: WaveformFit, index: int) -> tuple[Observed, Nuisances] | None:
-    """A record, idling before its cut, with its nuisances where it is cut elsewhere; None where that is hardly better."""
+def _elsewhere(fitter: Fitter, fit: WaveformFit, index: int) -> Nuisances:
+    """The nuisances of a record that is cut elsewhere, as if it idled before; its own where that is hardly better.
+
+    One that starts in the cut, unless it idles after all, has no other beginning.
+    """
     record, own = fitter.records[index], fit.state.nuisances[index]
     if record.cut is None or record.forces_only:
-        return None
-    idling = replace(record, starts_in_cut=False)
-    single, state = fitter.on([idling]), replace(fit.state, nuisances=(own,))
+        return own
+    single, state = fitter.on([replace(record, starts_in_cut=False)]), replace(fit.state, nuisances=(own,))
     best = _best_of(single, state, _neighbours(single, state, 0))
     if record.first_mark is None:
         best = _best_of(single, best, _all_round(single, best))
-    if not single.cost(best) < 0.5 * float(np.sum(fit.residuals[index] ** 2)) - GAIN:
-        return None
-    return idling, best.nuisances[0]
+    idles = not entered([record], best)[0].starts_in_cut
+    better = single.cost(best) < 0.5 * float(np.sum(fit.residuals[index] ** 2)) - GAIN
+    return best.nuisances[0] if idles and better else own
 
 
 def _best_of(single: Fitter, state: State, tried: Sequence[Nuisances]) -> State:

@@ -89,6 +89,15 @@ def place_entries(fitter: Fitter, state: State) -> State:
     return _placed(fitter, state, "entry")
 
 
+def entered(records: Sequence[Observed], state: State) -> list[Observed]:
+    """The records, of which those that idle after all, amid so much vibration that they seemed to cut from the start, do so."""
+    found = []
+    for record, own in zip(records, state.nuisances, strict=True):
+        idles = record.cut is not None and record.pass_start(own.entry, state.angle, own) > record.start + record.period
+        found.append(replace(record, starts_in_cut=False) if idles and record.starts_in_cut else record)
+    return found
+
+
 def place_exits(fitter: Fitter, state: State) -> State:
     """The state with every cut's exit looked for from the entry to the record's end, coarse first.
 

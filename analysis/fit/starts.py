@@ -17,7 +17,7 @@ from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
 from analysis.fit.parts_of_passes import with_parts_of_passes
 from analysis.fit.pass_count import cut_elsewhere, recounted
-from analysis.fit.pass_search import at_rest, place_entries, place_exits, settle_passes, squares_of
+from analysis.fit.pass_search import at_rest, entered, place_entries, place_exits, settle_passes, squares_of
 from analysis.fit.prediction import Plant, predict
 from analysis.fit.waveform import Fitter
 from analysis.records.free_decay import fit_free_decay, spectral_peak
@@ -282,21 +282,12 @@ def base_fit(
     best = opening_fit(plant, records, started, free)
     soft = Fitter(plant, [softened(record) for record in records], free)
     best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
-    fitter = Fitter(plant, _entered(records, best.state), free)
+    fitter = Fitter(plant, entered(records, best.state), free)
     fit = polish(fitter, place_exits(fitter, best.state), goal=goal)
     if fit.cost > goal and not patient:
         return fitter, fit
     fit = from_the_best_half(fitter, fit, goal=goal)
     return (fitter, fit) if fit.cost > goal else cut_elsewhere(fitter, with_courses(fitter, rested(fitter, fit)))
-
-
-def _entered(records: Sequence[Observed], state: State) -> list[Observed]:
-    """The records, of which those that idle after all, amid so much vibration that they seemed to cut from the start, do so."""
-    found = []
-    for record, own in zip(records, state.nuisances, strict=True):
-        idles = record.cut is not None and record.pass_start(own.entry, state.angle, own) > record.start + record.period
-        found.append(replace(record, starts_in_cut=False) if idles and record.starts_in_cut else record)
-    return found
 
 
 def with_courses(fitter: Fitter, fit: WaveformFit) -> WaveformFit:

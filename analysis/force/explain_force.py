@@ -22,13 +22,13 @@ from analysis.force.ranking import Ranked, rank
 from analysis.force.regression import products, windows_of
 from analysis.force.terms import power_term
 from analysis.search.diagnosis import ADEQUATE, Diagnosis, OtherForm
+from analysis.search.law_form import references
 from testbed.effect import Effect
 from testbed.proposal import Coefficient, ForceTerm, write_proposal
 
 ANGLES = (-0.05, 0.0, 0.05)  # rad, changes of the tooth angle that every formula is tried at
 EXPLAINED = 0.5  # share of the excess from which a formula is called a description of the force
 CLEAR = 0.25  # share of the force's variance from which a variable is said to rule it
-REFERENCE = "reference_"  # with which the name begins of what a law is a power of
 RETURN_ANGLE = 3e-3  # rad, change of the tooth angle from which the regression is done again
 
 
@@ -121,8 +121,8 @@ def _of_form(plant: Plant, records: Sequence[Observed], form: OtherForm, catalog
     bare = form.fitted.fit.state.without_effect(form.effect)
     missing = missing_force(plant, records, bare, catalogue, say)
     told = explanations(missing, say)
-    reference = next(one.name for one in catalogue[form.effect].form if one.name.startswith(REFERENCE))
-    term = power_term(reference.removeprefix(REFERENCE), form.low, form.high)
+    (variable,) = references(catalogue[form.effect])
+    term = power_term(variable, form.low, form.high)
     if term is None or told[0].formula and told[0].share >= EXPLAINED:
         return told
     chooser = Chooser(products(missing, [term], say=say))

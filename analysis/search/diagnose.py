@@ -128,14 +128,12 @@ def _without_irregular(base: Candidate, plant: Plant, model: Model, catalogue: M
     assert best.fitter is not None and best.fit is not None
     say(f"holding what was found against {', '.join(names)}")
     seen = followed(best.fitter, best.fit.state, records, places)
-    if not seen.strange and found.form is None:
-        return None, against(candidate_of(seen.fitter, seen.fitted(), best.effects, None, 1.0), base)
     strange = [records[place].name for place in seen.strange]
-    if set(seen.parting) == set(seen.strange) and strange:
+    if strange and seen.parting == seen.strange:
         return replace(found, sentence=f"{found.sentence} {_left_out(strange)}"), None
-    if found.form is None:
-        return None, None
-    return replace(found, sentence=f"{found.sentence} {_held_against(names, strange)}"), None
+    if found.form is not None:
+        return replace(found, sentence=f"{found.sentence} {_held_against(names, strange)}"), None
+    return None, None if strange else against(candidate_of(seen.fitter, seen.fitted(), best.effects, None, 1.0), base)
 
 
 def _held_against(names: Sequence[str], strange: Sequence[str]) -> str:

@@ -331,10 +331,10 @@ def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Ef
             rivals = [first, *equal]
         current = _named(first, model, catalogue, noise, say, look)
         steps.append(current)
-        if current is not first:
+        if current is not first:  # begun anew, its law is asked once more
             seen = [*(one for one in seen if one.effects != current.effects), _told(current)]
-        if (form := _first_form([current], last, steps[-2], noise, catalogue, say)) is not None:
-            break
+            if (form := _first_form([current], last, steps[-2], noise, catalogue, say)) is not None:
+                break
         finer = _with_finer_steps(current, noise, catalogue, say)
         fine = None if finer is None else (current, finer)
         if finer is not None and finer.error_held_out <= ADEQUATE * noise:

@@ -23,6 +23,7 @@ from testbed.effect import Effect, Parameter
 ANOTHER = 0.25  # difference of an exponent from the law's own, from which it is another law's
 STEEPER = 0.5  # by which it must be larger, to be believed before pairs of effects were tried: what those make up is not
 DOUBTED = ("missing_effect", "unexplained", "adequate", "not_converged")  # verdicts under which a law may be another
+REFERENCE = "reference_"  # before the name of a variable that a law is a power of
 STEP = 0.1  # natural step of an exponent
 ITERATIONS = 40
 
@@ -116,9 +117,14 @@ def _freed(
     return OtherForm(name, exponent.neutral, told.value, told.low, told.high, gain, error / noise, values, fitted=fitted)
 
 
+def references(effect: Effect) -> dict[str, Parameter]:
+    """By the name of the variable that a law is a power of: the parameter at whose value the exponent changes nothing."""
+    return {one.name.removeprefix(REFERENCE): one for one in effect.form if one.name.startswith(REFERENCE)}
+
+
 def _references(effect: Effect, fitter: Fitter) -> dict[str, float]:
     """What the law is a power of, as large as in the loudest record: there the exponent hardly changes the force."""
     loudest = max(fitter.records, key=lambda record: record.motion_size)
     rate = 1.0 if loudest.motion is None else loudest.motion[2]
     size = {"m": loudest.motion_size, "m/s": loudest.motion_size * rate}
-    return {one.name: size[one.unit] for one in effect.form if one.name.startswith("reference_")}
+    return {one.name: size[one.unit] for one in references(effect).values()}

@@ -111,3 +111,18 @@ def test_without_marks_a_tooth_angle_in_another_valley_is_found(quiet):
 def test_passes_that_are_right_stay(quiet):
     fitter, fit = quiet
     assert cut_elsewhere(fitter, fit)[1] is fit
+
+
+def test_a_record_from_within_the_cut_still_starts_there_though_its_exit_was_put_wrong():
+    records = []
+    for record in synthetic_campaign(partial(fast.simulate, steps=37), TRUE, seed=4, tests=STABLE, course=(12, 50, 12)):
+        recording = record.recording
+        later = round(0.5 * len(recording.channels["displacement"]))
+        marks = recording.marks[recording.marks > later / recording.sampling_rate] - later / recording.sampling_rate
+        channels = {name: values[later:] for name, values in recording.channels.items()}
+        records.append(replace(record, recording=replace(recording, channels=channels, marks=marks)))
+    fitter, fit = base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
+    assert all(record.starts_in_cut for record in fitter.records)
+    wrong = _begun_wrong(fitter, fit, exit=fit.state.nuisances[2].exit + 1)
+    found, _ = cut_elsewhere(fitter, wrong)
+    assert all(record.starts_in_cut for record in found.records)
