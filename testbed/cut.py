@@ -13,7 +13,8 @@ class Cut:
     spindle_speed (rad/s), axial_depth_of_cut (m), feed_per_tooth (m). The timeline is counted in tooth passes:
     `idle_passes` before the entry, `passes` in the cut, `ring_down_passes` after the exit; entry and exit fall on
     the start of a pass. Teeth are counted from time 0, so that the tooth that cuts first is number `idle_passes` modulo
-    the flutes. initial_displacement (m) and initial_velocity (m/s) are the structure's state at time 0.
+    the flutes. initial_displacement (m) and initial_velocity (m/s) are the structure's state at time 0, or at `held_until` (s),
+    at most the time of the entry, before which nothing is known of it.
     length_cut_before (m) is the feed length the tool has already cut. late_entry and early_exit are shares of a tooth pass
     by which the cut starts after the start of its first pass, and ends before the end of its last.
     """
@@ -29,6 +30,7 @@ class Cut:
     length_cut_before: float = 0.0
     late_entry: float = 0.0
     early_exit: float = 0.0
+    held_until: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("spindle_speed", "feed_per_tooth"):
@@ -41,6 +43,8 @@ class Cut:
             if int(getattr(self, name)) != getattr(self, name) or getattr(self, name) < 0:
                 raise ValueError(f"{name} must be a whole number of at least 0")
 
+        if not (math.isfinite(self.held_until) and self.held_until >= 0):
+            raise ValueError("held_until must be at least 0")
         for name in ("late_entry", "early_exit"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise ValueError(f"{name} must be at least 0 and below 1")

@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.fit.fit_state import Free, Linearised, State, WaveformFit
 from analysis.fit.observed import Observed
-from analysis.fit.pass_search import at_rest, place_entries, settle_passes, turn_phases
+from analysis.fit.pass_search import begun_otherwise, place_entries, settle_passes, turn_phases
 from analysis.fit.prediction import Plant
 from analysis.fit.recurring_start import SCREENED, recurring_starts, residual_peaks
 from analysis.fit.starts import anchored_states, free_parameters, polish, softened
@@ -329,7 +329,7 @@ def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit, goal: float = mat
         points = starting_points(effect, fitter.records, fit, shares)
         states = [replace(fit.state, model=fit.state.model.with_effect(effect.name, **values)) for values in points]
         if not effect.smooth:
-            states = [at_rest(wider, state)[0] for state in states]
+            states = [begun_otherwise(wider, state)[0] for state in states]
         return min(((wider.cost(state, worst), state) for state in states), key=_cost)[1]
 
     if not effect.smooth:

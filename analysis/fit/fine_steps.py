@@ -17,7 +17,7 @@ import numpy as np
 
 from analysis.fit.entry_passes import entries_together
 from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.pass_search import at_rest
+from analysis.fit.pass_search import begun_otherwise
 from analysis.fit.prediction import Plant
 from analysis.fit.scale_profile import along_scales, kinked_scales, margin
 from analysis.fit.waveform import Fitter
@@ -66,7 +66,7 @@ def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) ->
     """The fit settled with finer steps in the deepest valley close by, and the fitter that did it."""
     times = times_finer(fit.state.model.effects, catalogue)
     finer = Fitter(fine(fitter.plant, times), fitter.records, fitter.unknowns)
-    fit = entries_together(finer, finer.fit(at_rest(finer, fit.state)[0], iterations=SETTLE))
+    fit = entries_together(finer, finer.fit(begun_otherwise(finer, fit.state)[0], iterations=SETTLE))
     laws = kinked(fit.state.model.effects, catalogue)
     if not kinked_scales(laws):
         return finer, fit

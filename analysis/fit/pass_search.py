@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.fit.first_passes import first_nuisances
+from analysis.fit.first_state import first_state
 from analysis.fit.fit_state import State
 from analysis.fit.nuisances import Nuisances, other_teeth, turned_by
 from analysis.fit.observed import Observed
@@ -51,8 +52,8 @@ def settle_passes(fitter: Fitter, state: State, reach: int = 1) -> tuple[State, 
     return replace(state, nuisances=best), best != state.nuisances
 
 
-def at_rest(fitter: Fitter, state: State) -> tuple[State, bool]:
-    """The state with every cut begun at rest where that explains it better; and whether any does.
+def begun_otherwise(fitter: Fitter, state: State) -> tuple[State, bool]:
+    """The state with every cut begun at rest, or as its first samples show, where that explains it better; and whether any is.
 
     A vibration that a model without friction needed at the start of a record leads, with friction, to where no slope shows
     the way back.
@@ -60,9 +61,12 @@ def at_rest(fitter: Fitter, state: State) -> tuple[State, bool]:
 
     def one(index: int) -> Nuisances:
         nuisances = state.nuisances[index]
+        record = fitter.records[index]
+        if record.cut is None or record.starts_in_cut:
+            return nuisances
+        displacement, velocity = first_state(record, state.model.structure.natural_frequency_rad)
         still = replace(nuisances, displacement=0.0, velocity=0.0)
-        movable = fitter.records[index].cut is not None and not fitter.records[index].starts_in_cut
-        return _best(fitter, index, state, [nuisances, still]) if movable else nuisances
+        return _best(fitter, index, state, [nuisances, still, replace(still, displacement=displacement, velocity=velocity)])
 
     best = threaded(one, range(len(fitter.records)))
     return replace(state, nuisances=best), best != state.nuisances

@@ -53,6 +53,8 @@ def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, fl
         states = [(n.displacement, n.velocity) for _, _, n in variants]
         return plant.predict_driven([m for m, _, _ in variants], states, observed.force, observed.rate, observed.channels)
     lines = [observed.timeline(angle, nuisances) for _, angle, nuisances in variants]
+    if not observed.starts_in_cut:
+        lines = [(replace(cut, held_until=max(sampling.start, 0.0)), sampling) for cut, sampling in lines]
     if observed.forces_only:
         variants = [(immovable(model, observed), angle, nuisances) for model, angle, nuisances in variants]
     durations = [observed.pass_durations(cut, sampling) for cut, sampling in lines]

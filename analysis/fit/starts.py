@@ -11,13 +11,14 @@ from scipy.signal import csd
 
 from analysis.fit.entry_passes import entries_together
 from analysis.fit.first_passes import FirstPasses, first_nuisances
+from analysis.fit.first_state import first_state
 from analysis.fit.fit_state import Free, State, WaveformFit
 from analysis.fit.held_out import own_refit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
 from analysis.fit.parts_of_passes import with_parts_of_passes
 from analysis.fit.pass_count import cut_elsewhere, recounted
-from analysis.fit.pass_search import at_rest, entered, place_entries, place_exits, settle_passes, squares_of
+from analysis.fit.pass_search import begun_otherwise, entered, place_entries, place_exits, settle_passes, squares_of
 from analysis.fit.prediction import Plant, predict
 from analysis.fit.waveform import Fitter
 from analysis.records.free_decay import fit_free_decay, spectral_peak
@@ -152,13 +153,18 @@ def _scan(plant: Plant, passes: Sequence[FirstPasses], model: Model) -> tuple[fl
     cuts = [first for first in passes if first.observed.cut is not None]
     pitch = 2 * math.pi / max([first.observed.flutes for first in cuts], default=1)
     angles = np.arange(ANGLES) * pitch / ANGLES
+    states = {id(first): first_state(first.observed, model.structure.natural_frequency_rad) for first in cuts}
+
+    def begun(first: FirstPasses, angle: float) -> Nuisances:
+        displacement, velocity = states[id(first)]
+        return replace(first.at(angle), displacement=displacement, velocity=velocity)
 
     def one(first: FirstPasses) -> np.ndarray:
         record = first.observed
         variants = [
-            (model, angle, first.at(angle))
+            (model, angle, begun(first, angle))
             if record.first_mark is not None
-            else (model, 0.0, replace(first.at(angle), angle=angle))
+            else (model, 0.0, replace(begun(first, angle), angle=angle))
             for angle in angles
         ]
         rest = record.project(record.data - np.nan_to_num(predict(plant, record, variants), nan=1.0))
@@ -177,7 +183,7 @@ def _scan(plant: Plant, passes: Sequence[FirstPasses], model: Model) -> tuple[fl
         place = best if record.first_mark is not None else int(np.argmin(costs[id(record)]))
         total += float(costs[id(record)][place])
         own = 0.0 if record.first_mark is not None else float(angles[place])
-        nuisances.append(replace(first.at(float(angles[place])), angle=own))
+        nuisances.append(replace(begun(first, float(angles[place])), angle=own))
     return total, float(angles[best]) if shared else 0.0, tuple(nuisances)
 
 
@@ -297,7 +303,7 @@ def with_courses(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
 
 def rested(fitter: Fitter, fit: WaveformFit, *, rounds: int = 4, iterations: int = 40) -> WaveformFit:
     """The fit begun again with cuts at rest, where that explains them better as they stand."""
-    state, moved = at_rest(fitter, fit.state)
+    state, moved = begun_otherwise(fitter, fit.state)
     return polish(fitter, state, rounds=rounds, iterations=iterations) if moved else fit
 
 

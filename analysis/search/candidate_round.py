@@ -134,7 +134,28 @@ def try_candidates(
             continue
         found.append(fitted)
         complete += int(complete > 0 or fitted.error_where_known <= ADEQUATE * noise)
+    if not complete:
+        found += _others_in_time(current, entries, catalogue, say, hopeful, wanted)
+        in_full = {one.effects for one in found if one.fit is not None}
+        found = [one for one in found if one.fit is not None or one.effects not in in_full]
     return sorted(found, key=lambda candidate: candidate.error_beside(noise))
+
+
+def _others_in_time(current: Candidate, entries: Sequence[_Entry], catalogue: Mapping[str, Effect],
+                    say: Callable[[str], None], hopeful: float, wanted: float) -> list[Candidate]:  # fmt: skip
+    """Where what shifts the record in time explains most, and not all, the others that do, fitted in full.
+
+    Their first steps tell too little for a place among the leaders: own speeds and angles have made up for them.
+    """
+    fitted = [entry for entry in entries if entry.fitted is not None and entry.fitted.fit is not None]
+    if not fitted or not shifts_in_time(catalogue[min(fitted, key=lambda entry: entry.reached).name]):
+        return []
+    found = []
+    for entry in entries:
+        if entry.fitted is None and entry.cost <= hopeful and shifts_in_time(catalogue[entry.name]):
+            entry.fitted = _refitted(current, entry, catalogue, say, goal=min(wanted, BEHIND * _best(entries)))
+            found += [] if no_swing(entry.fitted, catalogue) else [entry.fitted]
+    return found
 
 
 def _put(current: Candidate, entries: list[_Entry], found: Sequence[Candidate]) -> bool:

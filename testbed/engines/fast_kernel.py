@@ -21,6 +21,7 @@ from testbed.engines.loop_kernel import (
     ENTRY,
     FEED_SPEED,
     FLUTES,
+    HELD_UNTIL,
     OMEGA,
     PITCH,
     RADIUS,
@@ -35,7 +36,7 @@ from testbed.engines.loop_kernel import (
     spindle_speed,
 )
 from testbed.engines.oscillator_kernel import end_state, increment, set_half_and_whole, stage_state
-from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_forces, sample_step
+from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_forces, sample_step, skip_held
 from testbed.engines.slider_kernel import fly_exactly
 
 # integer settings of one run; STEPS and TEETH hold one number a segment, PLAIN the places of the states not carried exactly
@@ -91,8 +92,11 @@ def slope(A, P, G, Y, D, T, row, S, left, left_row, tooth, edges, share):
 
 
 @inner
-def fly(A, P, G, I, O, Y, W, D, E, clock, segment, angle, out, position):
-    """Cross a segment in which nothing cuts and all is carried exactly; return the next sample."""
+def fly(A, P, G, I, O, Y, given, W, D, E, clock, segment, angle, out, position):
+    """Cross a segment in which nothing cuts and all is carried exactly; return the next sample.
+
+    given: the state with which it is let go, if it is held until some time within.
+    """
     span = G[CORNERS + segment + 1] - G[CORNERS + segment]
     parts = 1 if I[STEADY_SPEED] else I[STEPS + segment]
     turn = span / parts
@@ -111,7 +115,16 @@ def fly(A, P, G, I, O, Y, W, D, E, clock, segment, angle, out, position):
             dt = (dt + 2.0 * k2 + 2.0 * k3 + k4) / 6.0
             W[2] = Y[2] + dt
             w1 = spindle_speed(A, P, G, W)
-        position = fly_exactly(A, P, G, O, clock, Y, dt, angle + part * turn, turn, w0, w1, W, D, E, out, position)
+        held = 0.0
+        if Y[2] < G[HELD_UNTIL]:
+            held = min(1.0, (G[HELD_UNTIL] - Y[2]) / dt)
+            let_go = Y[2] + held * dt
+            copy(given, Y)
+            Y[2] = let_go
+        if held < 1.0:
+            free, first = 1.0 - held, w0 + held * (w1 - w0)
+            position = fly_exactly(A, P, G, O, clock, Y, free * dt, angle + (part + held) * turn, free * turn, first, w1, W, D,
+                                   E, out, position)  # fmt: skip
     return position
 
 
@@ -136,7 +149,8 @@ def keep_surface(A, P, G, Y, D0, Y1, D1, ends, W, T, S, row, left, now, tooth, e
 def advance(A, P, G, O, plain, steady, work, maps, T, row, S, left, now, tooth, edges, span, speed0, share):
     """One step of `span` rad from work[0] to work[1]; work[2] and speed0 belong to its start. Returns the speed at its end.
 
-    work (10, size): the state and that at the end, their slopes, state and slope of a stage, and what the four stages add.
+    work (11, size): the state and that at the end, their slopes, state and slope of a stage, what the four stages add, and the
+    state that is given to begin with.
     """
     Y, Y1, D0, D1, W, D, K = work[0], work[1], work[2], work[3], work[4], work[5], work[6:10]
     H, E = maps[0], maps[1]
@@ -209,6 +223,7 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, maps, 
 def enter_cut(A, P, G, I, Y, W, S):
     """The first tooth enters: the feed starts, and the surface is what rigid teeth would have left before."""
     G[T_ENTRY] = Y[2]
+    G[HELD_UNTIL] = min(G[HELD_UNTIL], Y[2])  # whatever the speed was, it is let go by now
     for row in range(S.shape[0]):
         phase = row_phase(G, I, row)
         first_surface(A, P, G, W, phase, S.shape[1] // int(G[SLICES]), Y[2] + phase / G[OMEGA], S[row])
@@ -222,8 +237,8 @@ def cross_pitch(A, P, G, I, O, T, S, pass_number, maps, work, left, tooth, clock
     for segment in range(I[SEGMENTS]):
         base, last = G[CORNERS + segment], row0 + 2 * I[STEPS + segment]
         if I[EXACT_FLIGHT] and not (cutting and I[TEETH + segment] > 0):
-            position = fly(A, P, G, I, O, work[0], work[4], work[5], maps[I[SEGMENTS], 0], clock, segment, angle + base, out,
-                           position)  # fmt: skip
+            position = fly(A, P, G, I, O, work[0], work[10], work[4], work[5], maps[I[SEGMENTS], 0], clock, segment,
+                           angle + base, out, position)  # fmt: skip
         else:
             position, bounded = cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, maps, work, left, tooth,
                                               clock, wanted, limit, out, position)  # fmt: skip
@@ -239,11 +254,11 @@ def cross_pitch(A, P, G, I, O, T, S, pass_number, maps, work, left, tooth, clock
 
 @holding
 def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, pass_states):
-    """Integrate one test. Y is the state at time 0.
+    """Integrate one test. Y is the state at time 0, or when the structure is let go.
 
     durations (passes,) are the measured times of the tooth passes, or empty at the nominal speed. out (channels, samples),
-    pass_times (passes + 1,) and pass_states (passes + 1, 2) are filled; a diverged run leaves NaN behind the point where
-    it stopped. wanted: the forces are sampled too. Returns (outcome, time it stopped).
+    pass_times (passes + 1,) and pass_states (passes + 1, 2) are filled; samples before it is let go are NaN; a diverged run
+    leaves NaN behind the point where it stopped. wanted: the forces are sampled too. Returns (outcome, time it stopped).
     """
     rows, teeth = 1, 1
     for segment in range(I[SEGMENTS]):
@@ -252,11 +267,12 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
     edges = teeth * int(G[SLICES])
     T, S, left = np.zeros((rows, edges, T_SIZE)), np.zeros((rows, edges)), np.zeros((4, edges))
     tooth = np.zeros(edges, np.int64)
-    work, maps = np.zeros((10, Y.shape[0])), np.zeros((I[SEGMENTS] + 1, 2, O.shape[0], 4))
+    work, maps = np.zeros((11, Y.shape[0])), np.zeros((I[SEGMENTS] + 1, 2, O.shape[0], 4))
     copy(Y, work[0])
+    copy(Y, work[10])
     Y = work[0]
     fill_table(G, I, T)
-    position, start = np.int64(0), Y[2]
+    position, start = skip_held(G, clock, out), Y[2]
     pass_times[0], pass_states[0, 0], pass_states[0, 1] = Y[2], Y[0], Y[1]
     for number in range(I[IDLE] + I[CUT] + I[RING_DOWN]):
         pass_number = number - I[IDLE]

@@ -19,6 +19,7 @@ from testbed.engines.loop_kernel import (
     DAMPING,
     ENTRY,
     FEED,
+    HELD_UNTIL,
     KN,
     KT,
     MASS,
@@ -31,7 +32,7 @@ from testbed.engines.loop_kernel import (
     share_in_cut,
 )
 from testbed.engines.oscillator_kernel import oscillator_map
-from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X, fill_quintic, samples_until
+from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X, fill_quintic, samples_until, skip_held
 
 
 @inner
@@ -133,12 +134,18 @@ def run_linear(G, I, Y, clock, limit, out, pass_times, pass_states):  # noqa: E7
         for row in range(2 * steps + 1 if I[TEETH + segment] > 0 else 0):
             kappa[row0 + row] = chip_stiffness(G, low + (high - low) * row / (2.0 * steps), I[TEETH + segment])
         row0 += 2 * steps + 1
-    x, v, position = Y[0], Y[1], np.int64(0)
+    x, v, position = Y[0], Y[1], skip_held(G, clock, out)
     a, b, c, d = oscillator_map(pull, drag, tau)
     pass_times[0], pass_states[0, 0], pass_states[0, 1] = Y[2], x, v
     for number in range(I[IDLE] + I[CUT] + I[RING_DOWN]):
         t0 = Y[2] + number * tau
-        if not (I[IDLE] <= number < I[IDLE] + I[CUT]):
+        if number < I[IDLE] and t0 < G[HELD_UNTIL]:
+            begin = G[HELD_UNTIL]
+            if begin < t0 + tau:
+                position = fly_linear(G, x, v, begin, t0 + tau - begin, clock, out, position)
+                p, q, r, s = oscillator_map(pull, drag, t0 + tau - begin)
+                x, v = p * x + q * v, r * x + s * v
+        elif not (I[IDLE] <= number < I[IDLE] + I[CUT]):
             position = fly_linear(G, x, v, t0, tau, clock, out, position)
             x, v = a * x + b * v, c * x + d * v
         else:

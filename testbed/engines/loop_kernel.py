@@ -27,9 +27,11 @@ from testbed.engines.hooks import (
 )
 
 FLUTES, PITCH, RADIUS, ENTRY, ENGAGED, SLICES, SLICE_LAG, SLICE_DEPTH, KT, KN, FEED, FEED_SPEED, OMEGA, T_ENTRY, \
-    LENGTH_BEFORE, FIRST_TOOTH, MASS, DAMPING, STIFFNESS, BEGIN, END, SLIDER, SLIDER_PULL, SLIDER_TRAVEL, CORNERS = range(25)
+    LENGTH_BEFORE, FIRST_TOOTH, MASS, DAMPING, STIFFNESS, BEGIN, END, SLIDER, SLIDER_PULL, SLIDER_TRAVEL, HELD_UNTIL, \
+    CORNERS = range(26)
 # A spring and a slider in series hold the structure where G[SLIDER], the place of the spring's deflection in the state, is not
 # 0: the spring's stiffness over the mass (1/s^2), and the deflection (m) from which it slides.
+# The state that a run begins with is that at the time G[HELD_UNTIL], s; the structure's motion before is nothing's.
 # The cut begins and ends G[BEGIN] and G[END] after the start of its first pass, rad; an engagement's travel counts from there.
 # The pitch is cut into segments at the corners of the force; segment i runs from G[CORNERS + i] to G[CORNERS + i + 1].
 MOST_SEGMENTS = 4

