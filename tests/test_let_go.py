@@ -89,6 +89,22 @@ def test_a_structure_is_held_while_nothing_cuts_and_by_the_fast_engine_alone():
         mujoco_engine.simulate(THREE, HELD, Sampling(1000.0, 10))
 
 
+@pytest.mark.parametrize("channel", ["displacement", "acceleration"])
+def test_a_slow_sensor_has_followed_the_swing_with_which_a_record_begins(channel):
+    model = THREE.with_effect("sensor_lag", time_constant=6e-4)
+    free = replace(HELD, held_until=0.0, initial_displacement=4e-5, initial_velocity=0.0)
+    sampling, gone = Sampling(10000.0, 2000), 300
+    true = fast.simulate(model, free, sampling, channels=(channel,)).channels[channel][gone:]
+    state = fast.simulate(THREE, free, sampling, channels=("displacement", "velocity")).channels
+    begin = gone / sampling.rate
+    held = replace(HELD, held_until=begin, initial_displacement=state["displacement"][gone],
+                   initial_velocity=state["velocity"][gone])  # fmt: skip
+    found = engine.predict_cuts([model], [held], [Sampling(10000.0, 2000 - gone, begin)], [channel])[0, 0]
+    unmoved = engine.predict_cuts([THREE], [held], [Sampling(10000.0, 2000 - gone, begin)], [channel])[0, 0]
+    assert np.abs(found - true).max() < 1e-5 * np.abs(true).max()
+    assert np.abs(unmoved - true)[:5].min() > 0.02 * np.abs(true).max()  # the lag is seen from the first sample on
+
+
 def _record(model: Model, rpm: float = 1500.0, depth: float = 0.3e-3, ringing: float = 1e-5, seed: int = 1):
     omega = model.structure.natural_frequency_rad
     return synthetic_record(partial(fast.simulate, steps=300), model, rpm, depth, seed, noise=1e-7,

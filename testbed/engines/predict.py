@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from testbed.engines.measure import asks_rates, measured_channels, senses
 from testbed.engines.packing import fastest_frequency, pack
 from testbed.machine import Model
 
+AWAKE = 0.05  # s before the first sample for which a sensor is followed: one that lags remembers,
+LARGEST = 3.0  # or as far as the swing there was exp(3) times what it is at that sample
 MOST_SUBSTEPS = 200  # steps within one sample, beyond which a driven structure is not followed
 _STILL = Cut(spindle_speed=1.0, axial_depth_of_cut=0.0)  # a driven structure is not cut
 
@@ -50,7 +53,8 @@ def predict_cuts(
         alike=True, signals=_signals(models, effects, channels))  # fmt: skip
     if not any(senses(model, effects) for model in models):
         return result.out[:, [fast.CHANNELS[name] for name in channels], : samplings[0].count]
-    return np.stack([_sensed(model, effects, result.out[run], channels, samplings[run]) for run, model in enumerate(models)])
+    runs = zip(models, result.out, samplings, cuts, strict=True)
+    return np.stack([_sensed(model, effects, out, channels, sampling, cut) for model, out, sampling, cut in runs])
 
 
 def _signals(models: Sequence[Model], effects: Mapping[str, Effect], channels: Sequence[str]) -> int:
@@ -106,8 +110,29 @@ def predict_driven(
 
 
 def _sensed(
-    model: Model, effects: Mapping[str, Effect], out: np.ndarray, channels: Sequence[str], sampling: Sampling
-) -> np.ndarray:
+    model: Model, effects: Mapping[str, Effect], out: np.ndarray, channels: Sequence[str], sampling: Sampling,
+    cut: Cut = _STILL,
+) -> np.ndarray:  # fmt: skip
+    """What the sensor gives of a run (channels, samples); it has followed a swing that is there when the samples begin."""
     signals = {name: out[place, : sampling.count] for name, place in fast.CHANNELS.items() if place < len(out)}
+    before = _swing_before(model, cut, sampling)
+    lead = len(before["displacement"])
+    if lead:
+        signals = {name: np.concatenate([before.get(name, np.full(lead, one[0])), one]) for name, one in signals.items()}
+        sampling = replace(sampling, count=sampling.count + lead, start=sampling.start - lead / sampling.rate)
     measured = measured_channels(model, effects, signals, channels, sampling)
-    return np.stack([measured[name] for name in channels])
+    return np.stack([measured[name][lead:] for name in channels])
+
+
+def _swing_before(model: Model, cut: Cut, sampling: Sampling) -> dict[str, np.ndarray]:
+    """The free vibration that leads to the state with which a structure is let go at its first sample; empty for others."""
+    structure, rate = model.structure, sampling.rate
+    omega, decay = structure.natural_frequency_rad, structure.damping_ratio * structure.natural_frequency_rad
+    held = 0.0 < cut.held_until == sampling.start and structure.damping_ratio < 1.0
+    count = math.floor(min(AWAKE, LARGEST / decay if decay > 0.0 else AWAKE) * rate) if held else 0
+    time, damped = -np.arange(count, 0, -1) / rate, omega * math.sqrt(max(1.0 - structure.damping_ratio**2, 1e-12))
+    cosine, sine, x, v = np.cos(damped * time), np.sin(damped * time) / damped, cut.initial_displacement, cut.initial_velocity
+    displacement = np.exp(-decay * time) * (x * cosine + (v + decay * x) * sine)
+    velocity = np.exp(-decay * time) * (v * cosine - (omega**2 * x + decay * v) * sine)
+    return {"displacement": displacement, "velocity": velocity,
+            "acceleration": -2.0 * decay * velocity - omega**2 * displacement}  # fmt: skip
