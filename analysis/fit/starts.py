@@ -302,7 +302,7 @@ def with_courses(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
 
 
 def rested(fitter: Fitter, fit: WaveformFit, *, rounds: int = 4, iterations: int = 40) -> WaveformFit:
-    """The fit begun again with cuts at rest, where that explains them better as they stand."""
+    """The fit with cuts begun otherwise, at rest or as their first samples show, where that explains them better at once."""
     state, moved = begun_otherwise(fitter, fit.state)
     return polish(fitter, state, rounds=rounds, iterations=iterations) if moved else fit
 
