@@ -1,4 +1,4 @@
-"""The last fit of a set of effects is followed to its end: a short one of a round may have stopped half way along its valley."""
+"""The last fit of a set is followed to its end: a short one of a round may have stopped half way along its valley."""
 
 from dataclasses import replace
 from functools import partial
