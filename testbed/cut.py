@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+REMEMBERED = 0.05  # s of the motion before a record that its sensor is taken to have followed: one that lags remembers
+
 
 @dataclass(frozen=True)
 class Cut:

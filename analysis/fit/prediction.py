@@ -11,10 +11,10 @@ import numpy as np
 
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
+from testbed.cut import REMEMBERED
 from testbed.machine import Model
 
 STIFF = 100.0  # stiffness over K b from which forces are those of a rigid machine
-AWAKE = 0.05  # s before a record that starts in the cut from which its sensor is followed: one that lags remembers
 
 
 class Plant(Protocol):
@@ -53,13 +53,11 @@ def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, fl
         states = [(n.displacement, n.velocity) for _, _, n in variants]
         return plant.predict_driven([m for m, _, _ in variants], states, observed.force, observed.rate, observed.channels)
     lines = [observed.timeline(angle, nuisances) for _, angle, nuisances in variants]
-    if not observed.starts_in_cut:
-        lines = [(replace(cut, held_until=max(sampling.start, 0.0)), sampling) for cut, sampling in lines]
     if observed.forces_only:
         variants = [(immovable(model, observed), angle, nuisances) for model, angle, nuisances in variants]
     durations = [observed.pass_durations(cut, sampling) for cut, sampling in lines]
     kept = None if any(d is None for d in durations) else durations
-    lead = math.ceil(AWAKE * observed.rate) if observed.starts_in_cut else 0
+    lead = math.ceil(REMEMBERED * observed.rate) if observed.starts_in_cut else 0
     lead = max(0, min(lead, *(math.floor(sampling.start * observed.rate) for _, sampling in lines)))  # an angle far off
     samplings = [one for _, one in lines]
     if lead:

@@ -26,6 +26,7 @@ from analysis.threads import threaded
 from testbed.machine import Model
 
 ANGLES = 24
+FURTHER = 60  # iterations more of a fit that has not converged
 TURNED = 5  # of those angles, from which a record begun afresh is fitted
 COEFFICIENTS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 OPENING = 8192  # samples of an excited record that the first fits see
@@ -305,6 +306,11 @@ def rested(fitter: Fitter, fit: WaveformFit, *, rounds: int = 4, iterations: int
     """The fit with cuts begun otherwise, at rest or as their first samples show, where that explains them better at once."""
     state, moved = begun_otherwise(fitter, fit.state)
     return polish(fitter, state, rounds=rounds, iterations=iterations) if moved else fit
+
+
+def to_its_end(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
+    """The fit, gone on with where it has not converged: along a narrow valley values are yet far off."""
+    return fit if fit.converged else fitter.fit(fit.state, iterations=FURTHER)
 
 
 def with_exits(fitter: Fitter, state: State) -> State:

@@ -18,7 +18,7 @@ from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant
 from analysis.fit.spindle_speed import at_modelled_speed
-from analysis.fit.starts import at_a_bound, polish
+from analysis.fit.starts import at_a_bound, polish, to_its_end
 from analysis.fit.swing_start import marks_show
 from analysis.fit.switched import switch_note
 from analysis.fit.taken import taken_notes
@@ -30,7 +30,6 @@ from analysis.search.unheard import SOUND, agreed, misfit
 from testbed.effect import Effect
 from testbed.machine import Model
 
-FURTHER = 60  # iterations more of a fit with the effect that has not converged
 WIDE = 0.5  # half an interval over its value from which the value is called poorly known
 
 
@@ -80,8 +79,7 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
     before = bare.errors
     say(f"fitting with {effect.name}")
     wider, with_it = _best_fit_with(plant, model, {**catalogue, effect.name: effect}, effect, bare, say)
-    if not with_it.converged:
-        with_it = min(with_it, wider.fit(with_it.state, iterations=FURTHER), key=lambda one: one.cost)
+    with_it = to_its_end(wider, with_it)
     say("looking again for a fit without it")
     again = polish(fitter, state_without(with_it.state, effect.name, {effect.name: effect}), rounds=1, iterations=8)
     if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it

@@ -135,9 +135,9 @@ def try_candidates(
         found.append(fitted)
         complete += int(complete > 0 or fitted.error_where_known <= ADEQUATE * noise)
     if not complete:
-        found += _others_in_time(current, entries, catalogue, say, hopeful, wanted)
-        in_full = {one.effects for one in found if one.fit is not None}
-        found = [one for one in found if one.fit is not None or one.effects not in in_full]
+        others = _others_in_time(current, entries, catalogue, say, hopeful, wanted)
+        known = {one.effects for one in others}
+        found = [*(one for one in found if one.effects not in known), *others]
     return sorted(found, key=lambda candidate: candidate.error_beside(noise))
 
 

@@ -9,12 +9,12 @@ from dataclasses import replace
 from analysis.fit.evidence import DELTA_BIC
 from analysis.fit.fine_steps import finely, has_kinks
 from analysis.fit.fit_state import WaveformFit
+from analysis.fit.starts import to_its_end
 from analysis.fit.waveform import Fitter
 from analysis.search.candidate_round import candidate_of
 from analysis.search.diagnosis import Candidate
 from testbed.effect import Effect
 
-FURTHER = 60  # iterations more of a fit that has not converged
 WORSE = 1.02  # times the held-out error that the last fit with finer steps may have: beyond, it went astray
 
 
@@ -22,7 +22,10 @@ def settled(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
     """The last set of effects, followed to its end and with finer steps where a law has a kink: its parameters are told."""
     assert one.fit is not None and one.fitter is not None
     if not has_kinks(list(one.fit.state.model.effects), catalogue):
-        return one if one.fit.converged else _followed(one)
+        fit = to_its_end(one.fitter, one.fit)  # a short one of a round may have ended anywhere
+        if fit is one.fit:
+            return one
+        return replace(candidate_of(one.fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
     fitter, fit = finely(one.fitter, one.fit, catalogue)
     idle = [name for name in one.effects if _does_nothing(fitter, fit, name)]  # it made up for the error of the steps
     if idle:
@@ -33,13 +36,6 @@ def settled(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
     effects = tuple(name for name in one.effects if name not in idle)
     found = candidate_of(fitter, fit, effects, None, 1.0)
     return replace(found, delta_bic=one.delta_bic) if found.error_held_out <= WORSE * one.error_held_out else one
-
-
-def _followed(one: Candidate) -> Candidate:
-    """The set with its fit, which a short one of a round may be, gone on with: along a narrow valley values are yet far off."""
-    assert one.fit is not None and one.fitter is not None
-    fit = one.fitter.fit(one.fit.state, iterations=FURTHER)
-    return replace(candidate_of(one.fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
 
 
 def _does_nothing(fitter: Fitter, fit: WaveformFit, name: str) -> bool:

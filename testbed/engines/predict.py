@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbed.catalogue import catalogue as known_effects
-from testbed.cut import Cut, Sampling
+from testbed.cut import REMEMBERED, Cut, Sampling
 from testbed.effect import Effect
 from testbed.engines import fast
 from testbed.engines import sampling_kernel as sk
@@ -19,8 +19,7 @@ from testbed.engines.measure import asks_rates, measured_channels, senses
 from testbed.engines.packing import fastest_frequency, pack
 from testbed.machine import Model
 
-AWAKE = 0.05  # s before the first sample for which a sensor is followed: one that lags remembers,
-LARGEST = 3.0  # or as far as the swing there was exp(3) times what it is at that sample
+LARGEST = 3.0  # a swing is followed back no further than to where it was exp(3) times what it is at the first sample
 MOST_SUBSTEPS = 200  # steps within one sample, beyond which a driven structure is not followed
 _STILL = Cut(spindle_speed=1.0, axial_depth_of_cut=0.0)  # a driven structure is not cut
 
@@ -115,23 +114,23 @@ def _sensed(
 ) -> np.ndarray:  # fmt: skip
     """What the sensor gives of a run (channels, samples); it has followed a swing that is there when the samples begin."""
     signals = {name: out[place, : sampling.count] for name, place in fast.CHANNELS.items() if place < len(out)}
-    before = _swing_before(model, cut, sampling)
-    lead = len(before["displacement"])
-    if lead:
+    lead = 0
+    if 0.0 < cut.held_until == sampling.start:
+        before = _swing_before(model, cut, sampling.rate)
+        lead = len(before["displacement"])
         signals = {name: np.concatenate([before.get(name, np.full(lead, one[0])), one]) for name, one in signals.items()}
         sampling = replace(sampling, count=sampling.count + lead, start=sampling.start - lead / sampling.rate)
     measured = measured_channels(model, effects, signals, channels, sampling)
     return np.stack([measured[name][lead:] for name in channels])
 
 
-def _swing_before(model: Model, cut: Cut, sampling: Sampling) -> dict[str, np.ndarray]:
-    """The free vibration that leads to the state with which a structure is let go at its first sample; empty for others."""
-    structure, rate = model.structure, sampling.rate
-    omega, decay = structure.natural_frequency_rad, structure.damping_ratio * structure.natural_frequency_rad
-    held = 0.0 < cut.held_until == sampling.start and structure.damping_ratio < 1.0
-    count = math.floor(min(AWAKE, LARGEST / decay if decay > 0.0 else AWAKE) * rate) if held else 0
-    time, damped = -np.arange(count, 0, -1) / rate, omega * math.sqrt(max(1.0 - structure.damping_ratio**2, 1e-12))
-    cosine, sine, x, v = np.cos(damped * time), np.sin(damped * time) / damped, cut.initial_displacement, cut.initial_velocity
+def _swing_before(model: Model, cut: Cut, rate: float) -> dict[str, np.ndarray]:
+    """Samples of the free vibration that leads to the state with which an underdamped structure is let go."""
+    omega, x, v = model.structure.natural_frequency_rad, cut.initial_displacement, cut.initial_velocity
+    decay = model.structure.damping_ratio * omega
+    time = -np.arange(math.floor(LARGEST / max(decay, LARGEST / REMEMBERED) * rate), 0, -1) / rate
+    damped = math.sqrt(omega**2 - decay**2)
+    cosine, sine = np.cos(damped * time), np.sin(damped * time) / damped
     displacement = np.exp(-decay * time) * (x * cosine + (v + decay * x) * sine)
     velocity = np.exp(-decay * time) * (v * cosine - (omega**2 * x + decay * v) * sine)
     return {"displacement": displacement, "velocity": velocity,
