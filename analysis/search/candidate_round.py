@@ -40,9 +40,11 @@ HALVES = 0.5  # share of the excess that a candidate may leave for parts of pass
 FAINT = 1.3
 CERTAIN = 100.0  # gain in BIC from which an effect is there although the error is that of the noise: no chance gives that
 BEHIND = 4.0  # times the cost of the best of its round above which a candidate is out: its fit is given up,
-RIVAL = 1.5  # and where that best explains everything
+RIVAL = 1.5  # and where that best explains everything; then, too,
+CLOSE = 0.3  # above the share of what the best takes away that a rival of it may leave
 MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far,
 LITTLE = 0.03  # or its fit: most of what no first step showed would then have to be hidden behind it
+ROUGH = 2.0  # error over noise floor from which a leader may have taken over what another does: the believed machine is asked
 
 
 def candidate_of(
@@ -109,8 +111,9 @@ def try_candidates(
         incomplete = leader.fitted.error_where_known > ADEQUATE * noise
         assert leader.fitted.fit is not None
         little = leader.cost - floor <= MUCH * over or leader.fitted.fit.cost - floor <= LITTLE * over
-        if (incomplete and not little) or at_a_bound(leader.fitter.free, leader.fitted.fit.state.model):
-            if not _put(current, entries, alone()):
+        far = (incomplete and not little) or at_a_bound(leader.fitter.free, leader.fitted.fit.state.model)
+        if far or leader.fitted.error_where_known > ROUGH * noise:
+            if not _put(current, entries, alone()) and far:
                 _try_from_far(current, entries, catalogue, origins, say)
         elif not incomplete and current.error_held_out < FAINT * noise and not near:
             stuck = [one for one in entries if one.fitted is None and one.cost > hopeful]
@@ -126,9 +129,8 @@ def try_candidates(
         if entry.fitted is None and (place >= LEADERS or complete > 1 or entry.cost > hopeful):
             found.append(_not_fitted(current, entry.name))
             continue
-        iterations, behind = (10, RIVAL) if complete else (40, BEHIND)
-        goal = min(wanted, behind * _best(entries))
-        fitted = entry.fitted = entry.fitted or _refitted(current, entry, catalogue, say, iterations, goal)
+        iterations, goal = (10, _rivalling(current.fit.cost, _best(entries))) if complete else (40, BEHIND * _best(entries))
+        fitted = entry.fitted = entry.fitted or _refitted(current, entry, catalogue, say, iterations, min(wanted, goal))
         if no_swing(fitted, catalogue):
             found.append(_not_fitted(current, entry.name))
             continue
@@ -190,6 +192,11 @@ def _nothing_hidden(current: Candidate, noise: float) -> bool:
 def _best(entries: Sequence[_Entry]) -> float:
     """The lowest cost that a candidate of the round was fitted to."""
     return min((one.fitted.fit.cost for one in entries if one.fitted and one.fitted.fit), default=math.inf)
+
+
+def _rivalling(before: float, best: float) -> float:
+    """The cost from which a candidate may rival the best one, which explains everything that `before` leaves."""
+    return min(RIVAL * best, best + CLOSE * max(before - best, 0.0))
 
 
 def certain_candidates(

@@ -4,8 +4,9 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from plain_cut import TRUE, free_decays
+from plain_cut import TRUE, free_decays, record
 
+from analysis.fit.observed import observe
 from analysis.force.explain_force import formula_text, left_unexplained
 from analysis.search.begun_anew import from_believed
 from analysis.search.diagnose import diagnose
@@ -65,6 +66,19 @@ def test_an_exponent_is_not_asked_where(model):
     said = []
     fitted = SimpleNamespace(effects=tuple(model.effects), fit=SimpleNamespace(state=SimpleNamespace(model=model)), fitter=())
     assert other_form(fitted, KNOWN, said.append) is None and not said
+
+
+def test_an_exponent_is_told_where_passes_were_right_for_the_law_s_own_only():
+    """With one exit a pass early the exponent leaves more than noise, and goes where that is least."""
+    cuts = [observe(record(speed, 1e-3, seed, structure_law=lambda x, v: -1e21 * x**5), BELIEVED)
+            for seed, speed in enumerate((2850, 3300, 3810))]
+    fitted = from_believed(PLANT, cuts, BELIEVED, ("cubic_stiffness",), KNOWN)
+    own = list(fitted.fit.state.nuisances)
+    own[1] = replace(own[1], exit=own[1].exit - 1)
+    state = replace(fitted.fit.state, nuisances=tuple(own))
+    found = other_form(replace(fitted, fit=replace(fitted.fit, state=state)), KNOWN, quiet)
+    assert found.left < 1.02 and found.low < 5.0 < found.high and found.high - found.low < 0.1
+    assert [one.exit for one in found.fitted.fit.state.nuisances] == [37, 37, 37]
 
 
 def test_a_law_that_the_model_has_is_asked_too():
