@@ -263,11 +263,27 @@ def _first_steps(
     records = current.fitter.records
     asked = [one for name, one in catalogue.items() if name not in present and applicable(one, records, present)]
 
+    noise = pooled(current.errors)[1]
+    little = ADEQUATE * noise < current.error_held_out < ROUGH * noise
+
     def begun(effect: Effect) -> _Entry:
         say(f"trying {effect.name}")
-        return _begun(current, effect, origins, growing)
+        entry = _begun(current, effect, origins, growing)
+        return _settled_entry(current, entry) if little and "engagement" in effect.hooks else entry
 
     return sorted(threaded(begun, asked), key=lambda entry: entry.cost)
+
+
+def _settled_entry(current: Candidate, entry: _Entry) -> _Entry:
+    """A gradual entry fitted in full, where its first step costs more than the model without it.
+
+    Parts of passes have made up for it, and no step leads from the whole ones with which it begins to what they gained.
+    """
+    assert current.fit is not None
+    if entry.cost > current.fit.cost:
+        found = polish(entry.fitter, entry.state, rounds=3)
+        entry.cost, entry.state = found.cost, found.state
+    return entry
 
 
 def _not_sudden(entries: Sequence[_Entry], catalogue: Mapping[str, Effect]) -> list[_Entry]:
