@@ -1,0 +1,98 @@
+"""When a round holds its leader against the believed machine, how far it follows rivals, and what a gradual entry is given."""
+
+from dataclasses import replace
+from functools import partial
+
+import pytest
+from campaign_files import BELIEVED, TRUE
+from synthetic_campaign import synthetic_campaign
+
+from analysis.fit.effect_start import origins_of
+from analysis.fit.held_out import pooled
+from analysis.fit.observed import observe
+from analysis.search import candidate_round as cr
+from analysis.search.begun_anew import from_believed
+from testbed.catalogue import catalogue
+from testbed.cli._fitting import plant_of
+from testbed.engines import fast
+
+KNOWN = catalogue()
+
+
+def based(*tests, noise=1e-6, **effects):
+    """The believed model fitted to cuts under these effects."""
+    true = TRUE
+    for name, values in effects.items():
+        true = true.with_effect(name, **values)
+    records = synthetic_campaign(partial(fast.simulate, steps=61), true, seed=4, rate=6400.0, tests=tests, noise=noise)
+    return from_believed(plant_of(KNOWN), [observe(one, BELIEVED) for one in records], BELIEVED, (), KNOWN)
+
+
+@pytest.fixture(scope="module")
+def base():
+    """A model without an edge force that is there."""
+    return based((3500, 1.2), edge_force={"tangential": 6e4, "normal": 3e4})
+
+
+def quiet(text):
+    """Nothing is told."""
+
+
+def _round(base, left, monkeypatch, costs=(0.1, 0.5, 0.6)):
+    """(goals of the full fits by effect, how often the believed machine was asked) of a round, if fits leave `left` floors.
+
+    costs: after the first steps, in that of the base fit. As a rule the leader's leaves much less than a third.
+    """
+    goals, asked, noise = {}, [], base.errors[0].noise_floor
+
+    def refitted(current, entry, known, say, iterations=40, goal=float("inf")):
+        goals[entry.name] = goal
+        share = (left.get(entry.name, 0.9 * current.error_held_out / noise) * noise / current.error_held_out) ** 2
+        error, fit = current.error_held_out * share**0.5, replace(current.fit, cost=share * current.fit.cost)
+        return replace(current, effects=(entry.name,), error_fit=error, error_held_out=error, fit=fit, errors=())
+
+    monkeypatch.setattr(cr, "_first_steps", lambda current, *_, **__: [
+        cr._Entry(name, share * current.fit.cost, current.fit.state, current.fitter)
+        for name, share in zip(("chip_force_exponent", "edge_force", "helix"), costs, strict=True)])
+    for name, dummy in {"_refitted": refitted, "no_swing": lambda *_: False, "_try_from_far": lambda *_, **__: None}.items():
+        monkeypatch.setattr(cr, name, dummy)
+    cr.try_candidates(base, KNOWN, [], quiet, alone=lambda: asked.append(1) or ())
+    return goals, len(asked)
+
+
+def test_a_leader_that_leaves_twice_the_noise_is_held_against_the_believed_machine(base, monkeypatch):
+    assert base.error_held_out > 5.0 * base.errors[0].noise_floor
+    assert _round(base, {"chip_force_exponent": 2.1}, monkeypatch)[1] == 1
+
+
+def test_a_leader_that_leaves_less_than_twice_the_noise_is_not(base, monkeypatch):
+    assert _round(base, {"chip_force_exponent": 1.9}, monkeypatch)[1] == 0
+
+
+def test_a_rival_is_followed_to_a_share_of_what_the_best_takes_away(base, monkeypatch):
+    goals, _ = _round(base, {"chip_force_exponent": 1.0}, monkeypatch)
+    noise, cost = base.errors[0].noise_floor, base.fit.cost
+    assert goals["edge_force"] == pytest.approx(1.5 * (noise / base.error_held_out) ** 2 * cost)
+    goals, _ = _round(replace(base, error_held_out=1.05 * noise), {"chip_force_exponent": 1.0}, monkeypatch, (0.95, 0.96, 0.97))
+    best = cost / 1.05**2
+    assert goals["edge_force"] == pytest.approx(best + 0.3 * (cost - best))
+
+
+def test_a_gradual_entry_whose_first_step_costs_more_than_nothing_is_fitted_in_full(monkeypatch):
+    ramped = based((3500, 1.2), (2850, 0.8), noise=2e-6, entry_ramp={"extent": 0.03})
+    assert 1.02 < ramped.error_held_out / pooled(ramped.errors)[1] < 2.0
+    origins = origins_of(ramped.fitter.plant, BELIEVED, ramped.fitter, ramped.fit, anchored=False)
+    ramp = {"entry_ramp": KNOWN["entry_ramp"]}
+    first = cr.first_step
+
+    def led_astray(*given):
+        cost, state, wider = first(*given)
+        return max(cost, 1.01 * ramped.fit.cost), state, wider
+
+    monkeypatch.setattr(cr, "first_step", led_astray)
+    (found,) = cr._first_steps(ramped, ramp, origins, quiet)
+    assert found.cost < ramped.fit.cost
+    assert found.state.model.effects["entry_ramp"]["extent"] == pytest.approx(0.03, rel=0.3)
+    known = replace(ramped, error_held_out=pooled(ramped.errors)[1])  # where nothing is left, nothing is gained
+    (found,) = cr._first_steps(known, ramp, origins, quiet)
+    assert found.cost == pytest.approx(1.01 * ramped.fit.cost)
