@@ -34,6 +34,7 @@ HOPE = 0.2  # share of the gain the gate asks for that the first step of a candi
 GAIN = 0.01  # share of the held-out excess over the noise that an effect must take away
 CREEP = 15  # iterations of a law with a kink before its scales are looked for in other valleys
 HELPS = 0.95  # share of the cost that a candidate may leave for its scales to be looked for in other valleys too
+SOME = 20.0  # gain in minus the log likelihood from which it is asked whether the cuts were elsewhere: by then it is an effect
 HALVES = 0.5  # share of the excess that a candidate may leave for parts of passes to be looked for at once, not if it is named
 # Error over noise floor below which a leader that leaves only noise may still be the wrong one: what a helix does grows with
 # the square of its angle, so that its own first step leads nowhere, and what is left of a faint effect passes for noise.
@@ -367,7 +368,9 @@ def _refitted(
     if not smooth:
         fit = rested(entry.fitter, fit, rounds=3, iterations=iterations)
     effects = (*current.effects, entry.name)
-    entry.fitter, fit = cut_elsewhere(entry.fitter, recounted(entry.fitter, entries_together(entry.fitter, fit)))
+    fit = recounted(entry.fitter, entries_together(entry.fitter, fit))
+    if fit.cost < current.fit.cost - SOME:
+        entry.fitter, fit = cut_elsewhere(entry.fitter, fit)
     if _beyond_noise(entry.fitter, fit) < HALVES * _beyond_noise(entry.fitter, current.fit):
         fit = with_parts_of_passes(entry.fitter, fit)
     found = _candidate(current, entry.fitter, fit, effects)
