@@ -96,3 +96,12 @@ def test_a_gradual_entry_whose_first_step_costs_more_than_nothing_is_fitted_in_f
     known = replace(ramped, error_held_out=pooled(ramped.errors)[1])  # where nothing is left, nothing is gained
     (found,) = cr._first_steps(known, ramp, origins, quiet)
     assert found.cost == pytest.approx(1.01 * ramped.fit.cost)
+
+
+@pytest.mark.parametrize(("hidden", "asked"), [({"edge_force": {"tangential": 6e4, "normal": 3e4}}, True), ({}, False)])
+def test_it_is_asked_whether_a_cut_was_elsewhere_where_an_effect_explains_something(hidden, asked, monkeypatch):
+    known, calls = based((3500, 1.2), **hidden), []
+    monkeypatch.setattr(cr, "cut_elsewhere", lambda fitter, fit: calls.append(fit) or (fitter, fit))
+    origins = origins_of(known.fitter.plant, BELIEVED, known.fitter, known.fit, anchored=False)
+    found = cr.with_effect(known, "edge_force", KNOWN, origins, quiet)
+    assert bool(calls) == asked and (found.fit.cost < 0.5 * known.fit.cost) == asked
