@@ -2,7 +2,7 @@
 
 A first Gauss-Newton step ranks them (a score test with a look at the true cost). The leader is refitted; where it does not
 explain everything and no first step led to much, the believed machine is asked, and all are tried once more from far outside
-where that does not tell; then the other leaders follow.
+where that does not tell; so is that machine where the leader leaves twice the noise. Then the other leaders follow.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ HALVES = 0.5  # share of the excess that a candidate may leave for parts of pass
 FAINT = 1.3
 CERTAIN = 100.0  # gain in BIC from which an effect is there although the error is that of the noise: no chance gives that
 BEHIND = 4.0  # times the cost of the best of its round above which a candidate is out: its fit is given up,
-RIVAL = 1.5  # and where that best explains everything; then, too,
-CLOSE = 0.3  # above the share of what the best takes away that a rival of it may leave
+RIVAL = 1.5  # and, where that best explains everything, above this many times,
+CLOSE = 0.3  # or above that best's by this share of what it takes away: so much no rival of it leaves
 MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far,
 LITTLE = 0.03  # or its fit: most of what no first step showed would then have to be hidden behind it
 ROUGH = 2.0  # error over noise floor from which a leader may have taken over what another does: the believed machine is asked
@@ -91,7 +91,8 @@ def try_candidates(
     """Candidates that extend the current set by one effect, the one that foretells best first.
 
     last: no further round follows, so that only one which leaves hardly more than noise is of interest.
-    alone: gives effects that leave hardly more than noise from the believed machine; asked where no first step led to much.
+    alone: gives effects that leave hardly more than noise from the believed machine; asked where no first step led to much, or
+    the fit of the leader to no less than twice the noise.
     """
     assert current.fit is not None and current.fitter is not None
     noise = pooled(current.errors)[1]
@@ -263,7 +264,6 @@ def _first_steps(
     present = {*current.effects, *current.fit.state.model.effects}
     records = current.fitter.records
     asked = [one for name, one in catalogue.items() if name not in present and applicable(one, records, present)]
-
     noise = pooled(current.errors)[1]
     little = ADEQUATE * noise < current.error_held_out < ROUGH * noise
 
