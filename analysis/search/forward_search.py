@@ -29,7 +29,7 @@ from analysis.search.exchanged import exchanged
 from analysis.search.gates import against, below_a_guess, certain_ones, passing_gates, vanishes
 from analysis.search.law_form import steeper_form
 from analysis.search.mains import hum_of
-from analysis.search.settled import settled
+from analysis.search.settled import fitted_anew, settled
 from analysis.search.ties import tied_with, with_rivals
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -96,12 +96,7 @@ def by_noise(one: Candidate) -> Candidate:
 def _at_its_jumps(one: Candidate) -> Candidate:
     """The set with the samples left out at the jumps of a force where its own fit, not that of a smaller set, places them."""
     assert one.fit is not None and one.fitter is not None
-    return _fitted_anew(one, *at_its_jumps(one.fitter, one.fit))
-
-
-def _fitted_anew(one: Candidate, fitter: Fitter, fit: WaveformFit) -> Candidate:
-    """The set as it was fitted otherwise, its gain as it was; itself where that is its own fit."""
-    return one if fit is one.fit else replace(candidate_of(fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
+    return fitted_anew(one, *at_its_jumps(one.fitter, one.fit))
 
 
 def _with_finer_steps(
@@ -274,7 +269,7 @@ def _first_form(asked: Sequence[Candidate], tried: Sequence[Candidate], before: 
 def _with_feed(one: Candidate) -> Candidate:
     """The set with the feed a tooth as it explains more with these effects: as written, or as a table leaves it."""
     assert one.fit is not None and one.fitter is not None
-    return _fitted_anew(one, *with_feed_found(one.fitter, one.fit))
+    return fitted_anew(one, *with_feed_found(one.fitter, one.fit))
 
 
 def _with_parts(one: Candidate, noise: float) -> Candidate:
@@ -282,7 +277,7 @@ def _with_parts(one: Candidate, noise: float) -> Candidate:
     assert one.fit is not None and one.fitter is not None
     if one.error_held_out <= ADEQUATE * noise:
         return one
-    return _fitted_anew(one, one.fitter, with_parts_of_passes(one.fitter, one.fit))
+    return fitted_anew(one, one.fitter, with_parts_of_passes(one.fitter, one.fit))
 
 
 def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Effect], most: int,

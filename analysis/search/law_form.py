@@ -107,17 +107,15 @@ def _freed(
     model = state.model.with_effect(name, exponent=exponent.neutral, **_references(catalogue[name], fitter))
     free = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, Free(path, STEP, exponent.bounds)])
     fit = free.fit(replace(state, model=model), iterations=ITERATIONS, goal=before.cost)
-    if not _is_another(exponent, before, fit, estimates(free, fit, catalogue)[path]):
-        return None
-    if ADEQUATE < _left(free, fit) <= NEARLY:
+    told, left = estimates(free, fit, catalogue)[path], _left(free, fit)
+    if ADEQUATE < left <= NEARLY and _is_another(exponent, before, fit, told):
         free, fit = min((free, fit), _anew(free, fit, catalogue), key=lambda one: one[1].cost)
-    told, size, left = estimates(free, fit, catalogue)[path], effective_size(before), _left(free, fit)
-    if not _is_another(exponent, before, fit, told) or left > COMPLETE:  # what leaves more is not the law either
+        told, left = estimates(free, fit, catalogue)[path], _left(free, fit)
+    if left > COMPLETE or not _is_another(exponent, before, fit, told):  # what leaves more is not the law either
         return None
-    gain = bic(before, size) - bic(fit, size)
     values = dict(fit.state.model.effects[name])
-    fitted = candidate_of(free, fit, kept, before, size)
-    return OtherForm(name, exponent.neutral, told.value, told.low, told.high, gain, left, values, fitted=fitted)
+    fitted = candidate_of(free, fit, kept, before, effective_size(before))
+    return OtherForm(name, exponent.neutral, told.value, told.low, told.high, fitted.delta_bic, left, values, fitted=fitted)
 
 
 def _is_another(exponent: Parameter, before: WaveformFit, fit: WaveformFit, told: Estimate) -> bool:

@@ -22,10 +22,7 @@ def settled(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
     """The last set of effects, followed to its end and with finer steps where a law has a kink: its parameters are told."""
     assert one.fit is not None and one.fitter is not None
     if not has_kinks(list(one.fit.state.model.effects), catalogue):
-        fit = to_its_end(one.fitter, one.fit)  # a short one of a round may have ended anywhere
-        if fit is one.fit:
-            return one
-        return replace(candidate_of(one.fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
+        return fitted_anew(one, one.fitter, to_its_end(one.fitter, one.fit))  # a short one of a round may have ended anywhere
     fitter, fit = finely(one.fitter, one.fit, catalogue)
     idle = [name for name in one.effects if _does_nothing(fitter, fit, name)]  # it made up for the error of the steps
     if idle:
@@ -36,6 +33,11 @@ def settled(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
     effects = tuple(name for name in one.effects if name not in idle)
     found = candidate_of(fitter, fit, effects, None, 1.0)
     return replace(found, delta_bic=one.delta_bic) if found.error_held_out <= WORSE * one.error_held_out else one
+
+
+def fitted_anew(one: Candidate, fitter: Fitter, fit: WaveformFit) -> Candidate:
+    """The set as it was fitted otherwise, its gain as it was; itself where that is its own fit."""
+    return one if fit is one.fit else replace(candidate_of(fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
 
 
 def _does_nothing(fitter: Fitter, fit: WaveformFit, name: str) -> bool:

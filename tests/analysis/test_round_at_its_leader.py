@@ -1,41 +1,20 @@
 """When a round holds its leader against the believed machine, how far it follows rivals, and what a gradual entry is given."""
 
 from dataclasses import replace
-from functools import partial
 
 import pytest
-from campaign_files import BELIEVED, TRUE
-from synthetic_campaign import synthetic_campaign
+from campaign_files import BELIEVED
+from short_round import BENT, KNOWN, fitted, quiet, round_of
 
 from analysis.fit.effect_start import origins_of
 from analysis.fit.held_out import pooled
-from analysis.fit.observed import observe
 from analysis.search import candidate_round as cr
-from analysis.search.begun_anew import from_believed
-from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
-from testbed.engines import fast
-
-KNOWN = catalogue()
-
-
-def based(*tests, noise=1e-6, **effects):
-    """The believed model fitted to cuts under these effects."""
-    true = TRUE
-    for name, values in effects.items():
-        true = true.with_effect(name, **values)
-    records = synthetic_campaign(partial(fast.simulate, steps=61), true, seed=4, rate=6400.0, tests=tests, noise=noise)
-    return from_believed(plant_of(KNOWN), [observe(one, BELIEVED) for one in records], BELIEVED, (), KNOWN)
 
 
 @pytest.fixture(scope="module")
 def base():
     """A model without an edge force that is there."""
-    return based((3500, 1.2), edge_force={"tangential": 6e4, "normal": 3e4})
-
-
-def quiet(text):
-    """Nothing is told."""
+    return fitted()
 
 
 def _round(base, left, monkeypatch, costs=(0.1, 0.5, 0.6)):
@@ -43,20 +22,10 @@ def _round(base, left, monkeypatch, costs=(0.1, 0.5, 0.6)):
 
     costs: after the first steps, in that of the base fit. As a rule the leader's leaves much less than a third.
     """
-    goals, asked, noise = {}, [], base.errors[0].noise_floor
-
-    def refitted(current, entry, known, say, iterations=40, goal=float("inf")):
-        goals[entry.name] = goal
-        share = (left.get(entry.name, 0.9 * current.error_held_out / noise) * noise / current.error_held_out) ** 2
-        error, fit = current.error_held_out * share**0.5, replace(current.fit, cost=share * current.fit.cost)
-        return replace(current, effects=(entry.name,), error_fit=error, error_held_out=error, fit=fit, errors=())
-
-    monkeypatch.setattr(cr, "_first_steps", lambda current, *_, **__: [
-        cr._Entry(name, share * current.fit.cost, current.fit.state, current.fitter)
-        for name, share in zip(("chip_force_exponent", "edge_force", "helix"), costs, strict=True)])
-    for name, dummy in {"_refitted": refitted, "no_swing": lambda *_: False, "_try_from_far": lambda *_, **__: None}.items():
-        monkeypatch.setattr(cr, name, dummy)
-    cr.try_candidates(base, KNOWN, [], quiet, alone=lambda: asked.append(1) or ())
+    asked, before = [], base.error_held_out / base.errors[0].noise_floor
+    first = dict(zip(("chip_force_exponent", "edge_force", "helix"), costs, strict=True))
+    full = {name: (floors / before) ** 2 for name, floors in left.items()}
+    _, goals = round_of(base, first, full, monkeypatch, alone=lambda: asked.append(1) or ())
     return goals, len(asked)
 
 
@@ -79,7 +48,7 @@ def test_a_rival_is_followed_to_a_share_of_what_the_best_takes_away(base, monkey
 
 
 def test_a_gradual_entry_whose_first_step_costs_more_than_nothing_is_fitted_in_full(monkeypatch):
-    ramped = based((3500, 1.2), (2850, 0.8), noise=2e-6, entry_ramp={"extent": 0.03})
+    ramped = fitted(tests=((3500, 1.2), (2850, 0.8)), noise=2e-6, hidden={"entry_ramp": {"extent": 0.03}})
     assert 1.02 < ramped.error_held_out / pooled(ramped.errors)[1] < 2.0
     origins = origins_of(ramped.fitter.plant, BELIEVED, ramped.fitter, ramped.fit, anchored=False)
     ramp = {"entry_ramp": KNOWN["entry_ramp"]}
@@ -98,9 +67,9 @@ def test_a_gradual_entry_whose_first_step_costs_more_than_nothing_is_fitted_in_f
     assert found.cost == pytest.approx(1.01 * ramped.fit.cost)
 
 
-@pytest.mark.parametrize(("hidden", "asked"), [({"edge_force": {"tangential": 6e4, "normal": 3e4}}, True), ({}, False)])
+@pytest.mark.parametrize(("hidden", "asked"), [(BENT, True), ({}, False)])
 def test_it_is_asked_whether_a_cut_was_elsewhere_where_an_effect_explains_something(hidden, asked, monkeypatch):
-    known, calls = based((3500, 1.2), **hidden), []
+    known, calls = fitted(hidden=hidden), []
     monkeypatch.setattr(cr, "cut_elsewhere", lambda fitter, fit: calls.append(fit) or (fitter, fit))
     origins = origins_of(known.fitter.plant, BELIEVED, known.fitter, known.fit, anchored=False)
     found = cr.with_effect(known, "edge_force", KNOWN, origins, quiet)
