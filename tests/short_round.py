@@ -11,6 +11,7 @@ from synthetic_campaign import synthetic_campaign
 from analysis.fit.observed import observe
 from analysis.search import candidate_round as cr
 from analysis.search.begun_anew import from_believed
+from analysis.search.first_looks import Entry
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast
@@ -32,23 +33,24 @@ def fitted(*names, tests=((3500, 1.2),), noise=1e-6, hidden: Mapping[str, Mappin
     return from_believed(plant_of(KNOWN), [observe(one, BELIEVED) for one in records], BELIEVED, names, KNOWN)
 
 
-def round_of(base, first, full, monkeypatch, alone=tuple):
+def round_of(base, first, full, monkeypatch, **asked):
     """(candidates, goals of the full fits in the order asked) of a round.
 
     first: costs after the first steps, in that of the base fit, by effect; full: of the full fits, 0.9 where none is given.
+    asked: what the round may ask beside.
     """
     goals = {}
 
-    def refitted(current, entry, known, say, iterations=40, goal=np.inf):
+    def refitted(current, entry, known, say, iterations=40, goal=np.inf, **_):
         goals[entry.name] = goal
         share = full.get(entry.name, 0.9)
         error, fit = current.error_held_out * share**0.5, replace(current.fit, cost=share * current.fit.cost)
         return replace(current, effects=(entry.name,), error_fit=error, error_held_out=error, fit=fit, errors=())
 
-    monkeypatch.setattr(cr, "_first_steps", lambda current, *_, **__: [
-        cr._Entry(name, share * current.fit.cost, current.fit.state, current.fitter) for name, share in first.items()])
+    monkeypatch.setattr(cr, "first_steps", lambda current, *_, **__: [
+        Entry(name, share * current.fit.cost, current.fit.state, current.fitter) for name, share in first.items()])
     monkeypatch.setattr(cr, "_refitted", refitted)
-    monkeypatch.setattr(cr, "_try_from_far", lambda *_, **__: None)
-    monkeypatch.setattr(cr, "_from_far", lambda *_, **__: None)
+    monkeypatch.setattr(cr, "try_from_far", lambda *_, **__: None)
+    monkeypatch.setattr(cr, "from_far", lambda *_, **__: None)
     monkeypatch.setattr(cr, "no_swing", lambda *_: False)
-    return cr.try_candidates(base, KNOWN, [], quiet, alone=alone), goals
+    return cr.try_candidates(base, KNOWN, [], quiet, **asked), goals

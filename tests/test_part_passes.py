@@ -13,7 +13,7 @@ from synthetic_campaign import synthetic_record
 from analysis.fit.model_fit import model_fit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import observe
-from analysis.fit.part_search import FINE, VALLEYS, _placed
+from analysis.fit.part_search import FINE, VALLEYS, _placed, best_ends, reachable
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.cut import Cut, Sampling, whole_cut_sampling
@@ -157,3 +157,16 @@ def test_a_valley_narrower_than_the_coarse_parts_is_found_among_the_fine_ones():
     assert _placed(costs_of, begun, 1.0, "exit", VALLEYS)[0] > 5.0
     cost, found = _placed(costs_of, begun, 1.0, "exit", VALLEYS, FINE)
     assert found.exit - found.early_exit == pytest.approx(21.19, abs=0.002) and cost < 1.5
+
+
+def test_what_moves_of_the_ends_can_explain_is_told_before_any_place_is_looked_for(observed):
+    """Nothing of a record whose ends are right, most of one whose first or last pass is taken for whole."""
+    fitter, fit = FITTED(records=observed)
+    for index, record in enumerate(fitter.records):
+        assert reachable(fitter, fit, index) < 20.0
+        own = fit.state.nuisances[index]
+        wrong = fitter.fit(fit.state.with_record(index, replace(own, late_entry=0.0, early_exit=0.0)), iterations=0)
+        cost = 0.5 * float(np.sum(wrong.residuals[index] ** 2))
+        found, _ = best_ends(fitter, index, wrong.state, [wrong.state.nuisances[index]])
+        assert found == pytest.approx(0.5 * record.size, rel=0.05) and cost > 2.0 * found
+        assert 0.7 < reachable(fitter, wrong, index) / (cost - found) < 1.1

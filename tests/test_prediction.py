@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,30 @@ def test_a_channel_is_predicted_alone_as_beside_its_rates(names):
     if names:
         bare = predict_cuts([FLEXURE], [COURSE], [sampling], ["displacement"])
         assert np.nanmax(np.abs(bare - alone)) > 1e-7
+
+
+@pytest.mark.parametrize("measured", [False, True])
+def test_what_the_sensor_alone_makes_of_a_motion_is_not_simulated_anew(measured, monkeypatch):
+    model = FLEXURE.with_effect("ambient_vibration", amplitude=3e-6, frequency=50.0, phase=0.5)
+    model = model.with_effect("sensor_lag", time_constant=1e-4)
+    models = [model, *(model.with_values({path: value}) for path, value in (
+        ("ambient_vibration.phase", 1.5), ("sensor_lag.time_constant", 2e-4), ("damping_ratio", 0.01)))]
+    models, courses = [*models, model], [*[COURSE] * 4, replace(COURSE, passes=19)]
+    samplings = [whole_cut_sampling(COURSE, 1, 12800.0)] * 5
+    lasting = [np.full(course.total_passes, COURSE.tooth_passing_period(1)) for course in courses] if measured else None
+    runs, simulated = fast.simulate_batch, []
+
+    def counted(given, *rest, **more):
+        simulated.append(len(given))
+        return runs(given, *rest, **more)
+
+    monkeypatch.setattr(fast, "simulate_batch", counted)
+    together = predict_cuts(models, courses, samplings, MOTION, durations=lasting)
+    assert simulated == [3]
+    for run, (one, course) in enumerate(zip(models, courses, strict=True)):
+        alone = predict_cuts([one], [course], samplings[:1], MOTION, durations=lasting and [lasting[run]])
+        assert np.array_equal(alone[0], together[run], equal_nan=True)
+    assert all(np.nanmax(np.abs(together[run] - together[0])) > 1e-7 for run in range(1, 5))
 
 
 def test_variants_of_one_run_share_the_steps_that_the_first_needs():

@@ -219,10 +219,7 @@ def first_step(
     The slopes by the base's own unknowns are those of the origin; only the effect's are computed. growing: free decays alone
     are fitted from their openings on, too; needless where the effect can but be faint, so that no phase has run away.
     """
-    gradual = "engagement" in effect.hooks  # it changes which pass seems to be the first: the entry is looked for anew
-    blind = any(record.cut is not None and record.first_mark is None and record.flutes > 1 for record in fitter.records)
-    unequal = blind and "edge_position" in effect.hooks  # which of the teeth was the first is open without marks
-    effect = effect if gradual else fitting_example(fitter, effect, fit)
+    effect = effect if "engagement" in effect.hooks else fitting_example(fitter, effect, fit)
     wider = extended(fitter, effect)
     best: tuple[float, State] = (math.inf, fit.state)
     places = [place for place, one in enumerate(wider.free) if one.path.startswith(f"{effect.name}.")]
@@ -230,20 +227,17 @@ def first_step(
     points = recurring_starts(wider, effect, fit) if recurring else starting_points(effect, fitter.records, fit)
     slight = [] if recurring else starting_points(effect, fitter.records, fit, SLIGHT)
     worst = fit.worst(SCREENED)
+    others = [place for place in range(len(fitter.records)) if place not in worst]
     for origin in origins:
         tried = []
         for values in (*points, *slight):
             state = replace(origin.state, model=origin.state.model.with_effect(effect.name, **values))
-            if gradual:  # in place of first passes cut in part, which had made up for it
-                state = place_entries(wider, state.with_whole_first_passes())
-            elif recurring:
-                state = turn_phases(wider, state)
-            elif unequal:
-                state, _ = settle_passes(wider, state)
+            state = _suited(wider, state, effect, worst)
             tried.append((wider.cost(state, worst), state))
         plain, faint = sorted(tried[: len(points)], key=_cost), sorted(tried[len(points) :], key=_cost)
         likely = tried[:1] if recurring and plain[0] is not tried[0] else []  # explains most to first order, its line a bit off
-        tried = [(wider.cost(state), state) for _, state in (*plain[:2], *faint[:1], *likely)]
+        chosen = [_suited(wider, state, effect, others) for _, state in (*plain[:2], *faint[:1], *likely)]
+        tried = [(wider.cost(state), state) for state in chosen]
         for cost, state in tried:
             parts = wider.with_slopes(origin.parts, state, places)
             for damping in (1e-3, 1.0):
@@ -264,6 +258,18 @@ def first_step(
         further = wider.descend(best[1] if effect.name in best[1].model.effects else tried[0][1], iterations=CORNER)
         best = min(best, (further.cost, further.state), key=lambda one: one[0])
     return best[0], best[1], wider
+
+
+def _suited(fitter: Fitter, state: State, effect: Effect, places: Sequence[int]) -> State:
+    """The state with what an effect changes of single records looked for anew in those at these places."""
+    if "engagement" in effect.hooks:  # which pass seems to be the first; passes cut in part had made up for a slow entry
+        return place_entries(fitter, state.with_whole_first_passes(), places)
+    if any(one.each_record for one in effect.parameters):
+        return turn_phases(fitter, state, places)
+    blind = any(one.cut is not None and one.first_mark is None and one.flutes > 1 for one in fitter.records)
+    if blind and "edge_position" in effect.hooks:  # which of the teeth was the first is open without marks
+        return settle_passes(fitter, state, places=places)[0]
+    return state
 
 
 def gradual_entry(

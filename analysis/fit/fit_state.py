@@ -65,6 +65,11 @@ class State:
         """The state with the nuisances of one record replaced."""
         return replace(self, nuisances=(*self.nuisances[:place], own, *self.nuisances[place + 1 :]))
 
+    def with_records(self, places: Sequence[int], found: Sequence[Nuisances]) -> State:
+        """The state with the nuisances of the records at these places replaced."""
+        new = dict(zip(places, found, strict=True))
+        return replace(self, nuisances=tuple(new.get(place, own) for place, own in enumerate(self.nuisances)))
+
     def with_whole_first_passes(self) -> State:
         """The state with no first pass cut in part."""
         return replace(self, nuisances=tuple(replace(one, late_entry=0.0) for one in self.nuisances))

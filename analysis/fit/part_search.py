@@ -14,10 +14,12 @@ from analysis.fit.waveform import Fitter
 
 REACH = 2  # passes beside the entry and the exit that are tried
 PARTS = 8  # into which the arc is divided first,
+FEW = 2  # where it is only asked what any place could explain,
 FINE = 32  # and in the end: of a tooth that enters at its full chip a fiftieth of a pass is a kick
 VALLEYS = 3  # places that cost less than those beside them from which the best is looked for: an arc may hold several,
 HALVINGS = 6  # halving the step so often
 PLAIN = 2.0  # in minus the log likelihood: what a place within the arc must save against a whole pass; more would bend the rest
+ROUNDING = 1e-12  # share of the largest square below which a mixture of changes is none
 ENDS = tuple(MISSING)
 CostsOf = Callable[[Sequence[Nuisances]], np.ndarray]
 
@@ -103,6 +105,26 @@ def best_moved(fitter: Fitter, fit: WaveformFit, index: int) -> tuple[float, Nui
 
     places = [_placed(costs_of, (fit.cost, own), arc, end, VALLEYS, FINE) for end in _movable(fitter, index, fit.state, own)]
     return min([(fit.cost, own), *places], key=_cost)
+
+
+def reachable(fitter: Fitter, fit: WaveformFit, index: int) -> float:
+    """What other places of a cut's ends could at most explain of one record, in minus the log likelihood, to first order.
+
+    Of what is left, the part that any mixture of the changes by coarse moves makes up, the record's own unknowns following.
+    """
+    own, part = fit.state.nuisances[index], fit.parts[index]
+    arc = fit.state.share_in_arc(fitter.records[index])
+    places = [place for end in _movable(fitter, index, fit.state, own) for place in _places(own, arc, end, FEW)
+              if place.entry < place.exit]  # fmt: skip
+    if not places:
+        return 0.0
+    rests = fitter.residuals_of(index, [(fit.state.model, fit.state.angle, one) for one in (own, *places)])
+    now, *moved = part.without_own(rests)
+    changes = np.array(moved) - now
+    values, vectors = np.linalg.eigh(changes @ changes.T)
+    kept = values > ROUNDING * values[-1]
+    along = (now @ changes.T) @ vectors[:, kept] / np.sqrt(values[kept])
+    return 0.5 * float(along @ along)
 
 
 def _movable(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
-from analysis.fit.part_search import best_ends, best_moved, best_whole, plainer
+from analysis.fit.part_search import best_ends, best_moved, best_whole, plainer, reachable
 from analysis.fit.pass_search import squares_of
 from analysis.fit.waveform import Fitter
 from analysis.threads import threaded
@@ -29,6 +29,7 @@ SLOW = 8  # means of the residual a pass: a kick is slow, and in single samples 
 MEDIAN = 0.455  # median over mean of squares that are the noise's
 GAIN = 20.0  # in minus the log likelihood, for a part of a pass to be tried,
 BOLD = 0.1  # and share of the record's excess that must go at fixed parameters;
+SURELY = 0.5  # share of that which moves of the ends must reach to first order for the places to be looked for;
 FIRST = 3  # records that are asked before all others
 HOPE = 0.3  # share of all records' excess that must then go for trying to go on,
 SHARE = 0.6  # and of the record's that must be worth it in the end for the part to be believed
@@ -124,9 +125,12 @@ def _in_part(fitter: Fitter, fit: WaveformFit) -> tuple[Nuisances, ...]:
     def one(index: int) -> Nuisances:
         record, now = fitter.records[index], fit.state.nuisances[index]
         clocks = [now] if record.clock_error is None else [now, replace(now, angle=0.0, speed=1.0)]
-        cost, best = best_ends(fitter, index, fit.state, clocks)
         before = 0.5 * float(squares_of(fitter, index, fit.state, [now])[0])
-        return best if before - cost > max(GAIN, BOLD * (before - 0.5 * record.size)) else now
+        worth = max(GAIN, BOLD * (before - 0.5 * record.size))
+        if reachable(fitter, fit, index) < SURELY * worth:
+            return now
+        cost, best = best_ends(fitter, index, fit.state, clocks)
+        return best if before - cost > worth else now
 
     asked = [index for index in fit.worst(len(fitter.records)) if doubted(index)]
     found = list(fit.state.nuisances)

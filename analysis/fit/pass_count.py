@@ -26,6 +26,7 @@ MOVES = 6  # of one pass, that a fit is followed through
 ROUND = 24  # places round a tooth's pitch at which the angle of a record without marks is looked for,
 LIKELY = 4  # and of them those whose own unknowns are refitted
 EXPLAINED = 1.5  # mean square residual of all records up to which a model explains them,
+UNLIKELY = 1.5  # times what a record leaves, that it leaves after a move of which no fit of its own unknowns makes the better,
 GAIN = 20.0  # and in minus the log likelihood, by which an entry or exit elsewhere must then be better
 
 
@@ -98,12 +99,23 @@ def _elsewhere(fitter: Fitter, fit: WaveformFit, index: int) -> Nuisances:
     if record.cut is None or record.forces_only:
         return own
     single, state = fitter.on([replace(record, starts_in_cut=False)]), replace(fit.state, nuisances=(own,))
-    best = _best_of(single, state, _neighbours(single, state, 0))
+    moves = _neighbours(single, state, 0)
+    if not record.starts_in_cut and record.first_mark is not None:
+        moves = _likely(fitter, fit, index, moves)
+    best = _best_of(single, state, moves)
     if record.first_mark is None:
         best = _best_of(single, best, _all_round(single, best))
     idles = not entered([record], best)[0].starts_in_cut
     better = single.cost(best) < 0.5 * float(np.sum(fit.residuals[index] ** 2)) - GAIN
     return best.nuisances[0] if idles and better else own
+
+
+def _likely(fitter: Fitter, fit: WaveformFit, index: int, moves: Sequence[Nuisances]) -> list[Nuisances]:
+    """Those moves of a record after which it may be explained as well as it is: what its own unknowns mend is left aside."""
+    part = fit.parts[index]
+    rests = part.without_own(fitter.residuals_of(index, [(fit.state.model, fit.state.angle, one) for one in moves]))
+    squares, now = np.einsum("ij,ij->i", rests, rests), float(np.sum(part.residual**2))
+    return [one for one, left in zip(moves, squares, strict=True) if left < UNLIKELY * now]
 
 
 def _best_of(single: Fitter, state: State, tried: Sequence[Nuisances]) -> State:

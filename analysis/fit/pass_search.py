@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,9 +23,10 @@ SHORTEST = 0.25  # share of a cut that is seen which it lasts at the least, howe
 ROUND = 8  # places round the circle at which a record's own phase is looked for
 
 
-def settle_passes(fitter: Fitter, state: State, reach: int = 1) -> tuple[State, bool]:
+def settle_passes(fitter: Fitter, state: State, reach: int = 1, places: Sequence[int] | None = None) -> tuple[State, bool]:
     """The state with every cut's entry and exit pass at the best of their neighbours; and whether any moved.
 
+    places: of the records that are asked; None: all.
     Without a tachometer the record's tooth angle is looked for around where it was, too, and which tooth came first, as where
     its marks may be any of several.
     """
@@ -48,8 +49,9 @@ def settle_passes(fitter: Fitter, state: State, reach: int = 1) -> tuple[State, 
         nuisances = _best_place(fitter, index, state, nuisances, "entry", entries)
         return _best_place(fitter, index, state, nuisances, "exit", exits)
 
-    best = threaded(one, range(len(fitter.records)))
-    return replace(state, nuisances=best), best != state.nuisances
+    places = range(len(fitter.records)) if places is None else places
+    found = state.with_records(places, threaded(one, places))
+    return found, found.nuisances != state.nuisances
 
 
 def begun_otherwise(fitter: Fitter, state: State) -> tuple[State, bool]:
@@ -72,9 +74,9 @@ def begun_otherwise(fitter: Fitter, state: State) -> tuple[State, bool]:
     return replace(state, nuisances=best), best != state.nuisances
 
 
-def turn_phases(fitter: Fitter, state: State) -> State:
-    """The state with the phases that every record has for itself at the best of places all round."""
-    return replace(state, nuisances=threaded(lambda index: _turned(fitter, index, state), range(len(fitter.records))))
+def turn_phases(fitter: Fitter, state: State, places: Sequence[int]) -> State:
+    """The state with the phases that the records at these places have for themselves at the best of angles all round."""
+    return state.with_records(places, threaded(lambda index: _turned(fitter, index, state), places))
 
 
 def _turned(fitter: Fitter, index: int, state: State) -> Nuisances:
@@ -85,12 +87,13 @@ def _turned(fitter: Fitter, index: int, state: State) -> Nuisances:
     return nuisances
 
 
-def place_entries(fitter: Fitter, state: State) -> State:
+def place_entries(fitter: Fitter, state: State, places: Sequence[int] | None = None) -> State:
     """The state with every cut's entry looked for from the record's start to the exit, coarse first.
 
-    A record that seems to start in the cut may idle amid loud ambient vibration: of forces alone that cannot be.
+    places: of the records that are asked; None: all. A record that seems to start in the cut may idle amid loud ambient
+    vibration: of forces alone that cannot be.
     """
-    return _placed(fitter, state, "entry")
+    return _placed(fitter, state, "entry", range(len(fitter.records)) if places is None else places)
 
 
 def entered(records: Sequence[Observed], state: State) -> list[Observed]:
@@ -108,10 +111,10 @@ def place_exits(fitter: Fitter, state: State) -> State:
     No segment is believed. The cost falls towards the true exit from both sides: too early, the model rings down while
     the teeth still cut; too late, it cuts where the structure rings down.
     """
-    return _placed(fitter, state, "exit")
+    return _placed(fitter, state, "exit", range(len(fitter.records)))
 
 
-def _placed(fitter: Fitter, state: State, field: str) -> State:
+def _placed(fitter: Fitter, state: State, field: str, places: Sequence[int]) -> State:
     def one(index: int) -> Nuisances:
         record, nuisances = fitter.records[index], state.nuisances[index]
         if record.cut is None or (field == "entry" and record.starts_in_cut and record.forces_only):
@@ -121,13 +124,17 @@ def _placed(fitter: Fitter, state: State, field: str) -> State:
             return nuisances
         now = getattr(nuisances, field)
         step = max(1, (last - first) // COARSE)
-        nuisances = _best_place(fitter, index, state, nuisances, field, sorted({*range(first, last + 1, step), now, last}))
+        coarse = _tried(nuisances, field, {*range(first, last + 1, step), now, last})
+        costs = squares_of(fitter, index, state, coarse)
+        best = int(np.argmin(costs))
         reach = max(step, 2 * EARLIER)  # close to it a few kicks may cancel: no descent, every pass is tried
-        now = getattr(nuisances, field)
-        near = range(max(first, now - reach), min(last, now + reach) + 1)
-        return _best_place(fitter, index, state, nuisances, field, sorted({*near, now}))
+        found = getattr(coarse[best], field)
+        near = {*range(max(first, found - reach), min(last, found + reach) + 1)}
+        finer = _tried(nuisances, field, near - {getattr(one, field) for one in coarse})
+        beside = squares_of(fitter, index, state, finer) if finer else np.array([np.inf])
+        return finer[int(np.argmin(beside))] if beside.min() < costs[best] else coarse[best]
 
-    return replace(state, nuisances=threaded(one, range(len(fitter.records))))
+    return state.with_records(places, threaded(one, places))
 
 
 def _range(record: Observed, angle: float, nuisances: Nuisances, field: str) -> tuple[int, int]:
@@ -144,11 +151,16 @@ def _range(record: Observed, angle: float, nuisances: Nuisances, field: str) -> 
     return record.first_pass, min(last, max(seen.entry + part, record.first_pass)) if part else last
 
 
-def _best_place(fitter: Fitter, index: int, state: State, nuisances: Nuisances, field: str, places: Sequence[int]) -> Nuisances:
+def _best_place(fitter: Fitter, index: int, state: State, nuisances: Nuisances, field: str, places: Iterable[int]) -> Nuisances:
     """The nuisances of one record with `field` (entry or exit) at the place of the smallest residual."""
-    tried = [nuisances.with_fields(**{field: place}) for place in places]
-    tried = [other for other in tried if other.entry < other.exit]
+    tried = _tried(nuisances, field, places)
     return _best(fitter, index, state, tried) if tried else nuisances
+
+
+def _tried(nuisances: Nuisances, field: str, places: Iterable[int]) -> list[Nuisances]:
+    """The nuisances with `field` (entry or exit) at each of the places, in their order, that leave a cut."""
+    moved = (nuisances.with_fields(**{field: place}) for place in sorted(places))
+    return [one for one in moved if one.entry < one.exit]
 
 
 def _best(fitter: Fitter, index: int, state: State, tried: Sequence[Nuisances]) -> Nuisances:

@@ -15,8 +15,8 @@ from analysis.fit.fit_state import Free
 from analysis.fit.held_out import pooled
 from analysis.fit.starts import glance, opening_fit, structure_start
 from analysis.search.begun_anew import explaining, from_believed, with_examples
-from analysis.search.candidate_round import shifts_in_time
 from analysis.search.diagnosis import COMPLETE, Candidate
+from analysis.search.first_looks import shifts_in_time
 from analysis.threads import threaded
 from testbed.effect import Effect
 from testbed.machine import Model

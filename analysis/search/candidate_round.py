@@ -9,24 +9,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.effect_start import Origin, applicable, far_step, first_step, gradual_entry, switched_on
+from analysis.fit.effect_start import Origin
 from analysis.fit.entry_passes import entries_together
 from analysis.fit.evidence import bic, effective_size
-from analysis.fit.fit_state import State, WaveformFit
+from analysis.fit.fit_state import WaveformFit
 from analysis.fit.held_out import errors_in_fit, held_out_errors, pooled
-from analysis.fit.length_cut import asks_length, carried_on, with_lengths_found
+from analysis.fit.length_cut import asks_length, with_lengths_found
 from analysis.fit.parts_of_passes import with_parts_of_passes
 from analysis.fit.pass_count import cut_elsewhere, recounted
 from analysis.fit.scale_hops import hopped
 from analysis.fit.starts import at_a_bound, polish, rested
 from analysis.fit.waveform import Fitter
 from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate
+from analysis.search.first_looks import (
+    BEHIND,
+    FAINT,
+    Entry,
+    begun,
+    best_cost,
+    first_steps,
+    from_far,
+    not_sudden,
+    nothing_hidden,
+    shifts_in_time,
+    try_from_far,
+)
 from analysis.search.steady_speed import no_swing
-from analysis.threads import threaded
 from testbed.effect import Effect
 
 LEADERS = 4  # candidates refitted in full
@@ -36,13 +48,9 @@ CREEP = 15  # iterations of a law with a kink before its scales are looked for i
 HELPS = 0.95  # share of the cost that a candidate may leave for its scales to be looked for in other valleys too
 SOME = 20.0  # gain in minus the log likelihood from which it is asked whether the cuts were elsewhere: by then it is an effect
 HALVES = 0.5  # share of the excess that a candidate may leave for parts of passes to be looked for at once, not if it is named
-# Error over noise floor below which a leader that leaves only noise may still be the wrong one: what a helix does grows with
-# the square of its angle, so that its own first step leads nowhere, and what is left of a faint effect passes for noise.
-FAINT = 1.3
 CERTAIN = 100.0  # gain in BIC from which an effect is there although the error is that of the noise: no chance gives that
-BEHIND = 4.0  # times the cost of the best of its round above which a candidate is out: its fit is given up,
-RIVAL = 1.5  # and, where that best explains everything, above this many times,
-CLOSE = 0.3  # or above that best's by this share of what it takes away: so much no rival of it leaves
+RIVAL = 1.5  # times the cost of the best of its round above which a candidate is given up where that explains everything,
+CLOSE = 0.3  # or above it by this share of what that takes away: so much no rival of it leaves
 MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far,
 LITTLE = 0.03  # or its fit: most of what no first step showed would then have to be hidden behind it
 ROUGH = 2.0  # error over noise floor from which a leader may have taken over what another does: the believed machine is asked
@@ -64,22 +72,6 @@ def candidate_of(
     )
 
 
-@dataclass
-class _Entry:
-    """A candidate of a round: the cost after its first step, where that ended, and its full fit once there is one."""
-
-    name: str
-    cost: float
-    state: State
-    fitter: Fitter
-    fitted: Candidate | None = None
-
-    @property
-    def reached(self) -> float:
-        """The cost of the best that is known of it."""
-        return self.cost if self.fitted is None or self.fitted.fit is None else self.fitted.fit.cost
-
-
 def try_candidates(
     current: Candidate,
     catalogue: Mapping[str, Effect],
@@ -87,23 +79,25 @@ def try_candidates(
     say: Callable[[str], None],
     last: bool = False,
     alone: Callable[[], Sequence[Candidate]] = tuple,
+    of_other_law: Callable[[Candidate], bool] = lambda _: False,
 ) -> list[Candidate]:
     """Candidates that extend the current set by one effect, the one that foretells best first.
 
     last: no further round follows, so that only one which leaves hardly more than noise is of interest.
     alone: gives effects that leave hardly more than noise from the believed machine; asked where no first step led to much, or
-    the fit of the leader to no less than twice the noise.
+    the fit of the leader to no less than twice the noise. of_other_law: whether a law of no catalogue is what a set lacks;
+    asked before that, and with it the round ends.
     """
     assert current.fit is not None and current.fitter is not None
     noise = pooled(current.errors)[1]
-    near = _nothing_hidden(current, noise)
-    entries = _first_steps(current, catalogue, origins, say, growing=not near)
+    near = nothing_hidden(current, noise)
+    entries = first_steps(current, catalogue, origins, say, growing=not near)
     floor, over = _of_noise(current.fitter), _beyond_noise(current.fitter, current.fit)
     hopeful = current.fit.cost - HOPE * GAIN * over
     wanted = COMPLETE**2 * floor if last else math.inf
     ruled_out: list[Candidate] = []
     while entries and entries[0].cost <= hopeful:
-        entries[0].fitted = _refitted(current, entries[0], catalogue, say, goal=wanted)
+        entries[0].fitted = _refitted(current, entries[0], catalogue, say, goal=wanted, of_other_law=of_other_law)
         if not no_swing(entries[0].fitted, catalogue):
             break
         ruled_out.append(_not_fitted(current, entries.pop(0).name))
@@ -115,23 +109,26 @@ def try_candidates(
         little = leader.cost - floor <= MUCH * over or leader.fitted.fit.cost - floor <= LITTLE * over
         far = (incomplete and not little) or at_a_bound(leader.fitter.free, leader.fitted.fit.state.model)
         if far or leader.fitted.error_where_known > ROUGH * noise:
+            if of_other_law(leader.fitted):
+                return [leader.fitted, *ruled_out, *(_not_fitted(current, one.name) for one in entries[1:])]
             if not _put(current, entries, alone()) and far:
-                _try_from_far(current, entries, catalogue, origins, say)
+                try_from_far(current, entries, catalogue, origins, say)
         elif not incomplete and current.error_held_out < FAINT * noise and not near:
             stuck = [one for one in entries if one.fitted is None and one.cost > hopeful]
-            _try_from_far(current, _not_sudden(stuck, catalogue), catalogue, origins, say, nearer=True)
+            try_from_far(current, not_sudden(stuck, catalogue), catalogue, origins, say, nearer=True)
             entries.sort(key=lambda entry: entry.reached)
         elif incomplete and "engagement" in catalogue[leader.name].hooks:  # its passes may be wrong in all records alike
-            _from_far(current, leader, catalogue[leader.name], origins)
+            from_far(current, leader, catalogue[leader.name], origins)
     elif entries and not near and not _put(current, entries, alone()):
-        _try_from_far(current, entries, catalogue, origins, say)
+        try_from_far(current, entries, catalogue, origins, say)
     found = ruled_out
     complete = 0  # once a candidate explains everything, only a rival close to it can still matter
     for place, entry in enumerate(entries):
         if entry.fitted is None and (place >= LEADERS or complete > 1 or entry.cost > hopeful):
             found.append(_not_fitted(current, entry.name))
             continue
-        iterations, goal = (10, _rivalling(current.fit.cost, _best(entries))) if complete else (40, BEHIND * _best(entries))
+        best = best_cost(entries)
+        iterations, goal = (10, _rivalling(current.fit.cost, best)) if complete else (40, BEHIND * best)
         fitted = entry.fitted = entry.fitted or _refitted(current, entry, catalogue, say, iterations, min(wanted, goal))
         if no_swing(fitted, catalogue):
             found.append(_not_fitted(current, entry.name))
@@ -145,7 +142,7 @@ def try_candidates(
     return sorted(found, key=lambda candidate: candidate.error_beside(noise))
 
 
-def _others_in_time(current: Candidate, entries: Sequence[_Entry], catalogue: Mapping[str, Effect],
+def _others_in_time(current: Candidate, entries: Sequence[Entry], catalogue: Mapping[str, Effect],
                     say: Callable[[str], None], hopeful: float, wanted: float) -> list[Candidate]:  # fmt: skip
     """Where what shifts the record in time explains most, and not all, the others that do, fitted in full.
 
@@ -157,12 +154,12 @@ def _others_in_time(current: Candidate, entries: Sequence[_Entry], catalogue: Ma
     found = []
     for entry in entries:
         if entry.fitted is None and entry.cost <= hopeful and shifts_in_time(catalogue[entry.name]):
-            entry.fitted = _refitted(current, entry, catalogue, say, goal=min(wanted, BEHIND * _best(entries)))
+            entry.fitted = _refitted(current, entry, catalogue, say, goal=min(wanted, BEHIND * best_cost(entries)))
             found += [] if no_swing(entry.fitted, catalogue) else [entry.fitted]
     return found
 
 
-def _put(current: Candidate, entries: list[_Entry], found: Sequence[Candidate]) -> bool:
+def _put(current: Candidate, entries: list[Entry], found: Sequence[Candidate]) -> bool:
     """Put effects where they were found, in the round's own units; whether one of them leaves nothing to be looked for."""
     assert current.fitter is not None
     weights = [record.weight for record in current.fitter.records]
@@ -185,17 +182,6 @@ def _not_fitted(current: Candidate, name: str) -> Candidate:
     return Candidate((*current.effects, name), {}, current.error_fit, current.error_held_out, 0.0, False)
 
 
-def _nothing_hidden(current: Candidate, noise: float) -> bool:
-    """Whether little is left of records without a cut: nothing there makes up for an effect, so its first step tells all."""
-    assert current.fitter is not None
-    return current.error_held_out < FAINT * noise and all(record.cut is None for record in current.fitter.records)
-
-
-def _best(entries: Sequence[_Entry]) -> float:
-    """The lowest cost that a candidate of the round was fitted to."""
-    return min((one.fitted.fit.cost for one in entries if one.fitted and one.fitted.fit), default=math.inf)
-
-
 def _rivalling(before: float, best: float) -> float:
     """The cost from which a candidate may rival the best one, which explains everything that `before` leaves."""
     return min(RIVAL * best, best + CLOSE * max(before - best, 0.0))
@@ -210,10 +196,10 @@ def certain_candidates(
     """Candidates for a model that leaves but noise: those that many samples make certain all the same, most gain first."""
     assert current.fit is not None and current.fitter is not None
     hopeful = current.fit.cost * math.exp(-HOPE * CERTAIN / effective_size(current.fit))
-    entries = _first_steps(current, catalogue, origins, say, growing=False)
-    if not _nothing_hidden(current, pooled(current.errors)[1]) and entries and entries[0].cost <= hopeful:
+    entries = first_steps(current, catalogue, origins, say, growing=False)
+    if not nothing_hidden(current, pooled(current.errors)[1]) and entries and entries[0].cost <= hopeful:
         behind = [one for place, one in enumerate(entries) if place >= LEADERS or one.cost > hopeful]  # no first step tells
-        _try_from_far(current, _not_sudden(behind, catalogue), catalogue, origins, say, nearer=True)
+        try_from_far(current, not_sudden(behind, catalogue), catalogue, origins, say, nearer=True)
     leaders = sorted((one for one in entries if one.cost <= hopeful), key=lambda one: one.cost)[:LEADERS]
     found = [_refitted(current, one, catalogue, say) for one in leaders]
     believable = (one for one in found if one.delta_bic > CERTAIN and not no_swing(one, catalogue))
@@ -230,13 +216,13 @@ def with_effect(
     """The current set and one effect more, fitted from every start that a round of a diagnosis knows."""
     assert current.fit is not None and current.fitter is not None
     effect = catalogue[name]
-    entry = _begun(current, effect, origins)
+    entry = begun(current, effect, origins)
     if name not in entry.state.model.effects:
         return current
     found = entry.fitted = _refitted(current, entry, catalogue, say)
     if not shifts_in_time(effect) and found.error_held_out > ADEQUATE * pooled(current.errors)[1]:
         say(f"trying {name} from far")
-        _from_far(current, entry, effect, origins)
+        from_far(current, entry, effect, origins)
         found = entry.fitted or _refitted(current, entry, catalogue, say)
     return found
 
@@ -249,112 +235,17 @@ def begun_and_fitted(
 
     None where its first step leaves more than the cost `hopeful`.
     """
-    entry = _begun(current, effect, origins)
+    entry = begun(current, effect, origins)
     if effect.name not in entry.state.model.effects or entry.cost > hopeful:
         return None
     return _refitted(current, entry, catalogue, say, goal=goal)
 
 
-def _first_steps(
-    current: Candidate, catalogue: Mapping[str, Effect], origins: Sequence[Origin], say: Callable[[str], None],
-    growing: bool = True,
-) -> list[_Entry]:  # fmt: skip
-    """Every effect the current set lacks after its first step, cheapest first."""
-    assert current.fit is not None and current.fitter is not None
-    present = {*current.effects, *current.fit.state.model.effects}
-    records = current.fitter.records
-    asked = [one for name, one in catalogue.items() if name not in present and applicable(one, records, present)]
-    noise = pooled(current.errors)[1]
-    little = ADEQUATE * noise < current.error_held_out < ROUGH * noise
-
-    def begun(effect: Effect) -> _Entry:
-        say(f"trying {effect.name}")
-        entry = _begun(current, effect, origins, growing)
-        return _settled_entry(current, entry) if little and "engagement" in effect.hooks else entry
-
-    return sorted(threaded(begun, asked), key=lambda entry: entry.cost)
-
-
-def _settled_entry(current: Candidate, entry: _Entry) -> _Entry:
-    """A gradual entry fitted in full, where its first step costs more than the model without it.
-
-    Parts of passes have made up for it, and no step leads from the whole ones with which it begins to what they gained.
-    """
-    assert current.fit is not None
-    if entry.cost > current.fit.cost:
-        found = polish(entry.fitter, entry.state, rounds=3)
-        entry.cost, entry.state = found.cost, found.state
-    return entry
-
-
-def _not_sudden(entries: Sequence[_Entry], catalogue: Mapping[str, Effect]) -> list[_Entry]:
-    """Entries whose first step may lead nowhere, see FAINT; of an entry that is not sudden it says more."""
-    return [one for one in entries if "engagement" not in catalogue[one.name].hooks]
-
-
-def shifts_in_time(effect: Effect) -> bool:
-    """Whether an effect shifts the record in time, so that it is tried from far outside at once."""
-    return bool({"measure", "speed"} & set(effect.hooks))
-
-
-def _begun(current: Candidate, effect: Effect, origins: Sequence[Origin], growing: bool = True) -> _Entry:
-    """An effect after its first step."""
-    assert current.fit is not None and current.fitter is not None
-    entry = _Entry(effect.name, *first_step(current.fitter, effect, current.fit, origins, growing))
-    if asks_length([effect.name], {effect.name: effect}) and (longer := carried_on(current.fitter.records)) is not None:
-        worn = current.fitter.on(longer)
-        entry = min(entry, _Entry(effect.name, *first_step(worn, effect, current.fit, origins)), key=lambda one: one.cost)
-    if shifts_in_time(effect):
-        _from_far(current, entry, effect)
-    return entry
-
-
-def _from_far(
-    current: Candidate, entry: _Entry, effect: Effect, origins: Sequence[Origin] = (), goal: float = math.inf,
-    nearer: bool = False,
-) -> None:  # fmt: skip
-    """Put the entry where a fit from far outside ends, if that is better. nearer: see `far_step`."""
-    assert current.fit is not None and current.fitter is not None
-    scanned = origins[-1].scanned if origins and "engagement" in effect.hooks else None
-    if any(one.each_record for one in effect.parameters):
-        return
-    base = current.fitter.on(entry.fitter.records)
-    if not effect.parameters:
-        cost, state, fitter = switched_on(base, effect, origins)
-    elif scanned is not None:
-        cost, state, fitter = gradual_entry(base, effect, current.fit, scanned, goal)
-    else:
-        cost, state, fitter = far_step(base, effect, current.fit, entry.reached, nearer)
-    if cost < entry.reached:
-        entry.cost, entry.state, entry.fitter, entry.fitted = cost, state, fitter, None
-
-
-def _try_from_far(
-    current: Candidate,
-    entries: list[_Entry],
-    catalogue: Mapping[str, Effect],
-    origins: Sequence[Origin],
-    say: Callable[[str], None],
-    nearer: bool = False,
-) -> None:
-    """Every entry once more from far outside, where no first step led to much. nearer: see `far_step`."""
-    goal = BEHIND * _best(entries)
-
-    def tried(entry: _Entry) -> None:
-        effect = catalogue[entry.name]
-        if (entry.fitted is None or "engagement" in effect.hooks) and not shifts_in_time(effect):
-            say(f"trying {entry.name} from far")
-            _from_far(current, entry, effect, origins, goal, nearer)
-
-    threaded(tried, entries)
-    entries.sort(key=lambda entry: entry.reached)
-
-
 def _refitted(
-    current: Candidate, entry: _Entry, catalogue: Mapping[str, Effect], say: Callable[[str], None], iterations: int = 40,
-    goal: float = math.inf,
+    current: Candidate, entry: Entry, catalogue: Mapping[str, Effect], say: Callable[[str], None], iterations: int = 40,
+    goal: float = math.inf, of_other_law: Callable[[Candidate], bool] = lambda _: False,
 ) -> Candidate:  # fmt: skip
-    """The entry fitted in full, or as far as showed that it will not come down to a cost of `goal`."""
+    """The entry fitted in full, or as far as showed that it will not come down to a cost of `goal`, or lacks another law."""
     assert current.fit is not None and current.fitter is not None
     say(f"refitting with {entry.name}")
     smooth = catalogue[entry.name].smooth
@@ -371,6 +262,9 @@ def _refitted(
     fit = recounted(entry.fitter, entries_together(entry.fitter, fit))
     if fit.cost < current.fit.cost - SOME:
         entry.fitter, fit = cut_elsewhere(entry.fitter, fit)
+    error, noise = pooled(errors_in_fit(entry.fitter, fit))
+    if error > ROUGH * noise and of_other_law(found := _candidate(current, entry.fitter, fit, effects)):
+        return found
     if _beyond_noise(entry.fitter, fit) < HALVES * _beyond_noise(entry.fitter, current.fit):
         fit = with_parts_of_passes(entry.fitter, fit)
     found = _candidate(current, entry.fitter, fit, effects)

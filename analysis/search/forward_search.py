@@ -27,7 +27,7 @@ from analysis.search.candidate_round import CERTAIN, candidate_of, certain_candi
 from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, OtherForm
 from analysis.search.exchanged import exchanged
 from analysis.search.gates import against, below_a_guess, certain_ones, passing_gates, vanishes
-from analysis.search.law_form import steeper_form
+from analysis.search.law_form import FormsAsked
 from analysis.search.mains import hum_of
 from analysis.search.settled import fitted_anew, settled
 from analysis.search.ties import tied_with, with_rivals
@@ -241,10 +241,14 @@ def _switched(current: Candidate, model: Model, catalogue: Mapping[str, Effect],
 
 
 def _round(current: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None],
-           final: bool, look: BelievedLook | None) -> tuple[Candidate, list[Candidate]]:  # fmt: skip
+           final: bool, look: BelievedLook | None, forms: FormsAsked) -> tuple[Candidate, list[Candidate]]:  # fmt: skip
     """The current set, refitted where a larger one shows a deeper valley of it, and the candidates that extend it by one."""
     alone = look.alone if look is not None and not current.effects else tuple
-    last = try_candidates(current, catalogue, _origins(current, model, noise), say, final, alone)
+
+    def of_other_law(one: Candidate) -> bool:
+        return not current.effects and forms.steeper([by_noise(one)], []) is not None
+
+    last = try_candidates(current, catalogue, _origins(current, model, noise), say, final, alone, of_other_law)
     refitted = _nesting_guard(current, last, catalogue)
     return refitted, last if refitted is current else [against(one, refitted) for one in last]
 
@@ -257,13 +261,13 @@ def _named(first: Candidate, model: Model, catalogue: Mapping[str, Effect], nois
     return _weighed(_with_parts(_with_feed(_at_its_jumps(_backward(first, catalogue, say))), noise))
 
 
-def _first_form(asked: Sequence[Candidate], tried: Sequence[Candidate], before: Candidate, noise: float,
-                catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> OtherForm | None:  # fmt: skip
+def _first_form(asked: Sequence[Candidate], tried: Sequence[Candidate], before: Candidate, noise: float, forms: FormsAsked
+                ) -> OtherForm | None:  # fmt: skip
     """After the first round, another form of the law of an effect, where that explains what none of those tried does."""
     if before.effects or any(one.error_where_known <= ADEQUATE * noise for one in tried):
         return None
     sets = [by_noise(one) for one in tried if one.fit is not None]
-    return steeper_form(sets if asked is tried else [by_noise(one) for one in asked], sets, catalogue, say)
+    return forms.steeper(sets if asked is tried else [by_noise(one) for one in asked], sets)
 
 
 def _with_feed(one: Candidate) -> Candidate:
@@ -294,13 +298,13 @@ def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Ef
     tied: tuple[str, ...] = ()
     rivals: list[Candidate] = []
     fine: tuple[Candidate, Candidate] | None = None  # a set, and the same with finer steps
-    form: OtherForm | None = None
+    forms, form = FormsAsked(catalogue, say), None
     believed = base  # as it was fitted to the noise, or by the nesting guard: with this the fall of the error is told
     current = steps[-1] = _weighed(current)
     base = base if current.effects else current
     while len(current.effects) < most and current.error_where_known > ADEQUATE * noise:
         final = most > 1 and len(current.effects) == most - 1
-        refitted, last = _round(current, model, catalogue, noise, say, final, look if most > 1 else None)
+        refitted, last = _round(current, model, catalogue, noise, say, final, look if most > 1 else None, forms)
         if refitted is not current:
             current = steps[-1] = refitted
             if not refitted.effects:
@@ -309,7 +313,7 @@ def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Ef
                 break
         seen += map(_told, last)
         passing = passing_gates(last, current, base, noise, catalogue)
-        form = _first_form(last, last, current, noise, catalogue, say)
+        form = _first_form(last, last, current, noise, forms)
         if form is not None or not passing:
             break
         first = passing[0]
@@ -328,7 +332,7 @@ def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Ef
         steps.append(current)
         if current is not first:  # begun anew, its law is asked once more
             seen = [*(one for one in seen if one.effects != current.effects), _told(current)]
-            if (form := _first_form([current], last, steps[-2], noise, catalogue, say)) is not None:
+            if (form := _first_form([current], last, steps[-2], noise, forms)) is not None:
                 break
         finer = _with_finer_steps(current, noise, catalogue, say)
         fine = None if finer is None else (current, finer)

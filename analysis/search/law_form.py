@@ -7,8 +7,11 @@ are sure that it is three. Then the law is one that the catalogue does not hold.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from analysis.fit.effect_start import state_without
 from analysis.fit.estimates import Estimate, estimates
@@ -27,7 +30,8 @@ DOUBTED = ("missing_effect", "unexplained", "adequate", "not_converged")  # verd
 REFERENCE = "reference_"  # before the name of a variable that a law is a power of
 STEP = 0.1  # natural step of an exponent
 ITERATIONS = 40
-NEARLY = 1.5  # error over noise floor that may be left by passes which were right for the law's own exponent only
+NEARLY = 1.5  # error over noise floor, of all records or of most, that may be left by passes which were right for the law's
+# own exponent only
 
 
 def with_form_asked(found: Diagnosis, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> Diagnosis:
@@ -75,11 +79,32 @@ def steeper_form(asked: Sequence[Candidate], tried: Sequence[Candidate], catalog
     With it a search may end: two effects of the catalogue do not make up a steeper law than either has. The records of all
     sets are weighed by their noise.
     """
-    for one in sorted((one for one in asked if one.fit is not None), key=lambda one: one.error_fit):
-        other = other_form(one, catalogue, say)
-        if other is not None and other.value >= other.stated + STEEPER and other.left <= ADEQUATE and _beats(other, tried):
-            return other
-    return None
+    return FormsAsked(catalogue, say).steeper(asked, tried)
+
+
+class FormsAsked:
+    """Other forms of the laws of fitted sets; no set is asked twice."""
+
+    def __init__(self, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> None:
+        self.catalogue, self.say = catalogue, say
+        self._known: list[tuple[State, OtherForm | None]] = []
+
+    def steeper(self, asked: Sequence[Candidate], tried: Sequence[Candidate]) -> OtherForm | None:
+        """See `steeper_form`."""
+        for one in sorted((one for one in asked if one.fit is not None), key=lambda one: one.error_fit):
+            other = self._of(one)
+            if other is not None and other.value >= other.stated + STEEPER and other.left <= ADEQUATE and _beats(other, tried):
+                return other
+        return None
+
+    def _of(self, one: Candidate) -> OtherForm | None:
+        assert one.fit is not None
+        for state, form in self._known:
+            if state is one.fit.state:
+                return form
+        form = other_form(one, self.catalogue, self.say)
+        self._known.append((one.fit.state, form))
+        return form
 
 
 def _beats(other: OtherForm, tried: Sequence[Candidate]) -> bool:
@@ -108,7 +133,7 @@ def _freed(
     free = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, Free(path, STEP, exponent.bounds)])
     fit = free.fit(replace(state, model=model), iterations=ITERATIONS, goal=before.cost)
     told, left = estimates(free, fit, catalogue)[path], _left(free, fit)
-    if ADEQUATE < left <= NEARLY and _is_another(exponent, before, fit, told):
+    if left > ADEQUATE and _passes_alone(fit, left) and _is_another(exponent, before, fit, told):
         free, fit = min((free, fit), _anew(free, fit, catalogue), key=lambda one: one[1].cost)
         told, left = estimates(free, fit, catalogue)[path], _left(free, fit)
     if left > COMPLETE or not _is_another(exponent, before, fit, told):  # what leaves more is not the law either
@@ -123,6 +148,11 @@ def _is_another(exponent: Parameter, before: WaveformFit, fit: WaveformFit, told
     size = effective_size(before)
     far = abs(told.value - exponent.neutral) >= ANOTHER and not told.low <= exponent.neutral <= told.high
     return far and bic(before, size) - bic(fit, size) > DELTA_BIC
+
+
+def _passes_alone(fit: WaveformFit, left: float) -> bool:
+    """Whether wrong passes may be all that a fit with another exponent lacks: most records it explains nearly."""
+    return min(left, math.sqrt(float(np.median(fit.mean_squares)))) <= NEARLY
 
 
 def _anew(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> tuple[Fitter, WaveformFit]:

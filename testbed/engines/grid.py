@@ -119,10 +119,11 @@ def steps_of_segments(steps: int | None, corners: np.ndarray, teeth: list[int], 
     """Steps of each segment. `structure`: the highest angular frequency of the structure alone, rad/s."""
     carried, integrated = motion.rates
     if steps:
-        dense = free = steps / crossing
+        dense = free = timed = steps / crossing
     else:
-        dense = max(structure / STEP_PHASE, carried / CARRIED_PHASE, integrated / STEP_PHASE) / speed
-        dense, free = max(dense, 1.0 / STEP_ANGLE), max(carried / FREE_PHASE, integrated / STEP_PHASE) / speed
+        timed = max(structure / STEP_PHASE, carried / CARRIED_PHASE, speed / STEP_ANGLE) / speed
+        dense = max(timed, integrated / STEP_PHASE / speed)
+        free = max(carried / FREE_PHASE, integrated / STEP_PHASE) / speed
     least = 1 if steps else math.ceil(6 / max(1, sum(count > 0 for count in teeth)))
     found = []
     for length, count in zip(np.diff(corners), teeth, strict=True):
@@ -130,5 +131,5 @@ def steps_of_segments(steps: int | None, corners: np.ndarray, teeth: list[int], 
             density = dense if count > 0 else free
             found.append(max(least if count > 0 else 1, math.ceil(length * density - 1e-9)))
         else:  # one exact map; at a varying speed the time it takes is integrated
-            found.append(1 if steady else max(8, math.ceil(length * dense / 4.0)))
+            found.append(1 if steady else max(8, math.ceil(length * timed / 4.0)))
     return found

@@ -47,13 +47,34 @@ def predict_cuts(
         found = predict_cuts(models[1:], cuts[1:], samplings[1:], channels, durations=others, catalogue=effects,
                              refinement=refinement)  # fmt: skip
         return np.concatenate([first, found])
+    signals = _signals(models, effects, channels)
+    sensed = any(senses(model, effects) for model in models)
+    firsts = _motions(models, cuts, samplings, durations, effects) if sensed else list(range(len(models)))
+    moved = sorted(set(firsts))
     result = fast.simulate_batch(
-        models, cuts, samplings, forces=forces, catalogue=effects, durations=durations, general=forces, refinement=refinement,
-        alike=True, signals=_signals(models, effects, channels))  # fmt: skip
-    if not any(senses(model, effects) for model in models):
+        [models[run] for run in moved], [cuts[run] for run in moved], [samplings[run] for run in moved], forces=forces,
+        catalogue=effects, durations=None if durations is None else [durations[run] for run in moved], general=forces,
+        refinement=refinement, alike=True, signals=signals)  # fmt: skip
+    if not sensed:
         return result.out[:, [fast.CHANNELS[name] for name in channels], : samplings[0].count]
-    runs = zip(models, result.out, samplings, cuts, strict=True)
-    return np.stack([_sensed(model, effects, out, channels, sampling, cut) for model, out, sampling, cut in runs])
+    outs = dict(zip(moved, result.out, strict=True))
+    return np.stack([_sensed(models[run], effects, outs[first], channels, samplings[run], cuts[run])
+                     for run, first in enumerate(firsts)])  # fmt: skip
+
+
+def _motions(models: Sequence[Model], cuts: Sequence[Cut], samplings: Sequence[Sampling],
+             durations: Sequence[np.ndarray] | None, effects: Mapping[str, Effect]) -> list[int]:  # fmt: skip
+    """For every run, the first that moves as it does: what effects of the sensor alone make of a motion moves nothing."""
+    first: dict[object, int] = {}
+
+    def moves(run: int) -> object:
+        model = models[run]
+        moving = tuple((name, *values.items()) for name, values in model.effects.items()
+                       if set(effects[name].hooks) != {"measure"})
+        lasting = None if durations is None else durations[run].tobytes()
+        return model.structure, model.cutter, model.cutting, moving, cuts[run], samplings[run], lasting
+
+    return [first.setdefault(moves(run), run) for run in range(len(models))]
 
 
 def _signals(models: Sequence[Model], effects: Mapping[str, Effect], channels: Sequence[str]) -> int:

@@ -10,7 +10,7 @@ import pytest
 
 from analysis.fit.entry_passes import REACH, best_moves, entries_together
 from analysis.fit.observed import observe
-from analysis.fit.pass_count import GAIN, cut_elsewhere, recounted
+from analysis.fit.pass_count import GAIN, _likely, cut_elsewhere, recounted
 from analysis.fit.starts import base_fit
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE
@@ -111,6 +111,15 @@ def test_without_marks_a_tooth_angle_in_another_valley_is_found(quiet):
 def test_passes_that_are_right_stay(quiet):
     fitter, fit = quiet
     assert cut_elsewhere(fitter, fit)[1] is fit
+
+
+@pytest.mark.parametrize("quiet", [True], indirect=True, ids=["marks"])
+def test_of_a_loud_record_no_move_is_worth_a_fit_and_of_a_quiet_one_every_move(quiet):
+    fitter, fit = quiet
+    for index, kept in ((0, 0), (2, 4)):
+        own = fit.state.nuisances[index]
+        moves = [replace(own, **{end: getattr(own, end) + by}) for end in ("entry", "exit") for by in (-1, 1)]
+        assert len(_likely(fitter, fit, index, moves)) == kept
 
 
 def test_a_record_from_within_the_cut_still_starts_there_though_its_exit_was_put_wrong():

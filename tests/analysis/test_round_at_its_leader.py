@@ -9,6 +9,7 @@ from short_round import BENT, KNOWN, fitted, quiet, round_of
 from analysis.fit.effect_start import origins_of
 from analysis.fit.held_out import pooled
 from analysis.search import candidate_round as cr
+from analysis.search import first_looks as fl
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +39,26 @@ def test_a_leader_that_leaves_less_than_twice_the_noise_is_not(base, monkeypatch
     assert _round(base, {"chip_force_exponent": 1.9}, monkeypatch)[1] == 0
 
 
+@pytest.mark.parametrize(("floors", "other", "looked"), [(2.1, True, 0), (2.1, False, 1), (1.0, True, 0)])
+def test_a_leader_of_another_law_ends_the_round_before_the_believed_machine_is_asked(base, floors, other, looked, monkeypatch):
+    asked, before = [], base.error_held_out / base.errors[0].noise_floor
+    first, full = {"chip_force_exponent": 0.1, "edge_force": 0.11}, {"chip_force_exponent": (floors / before) ** 2}
+    found, goals = round_of(base, first, full, monkeypatch, alone=lambda: asked.append(1) or (), of_other_law=lambda one: other)
+    assert len(asked) == looked and {one.effects[-1] for one in found} == {"chip_force_exponent", "edge_force"}
+    ended = other and floors > 2.0
+    assert (list(goals) == ["chip_force_exponent"]) == ended
+    assert [one.fit is None for one in found if one.effects == ("edge_force",)] == [ended]
+
+
+def test_another_law_is_asked_for_before_parts_of_passes_are_looked_for(base, monkeypatch):
+    said = []
+    monkeypatch.setattr(cr, "with_parts_of_passes", lambda fitter, fit: said.append("parts") or fit)
+    origins = origins_of(base.fitter.plant, BELIEVED, base.fitter, base.fit, anchored=False)
+    entry = fl.begun(base, KNOWN["cubic_stiffness"], origins)
+    found = cr._refitted(base, entry, KNOWN, quiet, of_other_law=lambda one: said.append(one.effects) or True)
+    assert said == [("cubic_stiffness",)] and found.effects == ("cubic_stiffness",) and found.fit is not None
+
+
 def test_a_rival_is_followed_to_a_share_of_what_the_best_takes_away(base, monkeypatch):
     goals, _ = _round(base, {"chip_force_exponent": 1.0}, monkeypatch)
     noise, cost = base.errors[0].noise_floor, base.fit.cost
@@ -52,18 +73,18 @@ def test_a_gradual_entry_whose_first_step_costs_more_than_nothing_is_fitted_in_f
     assert 1.02 < ramped.error_held_out / pooled(ramped.errors)[1] < 2.0
     origins = origins_of(ramped.fitter.plant, BELIEVED, ramped.fitter, ramped.fit, anchored=False)
     ramp = {"entry_ramp": KNOWN["entry_ramp"]}
-    first = cr.first_step
+    first = fl.first_step
 
     def led_astray(*given):
         cost, state, wider = first(*given)
         return max(cost, 1.01 * ramped.fit.cost), state, wider
 
-    monkeypatch.setattr(cr, "first_step", led_astray)
-    (found,) = cr._first_steps(ramped, ramp, origins, quiet)
+    monkeypatch.setattr(fl, "first_step", led_astray)
+    (found,) = fl.first_steps(ramped, ramp, origins, quiet)
     assert found.cost < ramped.fit.cost
     assert found.state.model.effects["entry_ramp"]["extent"] == pytest.approx(0.03, rel=0.3)
     known = replace(ramped, error_held_out=pooled(ramped.errors)[1])  # where nothing is left, nothing is gained
-    (found,) = cr._first_steps(known, ramp, origins, quiet)
+    (found,) = fl.first_steps(known, ramp, origins, quiet)
     assert found.cost == pytest.approx(1.01 * ramped.fit.cost)
 
 

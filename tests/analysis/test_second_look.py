@@ -10,8 +10,8 @@ from analysis.fit.held_out import pooled
 from analysis.fit.observed import observe
 from analysis.search.begun_anew import from_believed
 from analysis.search.believed_look import BelievedLook
-from analysis.search.candidate_round import shifts_in_time
 from analysis.search.diagnosis import ADEQUATE
+from analysis.search.first_looks import shifts_in_time
 from analysis.search.forward_search import Path, _backward, forward
 from analysis.search.second_look import CLEARLY, begun_with, looked_again
 from testbed.catalogue import catalogue
