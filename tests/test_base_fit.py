@@ -1,12 +1,15 @@
 """The believed model refitted to campaigns whose entries, exits, angles and speeds nobody tells."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from analysis.fit import starts
 from analysis.fit.fit_state import Linearised
 from analysis.fit.observed import observe
+from analysis.fit.pass_search import place_entries
 from analysis.fit.starts import base_fit
 from analysis.fit.waveform import Fitter, too_slow
 from testbed.catalogue import catalogue
@@ -54,8 +57,6 @@ def test_without_marks_angle_and_speed_of_every_record_are_found(monkeypatch):
 
 def test_marks_of_an_uneven_spindle_carry_the_prediction(monkeypatch):
     """A spindle that slows under load, with a tachometer: its marks explain it, and no parameter bends."""
-    from dataclasses import replace
-
     truth = replace(draw(111, KNOWN, names=("speed_droop",)), tachometer=True)
     observed, fit, rms = fitted(truth, monkeypatch)
     assert all(record.marks is not None for record in observed)
@@ -99,3 +100,31 @@ def test_a_descent_that_comes_to_its_goal_is_the_one_without(monkeypatch):
     away = fit.state.with_value("natural_frequency", 1.0005 * fit.state.model.value("natural_frequency"))
     free, bound = fitter.descend(away), fitter.descend(away, goal=2.0 * fit.cost)
     assert bound.cost == free.cost and bound.state == free.state and free.cost < 1.01 * fit.cost
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """Three cuts with nothing hidden and their fit."""
+    truth = draw(13, KNOWN, kind="none")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tests.validation.blind.make.mujoco_engine.simulate", simulate)
+        observed = [observe(record, truth.believed) for record in records_of(truth, KNOWN)[:3]]
+    return observed, truth.believed, *base_fit(predict, observed, truth.believed)
+
+
+@pytest.mark.parametrize(("factor", "followed"), [(1.0, False), (1.01, True), (0.99, True), (float("nan"), True)])
+def test_a_fit_that_comes_to_the_cost_of_a_known_one_is_not_followed_further(plain, factor, followed, monkeypatch):
+    observed, believed, _, fit = plain
+    courses = []
+    monkeypatch.setattr(starts, "with_courses", lambda fitter, fit: courses.append(fit) or fit)
+    _, again = base_fit(predict, observed, believed, known=factor * fit.cost)
+    assert bool(courses) is followed and again.cost == pytest.approx(fit.cost, rel=1e-3)
+
+
+def test_an_entry_is_put_at_the_best_of_all_places_and_only_in_the_records_asked(plain):
+    _, _, fitter, fit = plain
+    own = fit.state.nuisances
+    moved = replace(fit.state, nuisances=tuple(replace(one, entry=one.entry - 7) for one in own))
+    found = place_entries(fitter, moved, [0, 2])
+    assert [one.entry for one in found.nuisances] == [own[0].entry, own[1].entry - 7, own[2].entry]
+    assert place_entries(fitter, moved).nuisances[1].entry == own[1].entry

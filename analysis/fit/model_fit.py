@@ -15,7 +15,7 @@ from analysis.fit.length_cut import asks_length, carried_on, with_lengths_found
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant
 from analysis.fit.scale_hops import hopped
-from analysis.fit.starts import at_a_bound, base_fit, structure_start, with_courses
+from analysis.fit.starts import arrived, at_a_bound, base_fit, structure_start, with_courses
 from analysis.fit.swing_start import swung_fit
 from analysis.fit.table_feed import with_feed_found
 from analysis.fit.waveform import Fitter
@@ -30,29 +30,33 @@ def model_fit(
     catalogue: Mapping[str, Effect],
     free: Sequence[Free] | None = None,
     goal: float = math.inf,
+    known: float = math.nan,
 ) -> tuple[Fitter, WaveformFit]:
     """The model refitted with every nuisance; without `free`, all that these records can speak of is unknown.
 
     Laws with kinks have valleys beside the deepest, into which even the true scale may slip on the way from a wrong opening:
     theirs are looked for. So have free decays alone, whose phases run apart: those are fitted from their openings on.
-    goal: the cost above which the fit is of no use, and is given up. Where an effect asks for the length cut and no record
-    states one, the fitter's records have that which explains them better, see `length_cut`; so with the feed, see `table_feed`.
+    goal: the cost above which the fit is of no use, and is given up; known: that of a fit at hand, whose valley is left alone.
+    Where an effect asks for the length cut and no record states one, the fitter's records have that which explains them better,
+    see `length_cut`; so with the feed, see `table_feed`.
     """
     if free is None and model.effects:
         free = all_free(records, model, catalogue)
-    found = _fitted(plant, records, model, catalogue, free, goal)
+    found = _fitted(plant, records, model, catalogue, free, goal, known)
     if asks_length(model.effects, catalogue) and (longer := carried_on(records)) is not None:
-        worn = _fitted(plant, longer, model, catalogue, free, goal)
+        worn = _fitted(plant, longer, model, catalogue, free, goal, known)
         found = with_lengths_found(*worn) if worn[1].cost < found[1].cost else found
-    return found if found[1].cost > goal else with_feed_found(*found)
+    return found if found[1].cost > goal or arrived(found[1], known) else with_feed_found(*found)
 
 
 def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
-            free: Sequence[Free] | None, goal: float) -> tuple[Fitter, WaveformFit]:  # fmt: skip
+            free: Sequence[Free] | None, goal: float, known: float) -> tuple[Fitter, WaveformFit]:  # fmt: skip
     """The fit to the records with the lengths cut before as they have them."""
     swung = swung_fit(plant, records, model, catalogue, free) if free is not None else None
     bent = bends_frequency(model.effects, catalogue)  # such a fit may come to its goal when it is grown
-    fitter, fit = swung or base_fit(plant, records, model, free=free, goal=goal, patient=bent)
+    fitter, fit = swung or base_fit(plant, records, model, free=free, goal=goal, patient=bent, known=known)
+    if arrived(fit, known):
+        return fitter, fit
     if bent:
         fit = grown_cuts(fitter, fit)
     if model.effects and all(record.kind == "ring-down" for record in records):

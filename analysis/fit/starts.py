@@ -32,6 +32,7 @@ COEFFICIENTS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 OPENING = 8192  # samples of an excited record that the first fits see
 GLANCE = 8  # iterations of a fit that only tells which models are worth another
 SOFT = 0.1  # of a record's own size: what the first rounds forgive, so that no record rules them alone
+SAME = 1e-4  # share of the cost by which two fits of one valley may differ
 UNEVEN = 1.5  # mean square residual of the worst record over the median's, from which the worst are doubted
 _STRUCTURE_BOUNDS = {"natural_frequency": (1.0, 1e5), "damping_ratio": (1e-6, 0.9), "mass": (1e-12, 1e12)}
 
@@ -278,11 +279,12 @@ def base_fit(
     free: Sequence[Free] | None = None,
     goal: float = math.inf,
     patient: bool = False,
+    known: float = math.nan,
 ) -> tuple[Fitter, WaveformFit]:
     """The believed model refitted to all records, from several starts, with every nuisance.
 
     goal: the cost above which the fit is of no use, and is given up; `patient`: once the better half of the records has been
-    tried alone.
+    tried alone. known: see `arrived`.
     """
     started = structure_start(records, model)
     free = list(free) if free is not None else free_parameters(records, started)
@@ -291,10 +293,15 @@ def base_fit(
     best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
     fitter = Fitter(plant, entered(records, best.state), free)
     fit = polish(fitter, place_exits(fitter, best.state), goal=goal)
-    if fit.cost > goal and not patient:
+    if fit.cost > goal and not patient or arrived(fit, known):
         return fitter, fit
     fit = from_the_best_half(fitter, fit, goal=goal)
     return (fitter, fit) if fit.cost > goal else cut_elsewhere(fitter, with_courses(fitter, rested(fitter, fit)))
+
+
+def arrived(fit: WaveformFit, known: float) -> bool:
+    """Whether a fit has come to the cost of one that is known, and so to its valley: what follows was done there."""
+    return abs(fit.cost - known) <= SAME * known
 
 
 def with_courses(fitter: Fitter, fit: WaveformFit) -> WaveformFit:

@@ -75,7 +75,8 @@ def begun_anew(
     say(f"fitting {first.effects[-1]} anew from the believed machine")
     believed = _believed_but_last(first, model, catalogue)
     goal = FAR_OFF * first.fit.cost
-    fitter, fit = model_fit(first.fitter.plant, first.fitter.records, believed, catalogue, first.fitter.unknowns, goal)
+    plant, records, free = first.fitter.plant, first.fitter.records, first.fitter.unknowns
+    fitter, fit = model_fit(plant, records, believed, catalogue, free, goal, known=first.fit.cost)
     if fit.cost > goal:
         return first
     found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)

@@ -112,15 +112,16 @@ def try_candidates(
             if of_other_law(leader.fitted):
                 return [leader.fitted, *ruled_out, *(_not_fitted(current, one.name) for one in entries[1:])]
             if not _put(current, entries, alone()) and far:
-                try_from_far(current, entries, catalogue, origins, say)
+                try_from_far(current, entries, catalogue, origins, say, BEHIND * best_cost(entries))
         elif not incomplete and current.error_held_out < FAINT * noise and not near:
             stuck = [one for one in entries if one.fitted is None and one.cost > hopeful]
-            try_from_far(current, not_sudden(stuck, catalogue), catalogue, origins, say, nearer=True)
+            goal = _rivalling(current.fit.cost, best_cost(entries))
+            try_from_far(current, not_sudden(stuck, catalogue), catalogue, origins, say, goal, nearer=True)
             entries.sort(key=lambda entry: entry.reached)
         elif incomplete and "engagement" in catalogue[leader.name].hooks:  # its passes may be wrong in all records alike
             from_far(current, leader, catalogue[leader.name], origins)
     elif entries and not near and not _put(current, entries, alone()):
-        try_from_far(current, entries, catalogue, origins, say)
+        try_from_far(current, entries, catalogue, origins, say, math.inf)
     found = ruled_out
     complete = 0  # once a candidate explains everything, only a rival close to it can still matter
     for place, entry in enumerate(entries):
@@ -199,7 +200,7 @@ def certain_candidates(
     entries = first_steps(current, catalogue, origins, say, growing=False)
     if not nothing_hidden(current, pooled(current.errors)[1]) and entries and entries[0].cost <= hopeful:
         behind = [one for place, one in enumerate(entries) if place >= LEADERS or one.cost > hopeful]  # no first step tells
-        try_from_far(current, not_sudden(behind, catalogue), catalogue, origins, say, nearer=True)
+        try_from_far(current, not_sudden(behind, catalogue), catalogue, origins, say, math.inf, nearer=True)
     leaders = sorted((one for one in entries if one.cost <= hopeful), key=lambda one: one.cost)[:LEADERS]
     found = [_refitted(current, one, catalogue, say) for one in leaders]
     believable = (one for one in found if one.delta_bic > CERTAIN and not no_swing(one, catalogue))

@@ -112,7 +112,7 @@ def from_far(
     current: Candidate, entry: Entry, effect: Effect, origins: Sequence[Origin] = (), goal: float = math.inf,
     nearer: bool = False,
 ) -> None:  # fmt: skip
-    """Put the entry where a fit from far outside ends, if that is better. nearer: see `far_step`."""
+    """Put the entry where a fit from far outside ends, if that is better. goal: see `try_from_far`; nearer: see `far_step`."""
     assert current.fit is not None and current.fitter is not None
     scanned = origins[-1].scanned if origins and "engagement" in effect.hooks else None
     if any(one.each_record for one in effect.parameters):
@@ -123,7 +123,8 @@ def from_far(
     elif scanned is not None:
         cost, state, fitter = gradual_entry(base, effect, current.fit, scanned, goal)
     else:
-        cost, state, fitter = far_step(base, effect, current.fit, entry.reached, nearer)
+        wanted = entry.reached if effect.smooth else min(goal, entry.reached)
+        cost, state, fitter = far_step(base, effect, current.fit, wanted, nearer)
     if cost < entry.reached:
         entry.cost, entry.state, entry.fitter, entry.fitted = cost, state, fitter, None
 
@@ -134,10 +135,13 @@ def try_from_far(
     catalogue: Mapping[str, Effect],
     origins: Sequence[Origin],
     say: Callable[[str], None],
+    goal: float,
     nearer: bool = False,
 ) -> None:
-    """Every entry once more from far outside, where no first step led to much. nearer: see `far_step`."""
-    goal = BEHIND * best_cost(entries)
+    """Every entry once more from far outside, where no first step led to much.
+
+    goal: the cost from which an entry that is not sudden, or has a kink, is of use. nearer: see `far_step`.
+    """
 
     def tried(entry: Entry) -> None:
         effect = catalogue[entry.name]
