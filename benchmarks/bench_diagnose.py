@@ -51,8 +51,10 @@ def row(hidden: tuple[str, ...]) -> tuple[str, ...]:
     begun, clock = time.process_time(), time.perf_counter()
     found = diagnose(plant_of(known), records, BELIEVED, known)
     processor, clock = time.process_time() - begun, time.perf_counter() - clock
-    return (" + ".join(hidden) or "nothing", f"{found.verdict}: {' + '.join(found.effects) or 'none'}",
-            f"{found.with_effects / found.noise_floor:.3f}", f"{processor:.0f}", f"{clock:.0f}",
+    answer, left = " + ".join(found.effects) or "none", found.with_effects / found.noise_floor
+    if found.form is not None:
+        answer, left = f"{found.form.effect} to the power of {found.form.value:.2f}", found.form.left
+    return (" + ".join(hidden) or "nothing", f"{found.verdict}: {answer}", f"{left:.3f}", f"{processor:.0f}", f"{clock:.0f}",
             "met" if clock < TARGET_S else "MISSED")
 
 

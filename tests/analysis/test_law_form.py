@@ -11,7 +11,7 @@ from analysis.force.explain_force import formula_text, left_unexplained
 from analysis.search.begun_anew import from_believed
 from analysis.search.diagnose import diagnose
 from analysis.search.diagnosis import as_json
-from analysis.search.law_form import other_form, steeper_form
+from analysis.search.law_form import FormsAsked, other_form, steeper_form
 from analysis.search.odd_records import with_odd_records
 from testbed.catalogue import catalogue
 from testbed.engines import predict
@@ -110,6 +110,13 @@ def test_a_steeper_law_is_believed_where_no_set_that_was_tried_explains_as_much(
     assert found.value == pytest.approx(3.0, abs=0.2) and found.fitted.effects == ("quadratic_damping",)
     assert found.fitted.error_fit < fitted.error_fit
     assert steeper_form([fitted], [fitted, found.fitted], KNOWN, quiet) is None
+
+
+def test_no_set_is_asked_twice():
+    fitted, said = from_believed(PLANT, free_decays(lambda x, v: -1500.0 * v**3), BELIEVED, ("quadratic_damping",), KNOWN), []
+    forms = FormsAsked(KNOWN, said.append)
+    assert forms.steeper([fitted], []) is forms.steeper([replace(fitted, delta_bic=0.0)], [fitted]) is not None
+    assert said == ["is the exponent of quadratic_damping that of its law?"]
 
 
 def test_a_law_that_is_less_steep_may_be_made_up_of_two_and_is_left_to_the_search():
