@@ -70,7 +70,7 @@ def test_an_exponent_is_not_asked_where(model):
 
 @pytest.mark.parametrize(("place", "early"), [(1, 1), (2, 3)])
 def test_an_exponent_is_told_where_passes_were_right_for_the_law_s_own_only(place, early):
-    """With one exit early the exponent leaves more than noise, in one record perhaps much more, and goes where that is least."""
+    """With one exit early the exponent leaves more than noise, perhaps much in one record, and goes where that is least."""
     cuts = [observe(record(speed, 1e-3, seed, structure_law=lambda x, v: -1e21 * x**5), BELIEVED)
             for seed, speed in enumerate((2850, 3300, 3810))]
     fitted = from_believed(PLANT, cuts, BELIEVED, ("cubic_stiffness",), KNOWN)
