@@ -21,7 +21,7 @@ from analysis.force.latent_force import MissingForce, missing_force, with_force
 from analysis.force.ranking import Ranked, rank
 from analysis.force.regression import products, windows_of
 from analysis.force.terms import power_term
-from analysis.search.diagnosis import ADEQUATE, Diagnosis, OtherForm
+from analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, OtherForm
 from analysis.search.law_form import references
 from testbed.effect import Effect
 from testbed.proposal import Coefficient, ForceTerm, write_proposal
@@ -96,7 +96,7 @@ def left_unexplained(
     ValueError where the force cannot be estimated.
     """
     if found.form is not None and found.form.fitted is not None:
-        return _of_form(plant, records, found.form, catalogue, say)
+        return _of_form(plant, _fitted_to(records, found.form.fitted), found.form, catalogue, say)
     chosen = found.best if found.verdict == "missing_effect" else found.base
     if chosen.fit is None or chosen.error_held_out <= ADEQUATE * found.noise_floor:
         return []
@@ -107,8 +107,16 @@ def left_unexplained(
         for name in found.best.effects:
             bare = bare.without_effect(name)
         states.append(bare)
-    told = [explanations(missing_force(plant, records, state, catalogue, say), say) for state in states]
+    kept = _fitted_to(records, chosen)
+    told = [explanations(missing_force(plant, kept, state, catalogue, say), say) for state in states]
     return max(told, key=lambda some: some[0].share)
+
+
+def _fitted_to(records: Sequence[Observed], one: Candidate) -> list[Observed]:
+    """Those of the records that a set of effects was fitted to: a chaotic one may have been left out."""
+    assert one.fitter is not None
+    names = {record.name for record in one.fitter.records}
+    return [record for record in records if record.name in names]
 
 
 def _of_form(plant: Plant, records: Sequence[Observed], form: OtherForm, catalogue: Mapping[str, Effect],

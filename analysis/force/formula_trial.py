@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from analysis.fit.effect_start import all_free
 from analysis.fit.fit_state import State
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant
 from analysis.fit.starts import polish
 from analysis.fit.waveform import Fitter
@@ -41,10 +40,12 @@ class _Trial:
 
 @dataclass(frozen=True)
 class Jury:
-    """What every formula is tried with: the engine with a catalogue, the records, the believed model and its effects."""
+    """What every formula is tried with: the engine with a catalogue, the believed model and its effects.
+
+    On the records that the force was estimated from.
+    """
 
     plant_of: Callable[[Mapping[str, Effect]], Plant]
-    records: Sequence[Observed]
     model: Model
     catalogue: Mapping[str, Effect]
     say: Callable[[str], None] = lambda text: None
@@ -67,7 +68,7 @@ class Jury:
                 break
             if best is not seen_from:
                 seen_from = best
-                new = [one for one in self._from(best.bare) if one.formula and _terms(one) not in known]
+                new = [one for one in self._from(best) if one.formula and _terms(one) not in known]
                 known |= set(map(_terms, new))
                 waiting = [*new, *waiting]
             if not waiting:
@@ -82,30 +83,32 @@ class Jury:
         """
         terms = len(best.explanation.formula)
         if terms > 1 and best.left <= SOUND:
-            shorter = next((one for one in self._from(best.bare) if 0 < len(one.formula) < terms), None)
+            shorter = next((one for one in self._from(best) if 0 < len(one.formula) < terms), None)
             trial = self._trial(shorter) if shorter is not None else best
             return trial if trial.left <= SOUND else best
         return best
 
-    def _from(self, bare: State) -> list[Explanation]:
-        """What explains the force that the model of a state without a formula lacks."""
-        missing = missing_force(self.plant_of(self.catalogue), self.records, bare, self.catalogue, self.say)
+    def _from(self, trial: _Trial) -> list[Explanation]:
+        """What explains the force that the model lacks where a trial has led it, without the formula."""
+        records = trial.explanation.missing.observed
+        missing = missing_force(self.plant_of(self.catalogue), records, trial.bare, self.catalogue, self.say)
         return explanations(missing, self.say)
 
     def _trial(self, explanation: Explanation) -> _Trial:
         self.say(f"fitting {formula_text(explanation.formula)}")
+        records = explanation.missing.observed
         with tempfile.TemporaryDirectory() as folder:
             wider = {**self.catalogue, NAME: trial_law(explanation, folder)}
             plant, model = self.plant_of(wider), self.model
             for name, values in explanation.state.model.effects.items():  # those that the diagnosis has named
                 model = model.with_effect(name, **values)
             model = with_examples(model, [NAME], wider)
-            fitter = Fitter(plant, self.records, all_free(self.records, model, wider))
+            fitter = Fitter(plant, records, all_free(records, model, wider))
             fitter, fit = agreed(fitter, polish(fitter, explanation.start(NAME)))
             found = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(NAME))
             if found.left <= SOUND:
                 return found
-            fitter, fit = agreed(*model_fit(plant, self.records, model, wider))  # the regression's own state may be astray
+            fitter, fit = agreed(*model_fit(plant, records, model, wider))  # the regression's own state may be astray
         other = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(NAME))
         return min(found, other, key=lambda one: one.misfit)
 

@@ -125,7 +125,7 @@ def _propose(answer: Answer, found: Any, records: Any, model: Any, catalogue: An
     try:
         with sign_of_life("estimating the missing force", answer.quiet) as say:
             told = left_unexplained(plant_of(catalogue), records, found, catalogue, say)
-            explanation = Jury(plant_of, records, model, catalogue, say).likeliest(told) if told else None
+            explanation = Jury(plant_of, model, catalogue, say).likeliest(told) if told else None
     except ValueError as problem:
         raise InputProblem(campaign, f"the missing force cannot be estimated: {problem}", "record more cuts") from None
     if explanation is None:

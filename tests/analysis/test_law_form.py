@@ -151,6 +151,14 @@ def test_the_force_is_looked_for_from_the_machine_of_the_law_that_explains_the_r
     assert first.formula[0].value == pytest.approx(6000.0, rel=0.05)
 
 
+def test_the_force_is_looked_for_in_the_records_that_the_law_was_fitted_to(cubed):
+    """Not in one that was left out of the search because no model foretells it."""
+    records, found, known, _ = cubed
+    odd = replace(records[0], name="left out")
+    told = left_unexplained(PLANT, [odd, *records], found, known)
+    assert [one.name for one in told[0].missing.observed] == [one.name for one in records]
+
+
 def test_a_law_that_only_a_fit_sees_is_proposed_as_the_power_that_its_interval_holds(cubed, monkeypatch):
     records, found, known, _ = cubed
     monkeypatch.setattr("analysis.force.explain_force.EXPLAINED", 1.1)  # no regression explains enough

@@ -45,7 +45,7 @@ def proposed(seed: int) -> dict[str, Any]:
     explanations = left_unexplained(PLANT, observed, found, known)
     if not explanations or not explanations[0].formula:
         return told
-    explanation = Jury(plant_of, observed, truth.believed, known).likeliest(explanations)
+    explanation = Jury(plant_of, truth.believed, known).likeliest(explanations)
     told |= {"formula": formula_text(explanation.formula), "share": explanation.share}
     with tempfile.TemporaryDirectory() as folder:
         write_effect(explanation, folder, NAME)
