@@ -121,7 +121,8 @@ def _fitted_to(records: Sequence[Observed], one: Candidate) -> list[Observed]:
 
 def _of_form(plant: Plant, records: Sequence[Observed], form: OtherForm, catalogue: Mapping[str, Effect],
              say: Callable[[str], None]) -> list[Explanation]:  # fmt: skip
-    """What describes the force of a known law with another exponent: by regression, or the power where that is too faint.
+    """What describes the force of a known law with another exponent: by regression, then as the power itself, and as that alone
+    where it is too faint for a regression.
 
     All of a record shows a law to a fit; a regression sees but windows of it.
     """
@@ -131,12 +132,14 @@ def _of_form(plant: Plant, records: Sequence[Observed], form: OtherForm, catalog
     told = explanations(missing, say)
     (variable,) = references(catalogue[form.effect])
     term = power_term(variable, form.low, form.high)
-    if term is None or told[0].formula and told[0].share >= EXPLAINED:
+    seen = bool(told[0].formula) and told[0].share >= EXPLAINED
+    if term is None or seen and any([each.term.name for each in one.formula] == [term.name] for one in told):
         return told
     chooser = Chooser(products(missing, [term], say=say))
     alone, power = chooser.subset(()), chooser.subset((0,))
     choice = Choice(power, ((alone,), (power,)), max(alone.held_out - min(power.held_out, chooser.rows), 1e-12))
-    return [_explanation(missing, chooser, choice, power, certain=True)]
+    fitted = _explanation(missing, chooser, choice, power, certain=True)
+    return [told[0], fitted, *told[1:]] if seen else [fitted]
 
 
 def corrected(state: State, corrections: dict[str, float]) -> State:

@@ -164,5 +164,12 @@ def test_a_law_that_only_a_fit_sees_is_proposed_as_the_power_that_its_interval_h
     monkeypatch.setattr("analysis.force.explain_force.EXPLAINED", 1.1)  # no regression explains enough
     (only,) = left_unexplained(PLANT, records, found, known)
     assert [one.term.name for one in only.formula] == ["damping_3"] and 0.9 < only.share <= 1.0
+    monkeypatch.undo()
+    (one,) = only.formula
+    other = replace(only, formula=(replace(one, term=replace(one.term, name="another")),), share=0.9)
+    monkeypatch.setattr("analysis.force.explain_force.explanations", lambda *_: [other, other])
+    told = left_unexplained(PLANT, records, found, known)  # a regression that is sure of another law is not believed alone
+    assert [[one.term.name for one in each.formula] for each in told] == [["another"], ["damping_3"], ["another"]]
+    monkeypatch.undo()
     nowhere = replace(found, form=replace(found.form, low=2.4, high=2.6))  # no term of the library has such a power
     assert len(left_unexplained(PLANT, records, nowhere, known)) > 1
