@@ -33,6 +33,7 @@ from tests.validation.blind.make import records_of
 from tests.validation.claims import Claim, Section
 
 PROPOSED = FOLDER / "proposed.jsonl"
+REMARK = PROPOSED.with_suffix(".txt")
 NAME = "proposal"
 
 
@@ -96,7 +97,7 @@ def check() -> Section:
               f"{len(plain)} of {len(reach)}", None),
     )
     head = ("seed", "hidden", "proposed", "error / noise before", "after", "without records that had no say")
-    return Section(title, claims, (("What was proposed", head, rows),))
+    return Section(title, claims, (("What was proposed", head, rows),), REMARK.read_text().strip() if REMARK.exists() else "")
 
 
 def main(arguments: list[str]) -> int:
