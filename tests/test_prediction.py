@@ -77,6 +77,16 @@ def test_what_the_sensor_alone_makes_of_a_motion_is_not_simulated_anew(measured,
     assert all(np.nanmax(np.abs(together[run] - together[0])) > 1e-7 for run in range(1, 5))
 
 
+@pytest.mark.parametrize("frequency", [50.0, 500.0])
+@pytest.mark.parametrize("held", [False, True])
+def test_flights_follow_a_speed_that_varies_faster_than_the_structure_swings(frequency, held):
+    model = FLEXURE.with_effect("speed_variation", amplitude=0.01, frequency=frequency, phase=0.3)
+    model = model.with_effect("dry_friction", force=0.3, presliding_displacement=1e-8) if held else model
+    sampling = whole_cut_sampling(COURSE, 1, 12800.0)
+    chosen, exact = (fast.simulate_batch([model], [COURSE], [sampling], refinement=times) for times in (1, 8))
+    assert np.nanmax(np.abs(chosen.pass_times - exact.pass_times)) < 2e-8
+
+
 def test_variants_of_one_run_share_the_steps_that_the_first_needs():
     factors = (1.0, 1.0 + 1e-6, 0.3)
     models = [FLEXURE.with_effect("cubic_stiffness", coefficient=factor * HARD) for factor in factors]

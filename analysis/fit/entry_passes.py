@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.fit.fit_state import WaveformFit
+from analysis.fit.pass_search import left_at
 from analysis.fit.waveform import Fitter
 
 REACH = 4  # passes to either side that are tried
@@ -53,8 +54,7 @@ def _pulls(fitter: Fitter, fit: WaveformFit) -> tuple[np.ndarray, np.ndarray]:
         slopes = part.without_own(part.shared.T).T
         normal += slopes.T @ slopes
         can = [0] if record.cut is None or record.starts_in_cut else [k for k in shifts if own.entry + k < own.exit]
-        variants = [(fit.state.model, fit.state.angle, replace(own, entry=own.entry + k)) for k in can]
-        rests = part.without_own(fitter.residuals_of(index, variants))
+        rests = left_at(fitter, fit, index, [replace(own, entry=own.entry + k) for k in can])
         places = [k + REACH for k in can]
         squares[index, places] = np.einsum("ij,ij->i", rests, rests)
         gradients[index, places] = rests @ slopes

@@ -63,7 +63,7 @@ class State:
 
     def with_record(self, place: int, own: Nuisances) -> State:
         """The state with the nuisances of one record replaced."""
-        return replace(self, nuisances=(*self.nuisances[:place], own, *self.nuisances[place + 1 :]))
+        return self.with_records([place], [own])
 
     def with_records(self, places: Sequence[int], found: Sequence[Nuisances]) -> State:
         """The state with the nuisances of the records at these places replaced."""

@@ -9,7 +9,7 @@ import numpy as np
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.held_out import own_refit
 from analysis.fit.nuisances import MISSING, Nuisances, end_moved_in_arc
-from analysis.fit.pass_search import squares_of
+from analysis.fit.pass_search import left_at, squares_of
 from analysis.fit.waveform import Fitter
 
 REACH = 2  # passes beside the entry and the exit that are tried
@@ -87,18 +87,14 @@ def best_moved(fitter: Fitter, fit: WaveformFit, index: int) -> tuple[float, Nui
     A pass wrong bends what all records share, and at that the right one looks worse. The cost, of all records, is taken as
     quadratic in everything that is continuous.
     """
-    own, part = fit.state.nuisances[index], fit.parts[index]
-    arc = fit.state.share_in_arc(fitter.records[index])
+    own, arc = fit.state.nuisances[index], fit.state.share_in_arc(fitter.records[index])
     slopes = [each.without_own(each.shared.T).T for each in fit.parts]
     followed = np.linalg.pinv(np.sum([one.T @ one for one in slopes], axis=0), rcond=1e-12, hermitian=True)
 
-    def left(tried: Sequence[Nuisances]) -> np.ndarray:
-        return part.without_own(fitter.residuals_of(index, [(fit.state.model, fit.state.angle, one) for one in tried]))
-
-    now = left([own])[0]
+    now = left_at(fitter, fit, index, [own])[0]
 
     def costs_of(tried: Sequence[Nuisances]) -> np.ndarray:
-        rests = left(tried)
+        rests = left_at(fitter, fit, index, tried)
         pulls = (rests - now) @ slopes[index]
         squares = np.einsum("ij,ij->i", rests, rests)
         return fit.cost + 0.5 * (squares - now @ now - np.einsum("ij,ij->i", pulls, pulls @ followed))
@@ -112,14 +108,12 @@ def reachable(fitter: Fitter, fit: WaveformFit, index: int) -> float:
 
     Of what is left, the part that any mixture of the changes by coarse moves makes up, the record's own unknowns following.
     """
-    own, part = fit.state.nuisances[index], fit.parts[index]
-    arc = fit.state.share_in_arc(fitter.records[index])
+    own, arc = fit.state.nuisances[index], fit.state.share_in_arc(fitter.records[index])
     places = [place for end in _movable(fitter, index, fit.state, own) for place in _places(own, arc, end, FEW)
               if place.entry < place.exit]  # fmt: skip
     if not places:
         return 0.0
-    rests = fitter.residuals_of(index, [(fit.state.model, fit.state.angle, one) for one in (own, *places)])
-    now, *moved = part.without_own(rests)
+    now, *moved = left_at(fitter, fit, index, (own, *places))
     changes = np.array(moved) - now
     values, vectors = np.linalg.eigh(changes @ changes.T)
     kept = values > ROUNDING * values[-1]

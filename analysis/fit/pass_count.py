@@ -15,7 +15,7 @@ import numpy as np
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.held_out import own_refit
 from analysis.fit.nuisances import Nuisances
-from analysis.fit.pass_search import entered, place_entries, place_exits, squares_of
+from analysis.fit.pass_search import entered, left_at, place_entries, place_exits, squares_of
 from analysis.fit.waveform import Fitter
 from analysis.threads import threaded
 
@@ -112,9 +112,8 @@ def _elsewhere(fitter: Fitter, fit: WaveformFit, index: int) -> Nuisances:
 
 def _likely(fitter: Fitter, fit: WaveformFit, index: int, moves: Sequence[Nuisances]) -> list[Nuisances]:
     """Those moves of a record after which it may be explained as well as it is: what its own unknowns mend is left aside."""
-    part = fit.parts[index]
-    rests = part.without_own(fitter.residuals_of(index, [(fit.state.model, fit.state.angle, one) for one in moves]))
-    squares, now = np.einsum("ij,ij->i", rests, rests), float(np.sum(part.residual**2))
+    rests = left_at(fitter, fit, index, moves)
+    squares, now = np.einsum("ij,ij->i", rests, rests), float(np.sum(fit.parts[index].residual ** 2))
     return [one for one, left in zip(moves, squares, strict=True) if left < UNLIKELY * now]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from analysis.fit.first_passes import first_nuisances
 from analysis.fit.first_state import first_state
-from analysis.fit.fit_state import State
+from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.nuisances import Nuisances, other_teeth, turned_by
 from analysis.fit.observed import Observed
 from analysis.fit.waveform import Fitter
@@ -49,7 +49,7 @@ def settle_passes(fitter: Fitter, state: State, reach: int = 1, places: Sequence
         nuisances = _best_place(fitter, index, state, nuisances, "entry", entries)
         return _best_place(fitter, index, state, nuisances, "exit", exits)
 
-    places = range(len(fitter.records)) if places is None else places
+    places = _asked(fitter, places)
     found = state.with_records(places, threaded(one, places))
     return found, found.nuisances != state.nuisances
 
@@ -93,7 +93,7 @@ def place_entries(fitter: Fitter, state: State, places: Sequence[int] | None = N
     places: of the records that are asked; None: all. A record that seems to start in the cut may idle amid loud ambient
     vibration: of forces alone that cannot be.
     """
-    return _placed(fitter, state, "entry", range(len(fitter.records)) if places is None else places)
+    return _placed(fitter, state, "entry", _asked(fitter, places))
 
 
 def entered(records: Sequence[Observed], state: State) -> list[Observed]:
@@ -111,7 +111,11 @@ def place_exits(fitter: Fitter, state: State) -> State:
     No segment is believed. The cost falls towards the true exit from both sides: too early, the model rings down while
     the teeth still cut; too late, it cuts where the structure rings down.
     """
-    return _placed(fitter, state, "exit", range(len(fitter.records)))
+    return _placed(fitter, state, "exit", _asked(fitter))
+
+
+def _asked(fitter: Fitter, places: Sequence[int] | None = None) -> Sequence[int]:
+    return range(len(fitter.records)) if places is None else places
 
 
 def _placed(fitter: Fitter, state: State, field: str, places: Sequence[int]) -> State:
@@ -172,3 +176,12 @@ def squares_of(fitter: Fitter, index: int, state: State, tried: Sequence[Nuisanc
     """Sums of squared residuals (tried,) of one record with each of these nuisances, what its marks say among them."""
     rest = fitter.residuals_of(index, [(state.model, state.angle, one) for one in tried])
     return np.einsum("ij,ij->i", rest, rest)
+
+
+def left_at(fitter: Fitter, fit: WaveformFit, index: int, tried: Sequence[Nuisances]) -> np.ndarray:
+    """Residuals (tried, values) of one record with each of these nuisances, less what its own unknowns then make up for.
+
+    To first order about the fit.
+    """
+    state = fit.state
+    return fit.parts[index].without_own(fitter.residuals_of(index, [(state.model, state.angle, one) for one in tried]))

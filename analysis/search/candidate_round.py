@@ -79,7 +79,7 @@ def try_candidates(
     say: Callable[[str], None],
     last: bool = False,
     alone: Callable[[], Sequence[Candidate]] = tuple,
-    of_other_law: Callable[[Candidate], bool] = lambda _: False,
+    of_other_law: Callable[[Candidate], bool] | None = None,
 ) -> list[Candidate]:
     """Candidates that extend the current set by one effect, the one that foretells best first.
 
@@ -109,7 +109,7 @@ def try_candidates(
         little = leader.cost - floor <= MUCH * over or leader.fitted.fit.cost - floor <= LITTLE * over
         far = (incomplete and not little) or at_a_bound(leader.fitter.free, leader.fitted.fit.state.model)
         if far or leader.fitted.error_where_known > ROUGH * noise:
-            if of_other_law(leader.fitted):
+            if of_other_law is not None and of_other_law(leader.fitted):
                 return [leader.fitted, *ruled_out, *(_not_fitted(current, one.name) for one in entries[1:])]
             if not _put(current, entries, alone()) and far:
                 try_from_far(current, entries, catalogue, origins, say, BEHIND * best_cost(entries))
@@ -244,7 +244,7 @@ def begun_and_fitted(
 
 def _refitted(
     current: Candidate, entry: Entry, catalogue: Mapping[str, Effect], say: Callable[[str], None], iterations: int = 40,
-    goal: float = math.inf, of_other_law: Callable[[Candidate], bool] = lambda _: False,
+    goal: float = math.inf, of_other_law: Callable[[Candidate], bool] | None = None,
 ) -> Candidate:  # fmt: skip
     """The entry fitted in full, or as far as showed that it will not come down to a cost of `goal`, or lacks another law."""
     assert current.fit is not None and current.fitter is not None
@@ -263,9 +263,10 @@ def _refitted(
     fit = recounted(entry.fitter, entries_together(entry.fitter, fit))
     if fit.cost < current.fit.cost - SOME:
         entry.fitter, fit = cut_elsewhere(entry.fitter, fit)
-    error, noise = pooled(errors_in_fit(entry.fitter, fit))
-    if error > ROUGH * noise and of_other_law(found := _candidate(current, entry.fitter, fit, effects)):
-        return found
+    if of_other_law is not None and _rough(entry.fitter, fit):
+        found = _candidate(current, entry.fitter, fit, effects)
+        if of_other_law(found):
+            return found
     if _beyond_noise(entry.fitter, fit) < HALVES * _beyond_noise(entry.fitter, current.fit):
         fit = with_parts_of_passes(entry.fitter, fit)
     found = _candidate(current, entry.fitter, fit, effects)
@@ -275,6 +276,12 @@ def _refitted(
         if other.error_held_out <= found.error_held_out:  # a deeper valley that foretells less is one of this sample alone
             return other
     return found
+
+
+def _rough(fitter: Fitter, fit: WaveformFit) -> bool:
+    """Whether a fit leaves twice the noise."""
+    error, noise = pooled(errors_in_fit(fitter, fit))
+    return error > ROUGH * noise
 
 
 def _beyond_noise(fitter: Fitter, fit: WaveformFit) -> float:

@@ -50,6 +50,7 @@ class Motion:
 
     rates: angular frequencies (rad/s) of what is carried exactly, and of what is integrated (0 where nothing is).
     slider: what holds the structure besides (see `loop_kernel`): place of the deflection, pull, travel; or zeros.
+    turning: the highest angular frequency (rad/s) of laws that rule the spindle's speed.
     """
 
     oscillators: np.ndarray
@@ -57,6 +58,7 @@ class Motion:
     exact: bool
     rates: tuple[float, float]
     slider: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turning: float = 0.0
 
 
 def _at_rest(effect: Effect, structure: Structure) -> dict[str, float]:
@@ -90,7 +92,7 @@ def motion_of(structure: Structure, active: Mapping[str, Mapping[str, float]], c
     """Sort the states of the active effects into oscillators and others."""
     plain: list[int] = []
     rows = [(0.0, structure.stiffness / structure.mass, structure.damping / structure.mass)]
-    exact, carried, integrated = True, structure.natural_frequency_rad, 0.0
+    exact, carried, integrated, turning = True, structure.natural_frequency_rad, 0.0, 0.0
     sliders = [name for name in active if catalogue[name].slider is not None]
     for name, values in active.items():
         effect = catalogue[name]
@@ -106,9 +108,9 @@ def motion_of(structure: Structure, active: Mapping[str, Mapping[str, float]], c
         alone = not places and "structure_force" not in effect.hooks or sliders == [name]
         exact = exact and alone and not reads_states
         if "highest_frequency" in effect.hooks and (places or not pairs):
-            integrated = max(integrated, hook_value(effect, "highest_frequency", values, mass=structure.mass,
-                                                     stiffness=structure.stiffness))  # fmt: skip
-    motion = Motion(np.array(rows, dtype=float), plain, exact, (carried, integrated))
+            rate = hook_value(effect, "highest_frequency", values, mass=structure.mass, stiffness=structure.stiffness)
+            integrated, turning = max(integrated, rate), max(turning, rate if "speed" in effect.hooks else 0.0)
+    motion = Motion(np.array(rows, dtype=float), plain, exact, (carried, integrated), turning=turning)
     if not exact or not sliders:
         return motion
     return replace(motion, slider=_slider(catalogue[sliders[0]], active[sliders[0]], structure, layout))
@@ -121,7 +123,7 @@ def steps_of_segments(steps: int | None, corners: np.ndarray, teeth: list[int], 
     if steps:
         dense = free = timed = steps / crossing
     else:
-        timed = max(structure / STEP_PHASE, carried / CARRIED_PHASE, speed / STEP_ANGLE) / speed
+        timed = max(structure / STEP_PHASE, carried / CARRIED_PHASE, motion.turning / STEP_PHASE, speed / STEP_ANGLE) / speed
         dense = max(timed, integrated / STEP_PHASE / speed)
         free = max(carried / FREE_PHASE, integrated / STEP_PHASE) / speed
     least = 1 if steps else math.ceil(6 / max(1, sum(count > 0 for count in teeth)))
