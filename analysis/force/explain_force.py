@@ -17,7 +17,7 @@ from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant
 from analysis.force.choice import Choice, Chooser, Subset, choose, coefficients, waveform
 from analysis.force.cut_variables import course_of
-from analysis.force.latent_force import MissingForce, missing_force, with_force
+from analysis.force.latent_force import MissingForce, by_the_marks, missing_force, with_force
 from analysis.force.ranking import Ranked, rank
 from analysis.force.regression import products, windows_of
 from analysis.force.terms import power_term
@@ -108,7 +108,18 @@ def left_unexplained(
             bare = bare.without_effect(name)
         states.append(bare)
     kept = _fitted_to(records, chosen)
-    told = [explanations(missing_force(plant, kept, state, catalogue, say), say) for state in states]
+    told = [explanations_from(plant, kept, state, catalogue, say) for state in states]
+    return max(told, key=lambda some: some[0].share)
+
+
+def explanations_from(plant: Plant, records: Sequence[Observed], state: State, catalogue: Mapping[str, Effect],
+                      say: Callable[[str], None] = lambda text: None) -> list[Explanation]:  # fmt: skip
+    """What describes the force that a fitted state lacks, as `explanations`: at the state's own clocks, or at those that the
+    records' marks show, where it has left them, whichever explains more. ValueError where the force cannot be estimated.
+    """
+    marked = by_the_marks(records, state)
+    states = [state] if marked is None else [state, marked]
+    told = [explanations(missing_force(plant, records, one, catalogue, say), say) for one in states]
     return max(told, key=lambda some: some[0].share)
 
 

@@ -17,8 +17,7 @@ from analysis.fit.model_fit import model_fit
 from analysis.fit.prediction import Plant
 from analysis.fit.starts import polish
 from analysis.fit.waveform import Fitter
-from analysis.force.explain_force import Explanation, explanations, formula_text
-from analysis.force.latent_force import missing_force
+from analysis.force.explain_force import Explanation, explanations_from, formula_text
 from analysis.force.trial_law import NAME, trial_law
 from analysis.search.begun_anew import with_examples
 from analysis.search.unheard import SOUND, agreed, misfit
@@ -91,8 +90,7 @@ class Jury:
     def _from(self, trial: _Trial) -> list[Explanation]:
         """What explains the force that the model lacks where a trial has led it, without the formula."""
         records = trial.explanation.missing.observed
-        missing = missing_force(self.plant_of(self.catalogue), records, trial.bare, self.catalogue, self.say)
-        return explanations(missing, self.say)
+        return explanations_from(self.plant_of(self.catalogue), records, trial.bare, self.catalogue, self.say)
 
     def _trial(self, explanation: Explanation) -> _Trial:
         self.say(f"fitting {formula_text(explanation.formula)}")

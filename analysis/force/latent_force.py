@@ -11,6 +11,7 @@ and N. Lawrence (2013), IEEE Trans. Pattern Analysis 35, 2693 (latent forces).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -26,6 +27,7 @@ from testbed.effect import Effect
 from testbed.machine import Model
 
 BESIDE = 0.05  # share of a record that must lie before, and behind, the cut for its drift to be read there
+BEYOND_MARKS = 4.0  # standard deviations of a record's own clock from its marks that only a model's lack explains
 _MOTION = ("displacement", "velocity", "acceleration")
 
 
@@ -128,6 +130,22 @@ def missing_force(
         found.append(_record_force(record, course, residual, motion, predicted))
     missing = MissingForce(tuple(found), tuple(records), state, catalogue, prior)
     return with_force(missing, state)
+
+
+def by_the_marks(records: Sequence[Observed], state: State) -> State | None:
+    """The state with every record's tooth angle and speed as its marks have them; None where the fit has left none of them.
+
+    A fit that leaves many times the noise turns single records away from their marks to make up for the force it lacks.
+    """
+    found, left = [], False
+    for record, own in zip(records, state.nuisances, strict=True):
+        if record.clock_error is not None:
+            off = math.remainder(own.angle, 2 * math.pi / record.slots)
+            errors = off / record.clock_error[0], (own.speed - 1.0) / record.clock_error[1]
+            left |= max(map(abs, errors)) > BEYOND_MARKS
+            own = replace(own, angle=own.angle - off, speed=1.0)
+        found.append(own)
+    return replace(state, nuisances=tuple(found)) if left else None
 
 
 def prior_of(model: Model, records: Sequence[Observed], residuals: Sequence[np.ndarray]) -> Prior:

@@ -10,8 +10,8 @@ from test_latent_force import PLANT, cut_state
 from analysis.fit.fit_state import State
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import observe
-from analysis.force.explain_force import as_json, explain, formula_text, write_effect
-from analysis.force.latent_force import missing_force
+from analysis.force.explain_force import as_json, explain, explanations_from, formula_text, write_effect
+from analysis.force.latent_force import by_the_marks, missing_force
 from analysis.force.ranking import explained, rank
 from testbed.catalogue import read_effect
 
@@ -62,13 +62,31 @@ def test_with_one_condition_nothing_is_said_to_be_held_out(tmp_path):
     assert "held out" not in write_effect(single, tmp_path, "single").read_text()
 
 
-def test_a_law_of_the_chip_is_read_off_cuts_and_written(tmp_path):
-    law = 2.0e12
+CHIP_LAW = 2.0e12  # N/m^3, by the square of the chip
+
+
+@pytest.fixture(scope="module")
+def cuts():
     made = [
-        record(rpm, depth, seed, tooth_law=lambda depth, chip, angle: law * depth * chip * chip)
+        record(rpm, depth, seed, tooth_law=lambda depth, chip, angle: CHIP_LAW * depth * chip * chip)
         for seed, (rpm, depth) in enumerate(((3500.0, 1.5e-3), (4200.0, 2.0e-3), (2700.0, 1.5e-3)))
     ]
-    records = [observe(one, TRUE) for one in made]
+    return [observe(one, TRUE) for one in made]
+
+
+def test_a_record_that_a_fit_has_turned_from_its_marks_is_read_by_the_marks(cuts):
+    state = cut_state(cuts)
+    astray = replace(state, nuisances=(replace(state.nuisances[0], angle=0.7), *state.nuisances[1:]))
+    assert by_the_marks(cuts, state) is None
+    assert by_the_marks(cuts, astray) == state
+    assert by_the_marks([replace(one, clock_error=None) for one in cuts], astray) is None  # no marks: any angle may be
+    names = [[one.term.name for one in found.formula]
+             for found in (explain(missing_force(PLANT, cuts, astray, {})), explanations_from(PLANT, cuts, astray, {})[0])]
+    assert names[0] != ["square_n"] and names[1] == ["square_n"]
+
+
+def test_a_law_of_the_chip_is_read_off_cuts_and_written(cuts, tmp_path):
+    records, law = cuts, CHIP_LAW
     bent = TRUE.with_values({"tangential_coefficient": 4.5e8, "normal_coefficient": 5.0e8, "damping_ratio": 0.0034})
     state = replace(cut_state(records, bent), angle=MARK - 0.03)
     found = explain(missing_force(PLANT, records, state, {}))
