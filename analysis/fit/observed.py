@@ -167,6 +167,23 @@ class Observed:
         past = self.start + self.samples / self.rate - self.pass_start(0, angle, nuisances)
         return math.floor(past * nuisances.speed / self.period * self.flutes)
 
+    def off_marks(self, nuisances: Nuisances) -> np.ndarray:
+        """How far a clock is from what the marks say of it, (2,): tooth angle and speed in units of their errors; else (0,)."""
+        if self.clock_error is None:
+            return np.empty(0)
+        angle = self._turned(nuisances)
+        return np.array([angle / self.clock_error[0], (nuisances.speed - 1.0) / self.clock_error[1]])
+
+    def by_marks(self, nuisances: Nuisances) -> Nuisances:
+        """The nuisances with the tooth angle and the speed that the marks show; as they are where no marks tell them."""
+        if self.clock_error is None:
+            return nuisances
+        return replace(nuisances, angle=nuisances.angle - self._turned(nuisances), speed=1.0)
+
+    def _turned(self, nuisances: Nuisances) -> float:
+        """Angle (rad) by which a record is turned from the nearest slot that its marks may be."""
+        return math.remainder(nuisances.angle, 2 * math.pi / self.slots)
+
     def at_constant_speed(self) -> Observed:
         """The record without what unsteady marks say of its course; itself where the speed is constant."""
         if self.marks is None:

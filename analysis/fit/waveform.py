@@ -128,7 +128,7 @@ class Fitter:
             own += [{"displacement": size}, {"velocity": size * 2 * math.pi * 100.0}]
         if record.cut is not None and record.first_mark is None:
             own += [{"angle": 0.1}, {"speed": 1e-3}]
-        elif record.clock_error is not None:  # held by what the marks know of them, see _held
+        elif record.clock_error is not None:  # held by what the marks know of them, see Observed.off_marks
             own += [{"angle": record.clock_error[0]}, {"speed": record.clock_error[1]}]
         return own
 
@@ -149,14 +149,6 @@ class Fitter:
         if "speed" in values:  # records that fit no cut at all must not turn the spindle back
             values["speed"] = min(max(values["speed"], SLOWEST), 1.0 / SLOWEST)
         return replace(nuisances, **values)
-
-    @staticmethod
-    def _held(record: Observed, nuisances: Nuisances) -> np.ndarray:
-        """What the marks say of a record's own clock, as residuals: its angle and speed in units of their errors."""
-        if record.clock_error is None:
-            return np.empty(0)
-        angle = math.remainder(nuisances.angle, 2 * math.pi / record.slots)
-        return np.array([angle / record.clock_error[0], (nuisances.speed - 1.0) / record.clock_error[1]])
 
     # -- residuals and slopes ------------------------------------------------------------------------------------------
 
@@ -203,7 +195,7 @@ class Fitter:
         rest = self._residuals(record, variants, first)
         slopes = (rest[1:] - rest[0]) / SLOPE_STEP
         slopes[: len(signs)] *= np.array(signs)[:, None]
-        held = self._held(record, nuisances)
+        held = record.off_marks(nuisances)
         by_shared, by_own = slopes[: len(self.names)].T, slopes[len(self.names) :].T
         if len(held):
             by_own = np.vstack([by_own, np.eye(len(own))[len(own) - len(held) :]])
@@ -234,7 +226,7 @@ class Fitter:
     def residuals_of(self, index: int, variants: Sequence[tuple[Model, float, Nuisances]]) -> np.ndarray:
         """One record's residuals (variants, values) for other models, mark angles and nuisances, and what its marks say."""
         record = self.records[index]
-        held = [self._held(record, own) for _, _, own in variants]
+        held = [record.off_marks(own) for _, _, own in variants]
         return np.hstack([self._residuals(record, list(variants)), np.array(held)])
 
     def residuals(self, state: State, indices: Sequence[int] | None = None) -> tuple[np.ndarray, ...]:
@@ -248,7 +240,7 @@ class Fitter:
         return self._cost_of(self.residuals(state, indices), state, places)
 
     def _cost_of(self, residuals: Iterable[np.ndarray], state: State, places: Iterable[int]) -> float:
-        held = [self._held(self.records[place], state.nuisances[place]) for place in places]
+        held = [self.records[place].off_marks(state.nuisances[place]) for place in places]
         return 0.5 * sum(float(rest @ rest) for rest in (*residuals, *held))
 
     def with_slopes(
@@ -278,7 +270,7 @@ class Fitter:
             shared[:, known] = part.shared[: rest.shape[1]]
             slopes = (rest[1:] - rest[0]) / step
             shared[:, list(places)] = (slopes[: len(signs)] * np.array(signs)[:, None]).T
-            held = self._held(record, nuisances)
+            held = record.off_marks(nuisances)
             columns = dict(zip(part.known, part.own.T, strict=True))
             columns |= dict(zip(_names(new), _padded(slopes[len(signs) :].T, len(held)).T, strict=True))
             by_own = np.array([columns[name] for name in _names(own)]).reshape(-1, rest.shape[1] + len(held)).T
@@ -390,6 +382,6 @@ class Fitter:
         own = [_names(self._own_steps(*each)) for each in zip(self.records, state.nuisances, strict=True)]
         if own != [part.known for part in near.parts]:
             return self.linearise_all(state), True
-        held = [self._held(record, own) for record, own in zip(self.records, state.nuisances, strict=True)]
+        held = [record.off_marks(own) for record, own in zip(self.records, state.nuisances, strict=True)]
         rests = [np.append(rest, own) for rest, own in zip(self.residuals(state), held, strict=True)]
         return tuple(replace(part, residual=rest) for part, rest in zip(near.parts, rests, strict=True)), False

@@ -11,7 +11,6 @@ and N. Lawrence (2013), IEEE Trans. Pattern Analysis 35, 2693 (latent forces).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -137,15 +136,10 @@ def by_the_marks(records: Sequence[Observed], state: State) -> State | None:
 
     A fit that leaves many times the noise turns single records away from their marks to make up for the force it lacks.
     """
-    found, left = [], False
-    for record, own in zip(records, state.nuisances, strict=True):
-        if record.clock_error is not None:
-            off = math.remainder(own.angle, 2 * math.pi / record.slots)
-            errors = off / record.clock_error[0], (own.speed - 1.0) / record.clock_error[1]
-            left |= max(map(abs, errors)) > BEYOND_MARKS
-            own = replace(own, angle=own.angle - off, speed=1.0)
-        found.append(own)
-    return replace(state, nuisances=tuple(found)) if left else None
+    pairs = list(zip(records, state.nuisances, strict=True))
+    if all(np.all(np.abs(record.off_marks(own)) <= BEYOND_MARKS) for record, own in pairs):
+        return None
+    return replace(state, nuisances=tuple(record.by_marks(own) for record, own in pairs))
 
 
 def prior_of(model: Model, records: Sequence[Observed], residuals: Sequence[np.ndarray]) -> Prior:
