@@ -23,6 +23,7 @@ class Recording:
     marks: times (s) of the tachometer's once-per-revolution marks, empty where there is none; pulses_per_revolution: of
     so many pulses they may each be any, not the same one in every record.
     pass_times: times (s) of each tooth pass's start (simulated records only).
+    filled: indices of samples that were not measured and were put in between their neighbours.
     outcome: how a simulated run ended; outcome_time is when (s), NaN if it ran to the end.
     conditions: operating conditions and whatever else is known of the record.
     """
@@ -38,6 +39,7 @@ class Recording:
     outcome_time: float = float("nan")
     conditions: Mapping[str, Any] = field(default_factory=dict)
     pulses_per_revolution: int = 1
+    filled: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
 
     def __post_init__(self) -> None:
         if not self.channels:

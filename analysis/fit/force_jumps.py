@@ -37,7 +37,7 @@ def _without_jumps(record: Observed, state: State, own: Nuisances) -> Observed:
     """The record with the samples believed that are not at a jump; itself where they are the ones believed so far."""
     if record.cut is None or not any(name.startswith("force") or DERIVATIVES[name] == 2 for name in record.channels):
         return record
-    believed = np.ones(record.samples, dtype=bool)
+    believed = np.ones(record.samples, dtype=bool) if record.filled is None else ~record.filled
     places = (_jumps(record, state, own) - record.start) * record.rate
     nearest = np.rint(places).astype(int)
     for beside in range(-int(BESIDE) - 1, int(BESIDE) + 2):

@@ -42,11 +42,11 @@ class Observed:
     where the speed is not constant. clock_error: standard deviations of a record's own tooth angle (rad) and relative
     speed, from the scatter of its marks. segments and conditions as read. force (samples,) drives an excited record.
     heard: whether it has a say in the fit. noise_doubt: standard error of the first channel's noise over itself. believed
-    (samples,): those that count; all, where None. measured: the record at the speed that its marks show, where those are
+    (samples,): those that count; all, where None. filled (samples,): those never measured, which never count. measured: the record at the speed that its marks show, where those are
     left out here. slots: of how many slots of the spindle the marks may be any; they do not tell its teeth apart.
     steady_marks: times (s) of all marks, where they show a constant speed. feed_basis: what the cut's feed a tooth comes from:
     it was written so ("tooth"), is what a table leaves that travels as stated ("travel"), or was taken so ("table", from what
-    was written by feed_ratio).
+    was written by feed_ratio); a table leaves less where the spindle turns faster than the period says.
     """
 
     name: str
@@ -77,6 +77,7 @@ class Observed:
     steady_marks: np.ndarray | None = None
     feed_basis: str = "tooth"
     feed_ratio: float = 1.0
+    filled: np.ndarray | None = None
 
     @property
     def forces_only(self) -> bool:
@@ -206,6 +207,7 @@ class Observed:
             force=None if self.force is None else self.force[first : first + count],
             start=self.start + first / self.rate,
             believed=None if self.believed is None else self.believed[first : first + count],
+            filled=None if self.filled is None else self.filled[first : first + count],
             measured=None if self.measured is None else self.measured.part(first, count, drift_terms),
             drift=drift_basis(count, self.drift.shape[1] if drift_terms is None else drift_terms),
         )
@@ -236,6 +238,7 @@ class Observed:
         cut = replace(
             self.cut,
             spindle_speed=2 * math.pi / (pitch * self.flutes),
+            feed_per_tooth=self.cut.feed_per_tooth / (1.0 if self.feed_basis == "tooth" else nuisances.speed),
             idle_passes=idle,
             passes=passes,
             ring_down_passes=total - idle - passes,
@@ -293,6 +296,7 @@ def observe(record: Any, model: Model) -> Observed:
     condition = (record.kind, *(round(float(conditions[key]), 9) for key in known if key in conditions))
     if record.kind != "cut":
         condition = (record.kind, record.name)
+    filled = np.isin(np.arange(first, last), recording.filled) if len(recording.filled) else np.zeros(0, dtype=bool)
     base = Observed(
         record.name,
         record.kind,
@@ -306,6 +310,8 @@ def observe(record: Any, model: Model) -> Observed:
         segments,
         condition,
         noise_doubt=floors[0].doubt,
+        believed=~filled if filled.any() else None,
+        filled=filled if filled.any() else None,
     )
     if excited:
         drive = next(name for name in record.excitations)
@@ -345,7 +351,7 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
     if len(marks) >= 3:
         halfway = digital(marks, base.rate, record.recording.start)
         sample = 1.0 / base.rate if halfway else 0.0
-        period, anchor, steady = clock_of(marks, sample)
+        period, anchor, steady = clock_of(marks, sample, base.rate)
         check_speed(period, 2 * math.pi / cut.spindle_speed)
         slots = record.recording.pulses_per_revolution
         calm = marks if steady else None
@@ -354,7 +360,7 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
         elif steady:
             error = clock_error(marks, period, anchor, base.rate, halfway=halfway)
         else:  # passes are then laid between the marks themselves
-            kept = smoothed(marks, sample) if halfway else marks
+            kept = smoothed(marks, 1.0 / base.rate, halfway=halfway)
             anchor = float(kept[0])
     else:
         period = 2 * math.pi / (_heard_speed(base, cut.spindle_speed, flutes) or cut.spindle_speed)

@@ -49,18 +49,18 @@ def with_other_feed(records: Sequence[Observed], state: State) -> list[Observed]
     if any(record.feed_basis == "table" for record in records):
         return [record if record.feed_basis != "table" else _fed(record, 1.0 / record.feed_ratio, "tooth")
                 for record in records]
-    ratios = [_slower(record, own.speed) for record, own in zip(records, state.nuisances, strict=True)]
-    known = [ratio for ratio in ratios if ratio is not None]
+    ratios = [_slower(record) for record in records]
+    known = [ratio / own.speed for ratio, own in zip(ratios, state.nuisances, strict=True) if ratio is not None]
     if len(known) < 2 or max(known) - min(known) < APART:
         return None
     return [record if ratio is None else _fed(record, ratio, "table") for record, ratio in zip(records, ratios, strict=True)]
 
 
-def _slower(record: Observed, speed: float) -> float | None:
-    """Stated over true spindle speed of a cut whose feed was stated a tooth; None for others."""
+def _slower(record: Observed) -> float | None:
+    """Stated spindle speed over that of the record's period, of a cut whose feed was stated a tooth; None for others."""
     if record.cut is None or record.feed_basis == "travel":
         return None
-    return record.cut.spindle_speed * record.period / (2.0 * math.pi * speed)
+    return record.cut.spindle_speed * record.period / (2.0 * math.pi)
 
 
 def _fed(record: Observed, ratio: float, basis: str) -> Observed:

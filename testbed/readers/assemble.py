@@ -11,6 +11,7 @@ import numpy as np
 
 from testbed.problem import InputProblem
 from testbed.readers import checks, tachometer
+from testbed.readers.bridge import bridged, unmeasured
 from testbed.readers.source import Source, base_name
 from testbed.readers.table import Table
 from testbed.readers.timebase import TimeBase, from_column, is_no_time, looks_like_time, repetition, settle
@@ -42,9 +43,10 @@ def assemble(
     checks.equal_lengths(path, columns)
     base, columns, base_notes = _time_base(table, columns, time, sampling_rate, start, stop)
     notes += base_notes
-    channels, units = _channels(table, columns, sources, base, optional, notes)
+    channels, units, wrong = _channels(table, columns, sources, base, optional, notes)
+    filled = np.empty(0, dtype=int)
     if base.dropped:
-        channels = _filled(path, channels, base, notes)
+        channels, wrong, filled = _filled(path, channels, wrong, base, notes)
     repeats = checks.repeated_samples(
         [values for name, values in channels.items() if base_name(name) != "tachometer"] or list(channels.values())
     )
@@ -52,6 +54,8 @@ def assemble(
         notes.append(
             f"{repeats} of {len(next(iter(channels.values())))} samples repeat the one before: samples may be doubled"
         )
+    channels = {name: bridged(values, wrong[name]) for name, values in channels.items()}
+    filled = np.union1d(filled, np.flatnonzero(np.any(list(wrong.values()), axis=0)))
     found, pulses = np.empty(0), 1
     if "tachometer" in channels:
         source = sources["tachometer"]
@@ -74,6 +78,7 @@ def assemble(
         marks=found,
         conditions={**facts, "dropped_samples": sum(count for _, count in base.dropped), "repeated_samples": repeats},
         pulses_per_revolution=pulses,
+        filled=filled,
     )
     return recording, tuple(dict.fromkeys(notes))
 
@@ -85,9 +90,9 @@ def _channels(
     base: TimeBase,
     optional: tuple[str, ...],
     notes: list[str],
-) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Channels that carry a signal, in SI, and their units."""
-    channels, units = {}, {}
+) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, np.ndarray]]:
+    """Channels that carry a signal, in SI, their units, and which of their samples are not the motion's."""
+    channels, units, wrong = {}, {}, {}
     for name, values in columns.items():
         factor, units[name] = _unit(table, name, sources[name], notes)
         if base_name(name) != "tachometer" and name not in optional:
@@ -100,9 +105,13 @@ def _channels(
         full_scale = table.full_scale.get(table.find(sources[name].column))
         notes += checks.channel_notes(name, values, full_scale)
         channels[name] = values * factor
+        wrong[name] = unmeasured(name, values, full_scale)
+        if wrong[name].any():
+            count = int(np.count_nonzero(wrong[name]))
+            notes.append(f"channel {name}: {count} sample{'s' * (count > 1)} bridged from the neighbours and left out of fits")
     if not channels:
         raise InputProblem(table.path, "no channel with a signal", "check the columns named in `channels`")
-    return channels, units
+    return channels, units, wrong
 
 
 def _columns(
@@ -276,8 +285,13 @@ def _compare_units(name: str, source: Source, in_file: str, si: str, factor: flo
         )
 
 
-def _filled(path: Any, channels: dict[str, np.ndarray], base: TimeBase, notes: list[str]) -> dict[str, np.ndarray]:
-    """Missing samples put in by straight lines. Raises InputProblem where too much is missing for that."""
+def _filled(
+    path: Any, channels: dict[str, np.ndarray], wrong: dict[str, np.ndarray], base: TimeBase, notes: list[str]
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
+    """Missing samples put in by straight lines: channels, what is wrong of them, and the places of what was put in.
+
+    Raises InputProblem where too much is missing for that.
+    """
     missing = sum(count for _, count in base.dropped)
     rows = len(next(iter(channels.values())))
     longest = max(base.dropped, key=lambda gap: gap[1])
@@ -293,4 +307,5 @@ def _filled(path: Any, channels: dict[str, np.ndarray], base: TimeBase, notes: l
         places[row:] += count
     even = np.arange(math.floor(places[-1]) + 1)
     notes.append("the missing samples were filled with straight lines")
-    return {name: np.interp(even, places, values) for name, values in channels.items()}
+    moved = {name: np.isin(even, places[mask]) for name, mask in wrong.items()}
+    return {name: np.interp(even, places, values) for name, values in channels.items()}, moved, np.setdiff1d(even, places)

@@ -131,7 +131,7 @@ def spikes(values: np.ndarray) -> list[int]:
     rest[2:-2] = values[2:-2] - (4 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6
     size = np.abs(rest)
     usual = 1.4826 * float(np.median(size[2:-2]))
-    limit = max(12 * usual, 1e-6 * float(np.ptp(values)))
+    limit = max(12 * usual, 1e-3 * float(np.ptp(values)))
     found = []
     for place in np.flatnonzero(size > limit):
         if not 4 <= place < len(values) - 4:
@@ -142,6 +142,11 @@ def spikes(values: np.ndarray) -> list[int]:
         if max(beside.max(), beyond.max()) < 0.2 * abs(here) + 3 * usual:
             found.append(int(place))
     return found
+
+
+def most_spikes(samples: int) -> int:
+    """Lone spikes among so many samples beyond which they are the signal's own."""
+    return max(20, samples // 500)
 
 
 def jumps(values: np.ndarray) -> list[int]:
@@ -203,7 +208,7 @@ def channel_notes(name: str, values: np.ndarray, full_scale: float | None = None
 
     lone = spikes(values)
     teeth = beats and len(lone) > _FEW_BEATS
-    if not teeth and 0 < len(lone) <= max(20, len(values) // 500):
+    if not teeth and 0 < len(lone) <= most_spikes(len(values)):
         notes.append(
             f"channel {name}: {len(lone)} lone spike{'s' * (len(lone) > 1)}, the first is sample {lone[0] + 1} "
             f"({values[lone[0]]:.6g})"

@@ -47,3 +47,60 @@ def test_turns_are_counted_past_lost_and_false_marks_and_along_a_speed_that_wand
     assert np.delete(turns_of(false), 20) == pytest.approx(turns)
     slowing = 0.1 + 0.02 * turns * (1.0 + 0.002 * turns)  # no even spacing could count these
     assert turns_of(slowing) == pytest.approx(turns)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_marks_of_a_noisy_threshold_are_steady_and_those_of_a_speed_that_varies_are_not(seed):
+    random, turns, period = np.random.default_rng(seed), np.arange(40.0), 60.0 / 2910.0
+    scatter = 3e-4 * period * random.standard_normal(turns.size)  # beyond what a constant speed is taken for at once
+    true = 0.004 + turns * period
+    found, anchor, steady = clock_of(true + scatter)
+    assert steady
+    angle, speed = clock_error(true + scatter, found, anchor, RATE)
+    assert abs(found / period - 1.0) < 3.5 * speed
+    assert abs(anchor - 0.004) < 3.5 * angle / (2 * math.pi) * period
+    for course in (np.sin(2 * math.pi * turns / 11.3), np.sin(2 * math.pi * turns * 0.37), turns * (turns - 39.0) / 380.0,
+                   np.cumsum(random.standard_normal(turns.size)) / 3.0):
+        assert not clock_of(true + scatter + 1.5e-3 * period * course)[2]
+
+
+def test_few_marks_that_scatter_tell_no_constant_speed():
+    marks = 0.004 + np.arange(8.0) * 0.02 + 4e-5 * np.array([1, -1, 1, 1, -1, 0.5, -1, 1])
+    assert not clock_of(marks)[2]
+
+
+def placed(true, rise):
+    """Times of the marks as a threshold halfway up an edge of `rise` samples is placed between the samples around it."""
+    first = np.floor(true * RATE - rise)
+    samples = first[:, None] + np.arange(np.ceil(2 * rise) + 4)
+    level = np.clip((samples - true[:, None] * RATE) / rise + 0.5, 0.0, 1.0)
+    above = np.argmax(level >= 0.5, axis=1)
+    low, high = level[np.arange(len(true)), above - 1], level[np.arange(len(true)), above]
+    return (samples[np.arange(len(true)), above - 1] + (0.5 - low) / (high - low)) / RATE
+
+
+@pytest.mark.parametrize("rpm", (2910.3, 3050.0, 5219.7, 11890.7))
+def test_edges_as_short_as_a_sample_are_steady_at_a_constant_speed_and_show_one_that_varies(rpm):
+    turns, period = np.arange(60.0), 60.0 / rpm
+    true = 0.004 + turns * period
+    marks = placed(true, 1.0)
+    assert np.std(marks - true) > 0.05 / RATE
+    found, anchor, steady = clock_of(marks, rate=RATE)
+    assert steady
+    assert abs(found / period - 1.0) < 1e-5 and abs(anchor - 0.004) < 0.1 / RATE
+    for course in (np.sin(2 * math.pi * turns / 11.3), turns * (turns - 59.0) / 870.0):
+        assert not clock_of(placed(true + 0.6 / RATE * course, 1.0), rate=RATE)[2]
+
+
+def test_marks_that_jitter_are_smoothed_and_those_of_a_fast_swing_are_kept():
+    turns = np.arange(60.0)
+    for course, kept in ((1e-3 * np.sin(2 * math.pi * turns / 23.3), False), (1e-4 * np.sin(2 * math.pi * turns * 0.37), True)):
+        true = 0.004 + turns * 60.0 / 2910.3 + course
+        marks = placed(true, 1.0)
+        found = smoothed(marks, 1.0 / RATE, halfway=False)
+        assert not clock_of(marks, rate=RATE)[2]
+        if kept:
+            assert np.array_equal(found, marks)
+        else:
+            assert np.std(np.diff(found - true)) < 0.6 * np.std(np.diff(marks - true))
+            assert np.allclose(smoothed(true, 1.0 / RATE, halfway=False), true, atol=1e-3 / RATE)

@@ -9,6 +9,7 @@ from campaign_files import BELIEVED, TRUE
 from analysis.comparison.compare import compare
 from analysis.fit.first_passes import first_nuisances
 from analysis.fit.fit_state import State
+from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import observe
 from analysis.fit.table_feed import feed_note, with_other_feed
 from analysis.fit.taken import taken_notes
@@ -76,3 +77,12 @@ def test_a_speed_of_travel_leaves_nothing_to_choose():
     assert all(record.feed_basis == "travel" for record in records)
     found = compare(plant_of(catalogue()), records, BELIEVED, catalogue())
     assert found.error == pytest.approx(found.noise_floor, rel=0.02) and feed_note(records, found.fitter.records) == []
+
+
+def test_a_table_leaves_less_to_a_tooth_of_a_spindle_that_turns_faster():
+    """Where the speed is found by a fit, what a table travels in a second stays; what was written a tooth stays, too."""
+    for written, left in ((Feed(FEED, "second"), 1.02), (A_TOOTH, 1.0)):
+        record = campaign(table=True, written=written)[0]
+        slow, fast_ = (record.timeline(0.0, Nuisances(exit=20, speed=speed))[0] for speed in (1.0, 1.02))
+        assert slow.feed_per_tooth / fast_.feed_per_tooth == pytest.approx(left)
+    assert fast_.spindle_speed == pytest.approx(1.02 * slow.spindle_speed)
