@@ -90,7 +90,7 @@ def addition() -> Addition:
     """What add_effect() would answer."""
     base, found = candidate(), candidate(EFFECT)
     return Addition(
-        EFFECT, found.fit.state.model, base.error_held_out, found.error_held_out, pooled(base.errors)[1], base.errors,
+        (EFFECT,), found.fit.state.model, base.error_held_out, found.error_held_out, pooled(base.errors)[1], base.errors,
         found.errors, True, estimates(found.fitter, found.fit, CATALOGUE), True, ("one warning",), found.fit, base.fit,
     )
 

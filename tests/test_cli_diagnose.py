@@ -80,6 +80,11 @@ def test_the_command_to_go_on_with(verdict, tried, proposed, expected):
     assert next_command(found, "c.yaml", "m.yaml", proposed) == expected
 
 
+def test_several_effects_are_added_together():
+    found = SimpleNamespace(verdict="missing_effect", effects=("helix", "runout"), candidates=("any",))
+    assert next_command(found, "c.yaml", "m.yaml", False) == "testbed add helix runout -m m.yaml -c c.yaml -o NEW.yaml"
+
+
 @pytest.mark.parametrize(("verdict", "expected"), [
     ("missing_effect", "testbed add my_drag -m m.yaml -c 'a b/c.yaml' --effects mine --effects more -o NEW.yaml"),
     ("unexplained", "testbed diagnose 'a b/c.yaml' -m m.yaml --effects mine --effects more --propose DIR"),
@@ -201,6 +206,7 @@ ADD = ("-m", "model.yaml", "-c", "campaign.yaml", "-o", "new.yaml")
 @pytest.mark.parametrize(("arguments", "said"), [
     (("add", "proces_damping", *ADD), "proces_damping: unknown effect: did you mean process_damping?"),
     (("add", "zzz", *ADD), "testbed effects lists them; for one of your own give the folder of its file: --effects DIR"),
+    (("add", EFFECT, "helix", EFFECT, *ADD), f"{EFFECT}: named twice: name every effect once"),
     (("add", EFFECT, *ADD[:4], "-o", "none/new.yaml"), "there is no folder none"),
     (("add", EFFECT, "-m", "none.yaml", *ADD[2:]), "none.yaml: there is no such file"),
     (("add", EFFECT, *ADD[:2], "-c", "none.yaml", *ADD[4:]), "none.yaml: there is no such file"),

@@ -42,8 +42,9 @@ class Observed:
     where the speed is not constant. clock_error: standard deviations of a record's own tooth angle (rad) and relative
     speed, from the scatter of its marks. segments and conditions as read. force (samples,) drives an excited record.
     heard: whether it has a say in the fit. noise_doubt: standard error of the first channel's noise over itself. believed
-    (samples,): those that count; all, where None. filled (samples,): those never measured, which never count. measured: the record at the speed that its marks show, where those are
-    left out here. slots: of how many slots of the spindle the marks may be any; they do not tell its teeth apart.
+    (samples,): those that count; all, where None. filled (samples,): those never measured, which never count. measured: the
+    record at the speed that its marks show, where those are left out here. slots: of how many slots of the spindle the marks
+    may be any; they do not tell its teeth apart.
     steady_marks: times (s) of all marks, where they show a constant speed. feed_basis: what the cut's feed a tooth comes from:
     it was written so ("tooth"), is what a table leaves that travels as stated ("travel"), or was taken so ("table", from what
     was written by feed_ratio); a table leaves less where the spindle turns faster than the period says.

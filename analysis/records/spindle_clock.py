@@ -130,7 +130,7 @@ def smoothed(marks: np.ndarray, sample: float, *, halfway: bool = True) -> np.nd
 
 
 def _jitter(marks: np.ndarray, turns: np.ndarray) -> float:
-    """Scatter of marks (s) about a smooth course: what differences of the order that leaves least show; 0 where marks are lost."""
+    """Scatter of marks (s) about a smooth course, by differences of the order that leaves least; 0 where marks are lost."""
     if (np.diff(turns) != 1.0).any():
         return 0.0
     orders = [order for order in DIFFERENCES if len(marks) > order + FEWEST]

@@ -1,4 +1,4 @@
-"""Add an effect to a model, refit everything to the campaign, and say what that did to the error on held-out records."""
+"""Add effects to a model, refit everything to the campaign, and say what that did to the error on held-out records."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ WIDE = 0.5  # half an interval over its value from which the value is called poo
 class Addition:
     """The model with the effect, held-out errors without and with it, parameters with intervals, and warnings.
 
-    fit: with the effect; bare: the fit before, without it, on the same records. unheard: names of records without a say in
-    the fit with the effect. at_bound: parameters that ended where the range searched ends.
+    effects: what was added, in that order. fit: with them; bare: the fit before, without, on the same records. unheard: names
+    of records without a say in the fit with them. at_bound: parameters that ended where the range searched ends.
     """
 
-    effect: str
+    effects: tuple[str, ...]
     model: Model
     before: float
     after: float
@@ -57,6 +57,11 @@ class Addition:
     unheard: tuple[str, ...] = ()
     at_bound: tuple[str, ...] = ()
 
+    @property
+    def effect(self) -> str:
+        """What was added, in words."""
+        return " + ".join(self.effects)
+
     def heard(self) -> tuple[float, float, float]:
         """(error before, error after, noise floor) over the records that had a say in the fit."""
         before, after = ([one for one in some if one.name not in self.unheard]
@@ -70,26 +75,63 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
 
     ValueError where no record could show the effect.
     """
+    return _added(plant, records, model, effect, catalogue, say)[0]
+
+
+def add_effects(plant: Plant, records: Sequence[Observed], model: Model, effects: Sequence[Effect],
+                catalogue: Mapping[str, Effect], say: Callable[[str], None] = lambda text: None) -> Addition:
+    """Effects added one after the other, and what all of them together do; as `add_effect` where it is one.
+
+    Of several strong ones, one alone may lead the fit astray and raise the error: where the last leaves more than noise, they
+    are fitted together from the model as it was, too. ValueError where no record could show one of them.
+    """
+    known = {**catalogue, **{one.name: one for one in effects}}
+    first, fitter = _added(plant, records, model, effects[0], known, say)
+    last = first
+    for effect in effects[1:]:
+        last, fitter = _added(plant, records, last.model, effect, known, say)
+    if last is first:
+        return first
+    names = tuple(one.name for one in effects)
+    at_speed = at_modelled_speed(records, [*model.effects, *names], known)
+    found = fitter, last.fit
+    if misfit(*found)[1] > SOUND:
+        say(f"fitting with {' and '.join(names)} from the model as it was")
+        found = min(found, agreed(*model_fit(plant, at_speed, with_examples(model, names, known), known)),
+                    key=lambda one: misfit(*one)[0])
+    return _told(names, at_speed, (first.before, first.records_before, first.bare), *found, known)
+
+
+def _added(plant: Plant, records: Sequence[Observed], model: Model, effect: Effect, catalogue: Mapping[str, Effect],
+           say: Callable[[str], None]) -> tuple[Addition, Fitter]:
+    """One effect added, and the fitter that did it."""
     if not applicable(effect, records):
         raise ValueError(f"no record can show {effect.name}: it acts in the cut, and nothing is cut")
-    records = at_modelled_speed(records, [*model.effects, effect.name], {**catalogue, effect.name: effect})
+    catalogue = {**catalogue, effect.name: effect}
+    records = at_modelled_speed(records, [*model.effects, effect.name], catalogue)
     say("fitting the model as it is")
     fitter, fit = model_fit(plant, records, model, catalogue)
     bare = candidate_of(fitter, fit, (), None, 1.0)
     before = bare.errors
     say(f"fitting with {effect.name}")
-    wider, with_it = _best_fit_with(plant, model, {**catalogue, effect.name: effect}, effect, bare, say)
+    wider, with_it = _best_fit_with(plant, model, catalogue, effect, bare, say)
     with_it = to_its_end(wider, with_it)
     say("looking again for a fit without it")
     again = polish(fitter, state_without(with_it.state, effect.name, {effect.name: effect}), rounds=1, iterations=8)
     if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
         fit, before = again, tuple(held_out_errors(fitter, again))
-    after = held_out_errors(wider, with_it)
-    found = estimates(wider, with_it, catalogue)
-    result = Addition(effect.name, with_it.state.model, pooled(before)[0], pooled(after)[0], pooled(after)[1],
-                      before, tuple(after), holds_out(records), found, with_it.converged, (), with_it, fit,
-                      tuple(record.name for record in wider.records if not record.heard), at_bound(wider.free, found))
-    return replace(result, warnings=(*_warnings(result, wider, catalogue), *taken_notes(records, wider.records)))
+    return _told((effect.name,), records, (pooled(before)[0], before, fit), wider, with_it, catalogue), wider
+
+
+def _told(names: tuple[str, ...], records: Sequence[Observed], before: tuple[float, tuple[RecordError, ...], WaveformFit],
+          fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> Addition:
+    """What the effects of these names did. before: error, those of the records, and the fit, without them."""
+    after, found = held_out_errors(fitter, fit), estimates(fitter, fit, catalogue)
+    error, errors, bare = before
+    result = Addition(names, fit.state.model, error, pooled(after)[0], pooled(after)[1], errors, tuple(after),
+                      holds_out(records), found, fit.converged, (), fit, bare,
+                      tuple(record.name for record in fitter.records if not record.heard), at_bound(fitter.free, found))
+    return replace(result, warnings=(*_warnings(result, fitter, catalogue), *taken_notes(records, fitter.records)))
 
 
 def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
@@ -156,7 +198,8 @@ def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect])
     if not result.converged:
         said.append("the fit did not converge: the values are those of its last step")
     if after > before * (1 - 1e-3):
-        said.append(f"{result.effect} does not lower the error {judged_on(result.held_out)}: nothing speaks for it")
+        does, them = ("does", "it") if len(result.effects) == 1 else ("do", "them")
+        said.append(f"{result.effect} {does} not lower the error {judged_on(result.held_out)}: nothing speaks for {them}")
     bounds = {one.path: one.bounds for one in fitter.free}
     for path, one in result.parameters.items():
         name, _, parameter = path.partition(".")
@@ -182,7 +225,7 @@ def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect])
 def as_json(result: Addition) -> dict[str, Any]:
     """The answer of `testbed add --json`, SI values."""
     return {
-        "effect": result.effect,
+        "effect": result.effect, "effects": list(result.effects),
         "error": {"before": result.before, "after": result.after}, "noise_floor": result.noise_floor,
         "records": [{"name": one.name, "before": one.error, "after": other.error, "noise_floor": other.noise_floor,
                      "held_out": result.held_out}

@@ -1,4 +1,4 @@
-"""`testbed add`: an effect joins the model, everything is refitted, and the error falls, or does not."""
+"""`testbed add`: effects join the model, everything is refitted, and the error falls, or does not."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from testbed.problem import InputProblem
 
 @click.command(short_help="Add an effect, refit, and print the error before and after.",
                epilog="Example: testbed add process_damping -m model.yaml -c campaign.yaml -o better.yaml")
-@click.argument("name", metavar="EFFECT")
+@click.argument("names", metavar="EFFECT...", nargs=-1, required=True)
 @model_option
 @click.option("-c", "--campaign", required=True, metavar="CAMPAIGN.yaml", help="What was measured.")
 @click.option("-o", "--output", required=True, metavar="NEW.yaml",
@@ -22,14 +22,14 @@ from testbed.problem import InputProblem
 @click.option("--report", metavar="DIR", help="Write the error before and after as report.html into this folder.")
 @effects_option
 @shared
-def command(name: str, model_file: str, campaign: str, output: str, report: str | None, folders: tuple[str, ...],
+def command(names: tuple[str, ...], model_file: str, campaign: str, output: str, report: str | None, folders: tuple[str, ...],
             json_file: str | None, seed: int | None, quiet: bool) -> None:
-    """Add EFFECT to MODEL.yaml, fit all parameters jointly to the campaign, and write NEW.yaml.
+    """Add EFFECT, or several of them, to MODEL.yaml, fit all parameters jointly to the campaign, and write NEW.yaml.
 
     The errors before and after are those on records whose operating condition the fit left out. Intervals are 95 %.
     Nothing here is random: --seed changes nothing.
     """
-    from analysis.search.add_effect import add_effect, as_json
+    from analysis.search.add_effect import add_effects, as_json
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
     from testbed.model_file import write_model
 
@@ -37,13 +37,15 @@ def command(name: str, model_file: str, campaign: str, output: str, report: str 
     check_place(output)
     folder = output_folder(report) if report else None
     catalogue = catalogue_of(folders)
-    effect = _effect(name, catalogue)
+    effects = _effects(names, catalogue)
     model, records, read = read_both(campaign, model_file, catalogue)
-    if name in model.effects:
-        raise InputProblem(model_file, f"has {name} already", "take it out first, or see testbed identify --method waveform")
+    for name in names:
+        if name in model.effects:
+            raise InputProblem(model_file, f"has {name} already",
+                               "take it out first, or see testbed identify --method waveform")
     try:
-        with sign_of_life(f"adding {name}", quiet) as say:
-            found = add_effect(plant_of(catalogue), records, model, effect, catalogue, say)
+        with sign_of_life(f"adding {' and '.join(names)}", quiet) as say:
+            found = add_effects(plant_of(catalogue), records, model, effects, catalogue, say)
     except InputProblem:
         raise
     except ValueError as problem:
@@ -61,12 +63,15 @@ def command(name: str, model_file: str, campaign: str, output: str, report: str 
     answer.finish(as_json(found) | {"notes": notes})
 
 
-def _effect(name: str, catalogue: Any) -> Any:
+def _effects(names: tuple[str, ...], catalogue: Any) -> list[Any]:
     from testbed.catalogue import unknown_effect
 
-    if name not in catalogue:
-        raise InputProblem(name, "unknown effect", unknown_effect(name, catalogue, "testbed effects lists them"))
-    return catalogue[name]
+    for place, name in enumerate(names):
+        if name not in catalogue:
+            raise InputProblem(name, "unknown effect", unknown_effect(name, catalogue, "testbed effects lists them"))
+        if name in names[:place]:
+            raise InputProblem(name, "named twice", "name every effect once")
+    return [catalogue[name] for name in names]
 
 
 def _say(answer: Answer, found: Any, notes: list[str]) -> None:

@@ -138,7 +138,7 @@ def _propose(answer: Answer, found: Any, records: Any, model: Any, catalogue: An
         path = write_effect(explanation, folder, free_name(folder, "proposal"))
         result["file"] = str(path)
         every = {os.path.realpath(one): one for one in (*folders, folder)}  # none is named twice
-        answer.say(f"next: {_add(path.stem, campaign, model_file, tuple(every.values()))}")
+        answer.say(f"next: {_add((path.stem,), campaign, model_file, tuple(every.values()))}")
     return result
 
 
@@ -171,14 +171,14 @@ def next_command(found: Any, campaign: str, model_file: str, proposed: bool, fol
     folders: of the user's own effects, which the command will know no more than this one did without them.
     """
     if found.verdict == "missing_effect":
-        return _add(found.effects[0], campaign, model_file, folders)
+        return _add(found.effects, campaign, model_file, folders)
     if found.verdict == "unexplained" and found.candidates and not proposed:  # without candidates no effect was looked for
         return shlex.join(["testbed", "diagnose", campaign, "-m", model_file, *_own(folders), "--propose", "DIR"])
     return ""
 
 
-def _add(effect: str, campaign: str, model_file: str, folders: tuple[str, ...]) -> str:
-    return shlex.join(["testbed", "add", effect, "-m", model_file, "-c", campaign, *_own(folders), "-o", "NEW.yaml"])
+def _add(effects: tuple[str, ...], campaign: str, model_file: str, folders: tuple[str, ...]) -> str:
+    return shlex.join(["testbed", "add", *effects, "-m", model_file, "-c", campaign, *_own(folders), "-o", "NEW.yaml"])
 
 
 def _own(folders: tuple[str, ...]) -> list[str]:
