@@ -24,16 +24,18 @@ TRIED = 2  # iterations of a fit with the other feed
 def with_feed_found(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
     """The fit with the feed of every cut as the table leaves it at the true speed, if that explains the rest; else as it was.
 
-    Records that were taken so and do better with the feed as it was written get it back.
+    Records that were taken so, with an effect missing that leant on it, and do about as well with the feed as it was written,
+    get it back.
     """
     other = with_other_feed(fitter.records, fit.state)
     if other is None:
         return fitter, fit
     wider = fitter.on(other)
     tried = wider.fit(fit.state, iterations=TRIED)
-    if not fit.cost - tried.cost > WORTH * max(fit.variance, 1.0):
-        return fitter, fit
     back = any(record.feed_basis == "table" for record in fitter.records)
+    worth = WORTH * max(fit.variance, 1.0)
+    if not fit.cost - tried.cost > (-worth if back else worth):
+        return fitter, fit
     if not back and fit.variance > SLIGHT and tried.variance - 1.0 > EXPLAINED * (fit.variance - 1.0):
         return fitter, fit
     return wider, wider.fit(tried.state)

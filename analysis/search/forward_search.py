@@ -178,7 +178,7 @@ def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Eff
     tied = tuple(one.effects[-1] for one in passing if tied_with(passing[0], one, current, noise))  # the first with itself
     if not passing or (len(tied) > 1 and current.effects):  # which of them it is, so faint, is not asked beside what is known
         return Path(tuple(steps), seen, (), hum)
-    best = settled(passing[0], catalogue)
+    best = settled(_with_feed(passing[0]), catalogue)
     if current is not end:  # it may have made up for the error of the steps
         best = against(best, end)
         if best.delta_bic <= CERTAIN or best.error_where_known >= end.error_where_known:
