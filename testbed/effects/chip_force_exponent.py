@@ -3,7 +3,7 @@
     F = K b h_0 (h / h_0)^q,        h_0 = 0.1 mm
 
 so K is the chord of the law at the reference chip h_0, whatever q; q = 1 is the linear law, Kienzle's 1 - m_c is q.
-At a chip near zero the slope of h^q grows without limit; no edge is so sharp. Below the edge's radius e = 2 um the
+At a chip near zero the slope of h^q grows without limit; no edge is so sharp. Below the edge's radius e = 5 um the
 law is therefore rounded off to a straight line and continued to negative chips as an odd function:
 
     F = K b h ((h^2 + e^2) / h_0^2)^((q - 1) / 2),
@@ -22,7 +22,7 @@ Start of a fit: log of the identified coefficient against log of the feed has th
 from testbed.effect import Effect, Parameter
 
 REFERENCE_CHIP = 1.0e-4  # m, h_0
-EDGE_RADIUS = 2.0e-6  # m, e
+EDGE_RADIUS = 5.0e-6  # m, e
 
 EFFECT = Effect(
     title="Power law of the cutting force",
@@ -30,7 +30,7 @@ EFFECT = Effect(
         Parameter("exponent", "q", "1", "power of the chip thickness in the force",
                   neutral=1.0, bounds=(0.2, 1.5), example=0.75, start=0.9),
     ),
-    law="F = K b h_0 (h / h_0)^q with h_0 = 0.1 mm, rounded below h = 2 um; b: depth of cut, h: chip thickness",
+    law="F = K b h_0 (h / h_0)^q with h_0 = 0.1 mm, rounded below h = 5 um; b: depth of cut, h: chip thickness",
     source="Kienzle (1952), VDI-Z 94, 299; Stepan (2001), Phil. Trans. R. Soc. A 359, 739",
     validity="chips from a few edge radii to about 1 mm",
     leaves="coefficients that fall as the feed rises; a static force and a dynamic one that ask for different K",

@@ -7,7 +7,7 @@ from direct import KN, KT, MODEL, WINDOW, cut, engine, error, forces, integrate,
 
 from testbed.catalogue import catalogue
 
-Q, H0, E0 = 0.75, 1.0e-4, 2.0e-6
+Q, H0, E0 = 0.75, 1.0e-4, 5.0e-6
 CURVED = MODEL.with_effect("chip_force_exponent", exponent=Q)
 
 
