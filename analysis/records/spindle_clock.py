@@ -34,16 +34,20 @@ def clock_of(marks: np.ndarray, sample: float = 0.0, rate: float = 0.0) -> tuple
     """
     turns = turns_of(marks)
     period, anchor, rest = _regression(marks, turns)
-    if float(np.median(np.abs(rest))) < max(STEADY_CLOCK * period, 0.5 * sample):
-        return period, anchor, True
-    if sample == 0.0 and only_scatter(rest):
-        return period, anchor, True
-    moved = _by_samples(marks, rest, rate) if rate > 0.0 and sample == 0.0 and len(marks) >= ENOUGH else None
-    if moved is None:
-        return period, anchor, False
-    placed = _regression(marks - moved, turns)
-    steady = float(np.median(np.abs(placed[2]))) < STEADY_CLOCK * placed[0] or only_scatter(placed[2])
-    return (placed[0], placed[1], True) if steady else (period, anchor, False)
+    if sample > 0.0:
+        return period, anchor, float(np.median(np.abs(rest))) < max(STEADY_CLOCK * period, 0.5 * sample)
+    steady = _steady(rest, period)
+    moved = _by_samples(marks, rest, rate) if not steady and rate > 0.0 and len(marks) >= ENOUGH else None
+    if moved is not None:
+        placed = _regression(marks - moved, turns)
+        if _steady(placed[2], placed[0]):
+            return placed[0], placed[1], True
+    return period, anchor, steady
+
+
+def _steady(rest: np.ndarray, period: float) -> bool:
+    """Whether what marks stray (s, each) from those of a constant speed is little, or chance."""
+    return float(np.median(np.abs(rest))) < STEADY_CLOCK * period or _only_scatter(rest)
 
 
 def _regression(marks: np.ndarray, turns: np.ndarray) -> tuple[float, float, np.ndarray]:
@@ -70,7 +74,7 @@ def _by_samples(marks: np.ndarray, rest: np.ndarray, rate: float) -> np.ndarray 
     return moved if float(np.max(np.abs(moved))) < MOST_MOVED / rate else None
 
 
-def only_scatter(rest: np.ndarray) -> bool:
+def _only_scatter(rest: np.ndarray) -> bool:
     """Whether marks stray (s, each) from those of a constant speed by chance alone: each by itself, at no rhythm.
 
     A speed that varies shifts a mark by what it was at all revolutions before, so neighbours stray alike; or at a rhythm.

@@ -76,39 +76,46 @@ def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: 
 
     ValueError where no record could show the effect.
     """
-    return _added(plant, records, model, effect, catalogue, say)[0]
+    return add_effects(plant, records, model, [effect], catalogue, say)
 
 
 def add_effects(plant: Plant, records: Sequence[Observed], model: Model, effects: Sequence[Effect],
                 catalogue: Mapping[str, Effect], say: Callable[[str], None] = lambda text: None) -> Addition:
-    """Effects added one after the other, and what all of them together do; as `add_effect` where it is one.
+    """Effects added one after the other, each as `add_effect` does it, and what all of them together do.
 
     Of several strong ones, one alone may lead the fit astray and raise the error: where the last leaves more than noise, they
     are fitted together from the model as it was, too. ValueError where no record could show one of them.
     """
     known = {**catalogue, **{one.name: one for one in effects}}
-    first, fitter = _added(plant, records, model, effects[0], known, say)
-    last = first
-    for effect in effects[1:]:
-        last, fitter = _added(plant, records, last.model, effect, known, say)
-    if last is first:
-        return first
-    names = tuple(one.name for one in effects)
-    at_speed = at_modelled_speed(records, [*model.effects, *names], known)
-    found = fitter, last.fit
-    if misfit(*found)[1] > SOUND:
+    first, *others = effects
+    step = _with_one_more(plant, records, model, first, known, say)
+    before = step
+    for effect in others:
+        step = _with_one_more(plant, records, step.fit.state.model, effect, known, say)
+    names, found = tuple(one.name for one in effects), (step.fitter, step.fit)
+    if others and misfit(*found)[1] > SOUND:
         say(f"fitting with {' and '.join(names)} from the model as it was")
-        found = min(found, agreed(*model_fit(plant, at_speed, with_examples(model, names, known), known)),
+        found = min(found, agreed(*model_fit(plant, step.records, with_examples(model, names, known), known)),
                     key=lambda one: misfit(*one)[0])
-    return _told(names, at_speed, (first.before, first.records_before, first.bare), *found, known)
+    return _told(names, step.records, before, *found, known)
 
 
-def _added(plant: Plant, records: Sequence[Observed], model: Model, effect: Effect, catalogue: Mapping[str, Effect],
-           say: Callable[[str], None]) -> tuple[Addition, Fitter]:
-    """One effect added, and the fitter that did it."""
+@dataclass(frozen=True)
+class _Step:
+    """One effect more: the fit with it and its fitter, the fit without, and held-out errors of that, on the same records."""
+
+    records: Sequence[Observed]
+    fitter: Fitter
+    fit: WaveformFit
+    bare: WaveformFit
+    errors: tuple[RecordError, ...]
+
+
+def _with_one_more(plant: Plant, records: Sequence[Observed], model: Model, effect: Effect, catalogue: Mapping[str, Effect],
+                   say: Callable[[str], None]) -> _Step:
+    """The model fitted without and with one effect of the catalogue."""
     if not applicable(effect, records):
         raise ValueError(f"no record can show {effect.name}: it acts in the cut, and nothing is cut")
-    catalogue = {**catalogue, effect.name: effect}
     records = at_modelled_speed(records, [*model.effects, effect.name], catalogue)
     say("fitting the model as it is")
     fitter, fit = model_fit(plant, records, model, catalogue)
@@ -121,16 +128,15 @@ def _added(plant: Plant, records: Sequence[Observed], model: Model, effect: Effe
     again = polish(fitter, state_without(with_it.state, effect.name, {effect.name: effect}), rounds=1, iterations=8)
     if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
         fit, before = again, tuple(held_out_errors(fitter, again))
-    return _told((effect.name,), records, (pooled(before)[0], before, fit), wider, with_it, catalogue), wider
+    return _Step(records, wider, with_it, fit, before)
 
 
-def _told(names: tuple[str, ...], records: Sequence[Observed], before: tuple[float, tuple[RecordError, ...], WaveformFit],
-          fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> Addition:
-    """What the effects of these names did. before: error, those of the records, and the fit, without them."""
+def _told(names: tuple[str, ...], records: Sequence[Observed], before: _Step, fitter: Fitter, fit: WaveformFit,
+          catalogue: Mapping[str, Effect]) -> Addition:
+    """What the effects of these names did to the fit without them, which is that of the step `before`."""
     after, found = held_out_errors(fitter, fit), estimates(fitter, fit, catalogue)
-    error, errors, bare = before
-    result = Addition(names, fit.state.model, error, pooled(after)[0], pooled(after)[1], errors, tuple(after),
-                      holds_out(records), found, fit.converged, (), fit, bare,
+    result = Addition(names, fit.state.model, pooled(before.errors)[0], pooled(after)[0], pooled(after)[1], before.errors,
+                      tuple(after), holds_out(records), found, fit.converged, (), fit, before.bare,
                       tuple(record.name for record in fitter.records if not record.heard), at_bound(fitter.free, found))
     return replace(result, warnings=(*_warnings(result, fitter, catalogue), *taken_notes(records, fitter.records)))
 
