@@ -58,7 +58,7 @@ class Record:
             raise InputProblem(self.file, f"record '{self.name}' states no feed", "give `feed: 0.1 mm/tooth`")
         return self.feed.per_tooth(self.conditions.get("spindle_speed", float("nan")), flutes)
 
-    def cut(self, flutes: int, **timeline: int) -> Cut:
+    def cut(self, flutes: int, **timeline: Any) -> Cut:
         """The operating conditions as a Cut of a cutter with `flutes`; `timeline` gives its passes.
 
         Raises InputProblem where the record is no cut, or the manifest and the model disagree about the flutes.

@@ -19,6 +19,8 @@ class Cut:
     at most the time of the entry, before which nothing is known of it.
     length_cut_before (m) is the feed length the tool has already cut. late_entry and early_exit are shares of a tooth pass
     by which the cut starts after the start of its first pass, and ends before the end of its last.
+    swung_front: whether the first teeth meet what the structure's swing would have left on the idle pass before, as in a delay
+    equation with its history, and not a straight front.
     """
 
     spindle_speed: float
@@ -33,6 +35,7 @@ class Cut:
     late_entry: float = 0.0
     early_exit: float = 0.0
     held_until: float = 0.0
+    swung_front: bool = False
 
     def __post_init__(self) -> None:
         for name in ("spindle_speed", "feed_per_tooth"):

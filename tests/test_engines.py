@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -34,6 +35,17 @@ def test_engines_agree_at_a_fine_step(course, limit):
     reference = motion(fast, FLEXURE, course, 800)
     assert np.abs(reference).max() > 1e-6
     assert difference(motion(mujoco_engine, FLEXURE, course, 480), reference) <= limit
+
+
+def test_engines_agree_on_a_front_that_the_swing_has_left():
+    """The linear kernel, the general one and MuJoCo; and it is another cut than that of a straight front."""
+    course, sampling = replace(STABLE, swung_front=True), whole_cut_sampling(STABLE, 1, 12800.0)
+    quick, general = (fast.simulate_batch([FLEXURE], [course], [sampling], steps=400, general=kind).out[0, 0]
+                      for kind in (False, True))
+    seen = np.isfinite(general)
+    assert difference(quick[seen], general[seen]) < 1e-10
+    assert difference(motion(mujoco_engine, FLEXURE, course, 240), motion(fast, FLEXURE, course, 400)) <= 1e-8
+    assert difference(motion(fast, FLEXURE, STABLE, 400), motion(fast, FLEXURE, course, 400)) > 1e-3
 
 
 @pytest.mark.parametrize("course", [STABLE, GROWING], ids=["stable", "growing"])

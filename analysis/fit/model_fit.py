@@ -15,12 +15,14 @@ from analysis.fit.length_cut import asks_length, carried_on, with_lengths_found
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant
 from analysis.fit.scale_hops import hopped
-from analysis.fit.starts import arrived, at_a_bound, base_fit, structure_start, with_courses
+from analysis.fit.starts import arrived, at_a_bound, base_fit, structure_start, with_courses, with_fronts_and_courses
 from analysis.fit.swing_start import swung_fit
-from analysis.fit.table_feed import with_feed_found
+from analysis.fit.taken import asked_again
 from analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
+
+EXPLAINED = 1.1  # mean square residual up to which coefficients are believed, whatever they are
 
 
 def model_fit(
@@ -38,7 +40,7 @@ def model_fit(
     theirs are looked for. So have free decays alone, whose phases run apart: those are fitted from their openings on.
     goal: the cost above which the fit is of no use, and is given up; known: that of a fit at hand, whose valley is left alone.
     Where an effect asks for the length cut and no record states one, the fitter's records have that which explains them better,
-    see `length_cut`; so with the feed, see `table_feed`.
+    see `length_cut`; so with what the first teeth meet and with the feed, see `taken`.
     """
     if free is None and model.effects:
         free = all_free(records, model, catalogue)
@@ -46,7 +48,7 @@ def model_fit(
     if asks_length(model.effects, catalogue) and (longer := carried_on(records)) is not None:
         worn = _fitted(plant, longer, model, catalogue, free, goal, known)
         found = with_lengths_found(*worn) if worn[1].cost < found[1].cost else found
-    return found if found[1].cost > goal or arrived(found[1], known) else with_feed_found(*found)
+    return found if found[1].cost > goal or arrived(found[1], known) else asked_again(*found)
 
 
 def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
@@ -64,8 +66,8 @@ def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
         fit = min(fit, grown(fitter, [believed, fit.state]), key=lambda one: one.cost)
     if fit.cost > goal:
         return fitter, fit
-    if at_a_bound(fitter.free, fit.state.model):
-        fit = min(fit, _from_believed_coefficients(fitter, model), key=lambda one: one.cost)
+    if at_a_bound(fitter.free, fit.state.model) or _cuts_like_no_tool(fit):
+        fitter, fit = min((fitter, fit), _from_believed_coefficients(fitter, model), key=lambda one: one[1].cost)
     fit = hopped(fitter, kinked(model.effects, catalogue), fit)
     without, fit = at_its_jumps(fitter, fit)
     if without is fitter:
@@ -73,11 +75,19 @@ def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
     return at_its_jumps(without, with_courses(without, fit))  # samples at jumps hid what entries and exits a pass off leave
 
 
-def _from_believed_coefficients(fitter: Fitter, model: Model) -> WaveformFit:
+def _cuts_like_no_tool(fit: WaveformFit) -> bool:
+    """Whether a fit that leaves more than noise has a normal force that pulls, or is larger than the tangential one."""
+    cutting = fit.state.model.cutting
+    if cutting is None or fit.variance < EXPLAINED:
+        return False
+    return not 0.0 <= cutting.normal_coefficient <= cutting.tangential_coefficient
+
+
+def _from_believed_coefficients(fitter: Fitter, model: Model) -> tuple[Fitter, WaveformFit]:
     """The fit begun where the cutting coefficients as believed lead: free from the beginning, they went to where no machine is.
 
     On the way there the passes of entries and exits have bent to suit them.
     """
     held = [one for one in fitter.unknowns if not one.path.endswith("_coefficient")]
     _, fit = base_fit(fitter.plant, fitter.records, model, free=held)
-    return with_courses(fitter, fitter.fit(fit.state))
+    return with_fronts_and_courses(fitter, fitter.fit(fit.state))

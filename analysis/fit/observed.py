@@ -47,7 +47,7 @@ class Observed:
     may be any; they do not tell its teeth apart.
     steady_marks: times (s) of all marks, where they show a constant speed. feed_basis: what the cut's feed a tooth comes from:
     it was written so ("tooth"), is what a table leaves that travels as stated ("travel"), or was taken so ("table", from what
-    was written by feed_ratio); a table leaves less where the spindle turns faster than the period says.
+    was written by feed_ratio); a table leaves less where the spindle turns faster than the period says. swung_front: see Cut.
     """
 
     name: str
@@ -79,6 +79,7 @@ class Observed:
     feed_basis: str = "tooth"
     feed_ratio: float = 1.0
     filled: np.ndarray | None = None
+    swung_front: bool = False
 
     @property
     def forces_only(self) -> bool:
@@ -248,6 +249,7 @@ class Observed:
             late_entry=nuisances.late_entry if idle > 0 else 0.0,
             early_exit=nuisances.early_exit,
             held_until=0.0 if self.starts_in_cut else max(self.start - first, 0.0),
+            swung_front=self.swung_front and not self.starts_in_cut,
         )
         return cut, Sampling(self.rate, self.samples, self.start - first)
 

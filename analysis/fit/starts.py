@@ -10,6 +10,7 @@ import numpy as np
 from scipy.signal import csd
 
 from analysis.fit.entry_passes import entries_together
+from analysis.fit.first_front import with_front_found
 from analysis.fit.first_passes import FirstPasses, first_nuisances
 from analysis.fit.first_state import first_state
 from analysis.fit.fit_state import Free, State, WaveformFit
@@ -296,12 +297,22 @@ def base_fit(
     if fit.cost > goal and not patient or arrived(fit, known):
         return fitter, fit
     fit = from_the_best_half(fitter, fit, goal=goal)
-    return (fitter, fit) if fit.cost > goal else cut_elsewhere(fitter, with_courses(fitter, rested(fitter, fit)))
+    if fit.cost > goal:
+        return fitter, fit
+    return cut_elsewhere(*with_fronts_and_courses(fitter, rested(fitter, fit)))
 
 
 def arrived(fit: WaveformFit, known: float) -> bool:
     """Whether a fit has come to the cost of one that is known, and so to its valley: what follows was done there."""
     return abs(fit.cost - known) <= SAME * known
+
+
+def with_fronts_and_courses(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
+    """The fit with what the first teeth meet and the courses of the cuts looked for: either may hide the other."""
+    fitter, fit = with_front_found(fitter, fit)
+    fit = with_courses(fitter, fit)
+    other, again = with_front_found(fitter, fit)
+    return (fitter, fit) if other is fitter else (other, with_courses(other, again))
 
 
 def with_courses(fitter: Fitter, fit: WaveformFit) -> WaveformFit:

@@ -1,16 +1,24 @@
-"""What of the records a fit took otherwise than the campaign states it, because that explains them better."""
+"""What of the records a fit takes otherwise than the campaign states it, because that explains them better."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from analysis.fit.first_front import front_note, with_front_found
+from analysis.fit.fit_state import WaveformFit
 from analysis.fit.length_cut import length_note
 from analysis.fit.observed import Observed
-from analysis.fit.table_feed import feed_note
+from analysis.fit.table_feed import feed_note, with_feed_found
+from analysis.fit.waveform import Fitter
+
+
+def asked_again(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
+    """The fit with the fronts and the feed that explain more now: without an effect, it may have leant on the others."""
+    return with_feed_found(*with_front_found(fitter, fit))
 
 
 def taken_notes(records: Sequence[Observed], used: Sequence[Observed]) -> list[str]:
     """In words, a line each. used: the records, or some of them, as a fit has them, by the same names."""
     stated = {record.name: record for record in records}
     same = [stated[record.name] for record in used]
-    return [*length_note(same, used), *feed_note(same, used)]
+    return [*length_note(same, used), *feed_note(same, used), *front_note(same, used)]

@@ -19,6 +19,7 @@ PAIRED = 1.5  # samples that count as one: of changes between neighbours, which 
 SAME_VALUE = 1e-9  # of a channel's range, within which two values are one step of its converter
 VIBRATIONS = 3  # that are taken out of idling
 FEWEST_QUIET = 128  # samples of idling that are left when its loud beginning is taken away
+EARLY = 2 / 3  # of idling, that no tooth has entered
 LOUDER = 3.5  # standard errors of a ratio of two rms, by which that beginning is louder
 SURE = 4.0  # standard errors of a frequency within which it may be that of the mains,
 MAINS_DRIFT = 0.002  # which itself is so many parts off at the most
@@ -83,12 +84,14 @@ def rounding(values: np.ndarray) -> float:
 def _of_idling(values: np.ndarray, rate: float, turn: float) -> list[tuple[float, int]]:
     """(rms of the noise in idling, the samples it is read from), in several ways, none of which tells too little.
 
-    What still rings from before is motion: it is left in, waited for; one free vibration is fitted.
+    What still rings from before is motion: it is left in, waited for; free vibrations are fitted. The end is left out, too:
+    amid ringing, the first tooth may have entered before it is seen.
     """
     margin = int(min(turn, len(values) / 8))
     quiet, read = values[margin : len(values) - margin], []
-    rest = _died_away(quiet)
-    for part in (quiet, rest) if rest is not quiet else (quiet,):
+    rest, early = _died_away(quiet), quiet[: round(EARLY * len(quiet))]
+    parts = [quiet, *([rest] if rest is not quiet else []), *([early] if len(early) >= FEWEST_QUIET else [])]
+    for part in parts:
         rms = _about_lines(part, max(64, int(2 * turn)))
         read += [(rms, len(part)), (_beside_ringing(part, rate, rms), len(part))]
     return read

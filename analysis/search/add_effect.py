@@ -21,8 +21,7 @@ from analysis.fit.spindle_speed import at_modelled_speed
 from analysis.fit.starts import at_a_bound, polish, to_its_end
 from analysis.fit.swing_start import marks_show
 from analysis.fit.switched import switch_note
-from analysis.fit.table_feed import with_feed_found
-from analysis.fit.taken import taken_notes
+from analysis.fit.taken import asked_again, taken_notes
 from analysis.fit.waveform import Fitter
 from analysis.search.begun_anew import with_examples
 from analysis.search.candidate_round import candidate_of, with_effect
@@ -123,7 +122,7 @@ def _with_one_more(plant: Plant, records: Sequence[Observed], model: Model, effe
     before = bare.errors
     say(f"fitting with {effect.name}")
     wider, with_it = _best_fit_with(plant, model, catalogue, effect, bare, say)
-    wider, with_it = with_feed_found(wider, to_its_end(wider, with_it))  # without it, the fit may have leant on the other feed
+    wider, with_it = asked_again(wider, to_its_end(wider, with_it))
     say("looking again for a fit without it")
     again = polish(fitter, state_without(with_it.state, effect.name, {effect.name: effect}), rounds=1, iterations=8)
     if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it

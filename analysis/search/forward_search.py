@@ -19,7 +19,7 @@ from analysis.fit.force_jumps import at_its_jumps
 from analysis.fit.held_out import pooled
 from analysis.fit.parts_of_passes import as_believed, with_parts_of_passes
 from analysis.fit.starts import polish
-from analysis.fit.table_feed import with_feed_found
+from analysis.fit.taken import asked_again
 from analysis.fit.waveform import Fitter
 from analysis.search.begun_anew import begun_anew, switched_on_too
 from analysis.search.believed_look import BelievedLook
@@ -178,7 +178,7 @@ def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Eff
     tied = tuple(one.effects[-1] for one in passing if tied_with(passing[0], one, current, noise))  # the first with itself
     if not passing or (len(tied) > 1 and current.effects):  # which of them it is, so faint, is not asked beside what is known
         return Path(tuple(steps), seen, (), hum)
-    best = settled(_with_feed(passing[0]), catalogue)
+    best = settled(_asked_again(passing[0]), catalogue)
     if current is not end:  # it may have made up for the error of the steps
         best = against(best, end)
         if best.delta_bic <= CERTAIN or best.error_where_known >= end.error_where_known:
@@ -258,7 +258,7 @@ def _named(first: Candidate, model: Model, catalogue: Mapping[str, Effect], nois
     """The candidate that is named, as the next round finds it: begun anew, unless it is from the believed machine already."""
     if look is None or not look.gave(first.effects):
         first = begun_anew(first, model, catalogue, noise, say)
-    return _weighed(_with_parts(_with_feed(_at_its_jumps(_backward(first, catalogue, say))), noise))
+    return _weighed(_with_parts(_asked_again(_at_its_jumps(_backward(first, catalogue, say))), noise))
 
 
 def _first_form(asked: Sequence[Candidate], tried: Sequence[Candidate], before: Candidate, noise: float, forms: FormsAsked
@@ -270,10 +270,10 @@ def _first_form(asked: Sequence[Candidate], tried: Sequence[Candidate], before: 
     return forms.steeper(sets if asked is tried else [by_noise(one) for one in asked], sets)
 
 
-def _with_feed(one: Candidate) -> Candidate:
-    """The set with the feed a tooth as it explains more with these effects: as written, or as a table leaves it."""
+def _asked_again(one: Candidate) -> Candidate:
+    """The set with what of the records explains more, with these effects, otherwise than they were taken; see `taken`."""
     assert one.fit is not None and one.fitter is not None
-    return fitted_anew(one, *with_feed_found(one.fitter, one.fit))
+    return fitted_anew(one, *asked_again(one.fitter, one.fit))
 
 
 def _with_parts(one: Candidate, noise: float) -> Candidate:

@@ -25,7 +25,8 @@ from testbed.effect import HOOKS, Effect
 from testbed.engines import hooks as base_hooks
 
 ENGINES = Path(__file__).parent
-FAST = ("array_kernel", "loop_kernel", "oscillator_kernel", "sampling_kernel", "slider_kernel", "glide_kernel", "fast_kernel")
+FAST = ("array_kernel", "loop_kernel", "oscillator_kernel", "front_kernel", "sampling_kernel", "slider_kernel", "glide_kernel",
+        "fast_kernel")  # fmt: skip
 _SLOTS = {"displacement": "Y[0]", "velocity": "Y[1]", "time": "Y[2]"}
 _COMPILED = [name for name, hook in HOOKS.items() if hook.joins in ("sum", "product", "replace")]
 

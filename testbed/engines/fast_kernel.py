@@ -14,6 +14,7 @@ from numba import njit
 
 from testbed.engines.array_kernel import copy, fill, fill_columns, fill_rows
 from testbed.engines.compiled import holding, inner
+from testbed.engines.front_kernel import first_surface
 from testbed.engines.glide_kernel import glide
 from testbed.engines.hooks import hook_chip, hook_relative_velocity
 from testbed.engines.loop_kernel import (
@@ -28,7 +29,6 @@ from testbed.engines.loop_kernel import (
     SLICES,
     T_ENTRY,
     derivative,
-    first_surface,
     force_of_edge,
     piece_of_edge,
     radius_of_edge,
@@ -221,12 +221,13 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, maps, 
 
 @inner
 def enter_cut(A, P, G, I, Y, W, S):
-    """The first tooth enters: the feed starts, and the surface is what rigid teeth would have left before."""
+    """The first tooth enters: the feed starts, and there is a surface that it meets."""
     G[T_ENTRY] = Y[2]
     G[HELD_UNTIL] = min(G[HELD_UNTIL], Y[2])  # whatever the speed was, it is let go by now
+    speed = spindle_speed(A, P, G, Y)
     for row in range(S.shape[0]):
         phase = row_phase(G, I, row)
-        first_surface(A, P, G, W, phase, S.shape[1] // int(G[SLICES]), Y[2] + phase / G[OMEGA], S[row])
+        first_surface(A, P, G, W, Y, speed, phase, S.shape[1] // int(G[SLICES]), Y[2] + phase / speed, S[row])
 
 
 @inner

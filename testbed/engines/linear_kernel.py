@@ -14,6 +14,7 @@ from numba import njit
 from testbed.engines.array_kernel import fill, fill_columns, fill_rows
 from testbed.engines.compiled import holding, inner
 from testbed.engines.fast_kernel import CUT, IDLE, OUTCOME_DIVERGED, OUTCOME_OK, RING_DOWN, SEGMENTS, STEPS, TEETH
+from testbed.engines.front_kernel import swing_before
 from testbed.engines.loop_kernel import (
     CORNERS,
     DAMPING,
@@ -28,6 +29,7 @@ from testbed.engines.loop_kernel import (
     SLICE_DEPTH,
     SLICES,
     STIFFNESS,
+    SWUNG_FRONT,
     piece_of_edge,
     share_in_cut,
 )
@@ -44,6 +46,18 @@ def chip_stiffness(G, phase, teeth):
         sine, cosine = math.sin(G[ENTRY] + turned), math.cos(G[ENTRY] + turned)
         total += cover * (G[KT] * cosine + G[KN] * sine) * sine
     return total * G[SLICE_DEPTH] / G[MASS]
+
+
+@inner
+def fill_swing(G, I, x, v, memory):  # noqa: E741
+    """Into the memory what the structure's swing left one pitch before it came to (x, v), where the first tooth enters."""
+    row0 = 0
+    for segment in range(I[SEGMENTS]):
+        steps, low, high = I[STEPS + segment], G[CORNERS + segment], G[CORNERS + segment + 1]
+        for row in range(2 * steps + 1 if I[TEETH + segment] > 0 else 0):
+            phase = low + (high - low) * row / (2.0 * steps)
+            memory[row0 + row] = swing_before(G, x, v, (G[PITCH] - phase) / G[OMEGA])
+        row0 += 2 * steps + 1
 
 
 @inner
@@ -149,6 +163,8 @@ def run_linear(G, I, Y, clock, limit, out, pass_times, pass_states):  # noqa: E7
             position = fly_linear(G, x, v, t0, tau, clock, out, position)
             x, v = a * x + b * v, c * x + d * v
         else:
+            if number == I[IDLE] and G[SWUNG_FRONT] != 0.0:
+                fill_swing(G, I, x, v, memory)
             x, v, position, bounded = cross_pitch_linear(G, I, x, v, t0, (number - I[IDLE]) * G[PITCH], kappa, memory, flights,
                                                          clock, limit, out, position)  # fmt: skip
             if not bounded:

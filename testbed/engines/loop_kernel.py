@@ -28,10 +28,11 @@ from testbed.engines.hooks import (
 
 FLUTES, PITCH, RADIUS, ENTRY, ENGAGED, SLICES, SLICE_LAG, SLICE_DEPTH, KT, KN, FEED, FEED_SPEED, OMEGA, T_ENTRY, \
     LENGTH_BEFORE, FIRST_TOOTH, MASS, DAMPING, STIFFNESS, BEGIN, END, SLIDER, SLIDER_PULL, SLIDER_TRAVEL, HELD_UNTIL, \
-    CORNERS = range(26)
+    SWUNG_FRONT, CORNERS = range(27)
 # A spring and a slider in series hold the structure where G[SLIDER], the place of the spring's deflection in the state, is not
 # 0: the spring's stiffness over the mass (1/s^2), and the deflection (m) from which it slides.
 # The state that a run begins with is that at the time G[HELD_UNTIL], s; the structure's motion before is nothing's.
+# G[SWUNG_FRONT] is 1 where the first teeth meet what the swing before has left, 0 where they meet a straight front.
 # The cut begins and ends G[BEGIN] and G[END] after the start of its first pass, rad; an engagement's travel counts from there.
 # The pitch is cut into segments at the corners of the force; segment i runs from G[CORNERS + i] to G[CORNERS + i + 1].
 MOST_SEGMENTS = 4
@@ -96,24 +97,6 @@ def leave_surface(A, P, G, Y, phase, pass_number, teeth, old, new):
         penetration = radial - old[edge]
         chip = hook_chip(A, P, penetration)
         new[edge] = radial if chip == penetration else old[edge] + chip
-
-
-@inner
-def first_surface(A, P, G, Y, phase, teeth, time, new):
-    """Surface before the first tooth: what rigid teeth would have left on the pitches before. Y is scratch.
-
-    Where contact can be lost, one of unequal teeth may fly over what others before it have cut: two turns settle that.
-    """
-    for place in range(Y.shape[0]):
-        Y[place] = 0.0
-    first = 2 * int(G[FLUTES])
-    Y[2] = time - first * G[PITCH] / G[OMEGA]
-    for edge in range(teeth * int(G[SLICES])):
-        cover, turned = piece_of_edge(G, phase, edge)
-        new[edge] = edge_radius(A, P, G, Y, G[ENTRY] + turned, edge, -first)
-    for back in range(first - 1, 0, -1):
-        Y[2] = time - back * G[PITCH] / G[OMEGA]
-        leave_surface(A, P, G, Y, phase, -back, teeth, new, new)
 
 
 @inner

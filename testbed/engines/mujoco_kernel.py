@@ -10,6 +10,7 @@ from numba import njit
 
 from testbed.engines.array_kernel import copy, fill
 from testbed.engines.compiled import holding
+from testbed.engines.front_kernel import first_surface
 from testbed.engines.hooks import hook_sensed_displacement, hook_sensed_velocity, hook_structure_force
 from testbed.engines.loop_kernel import (
     CORNERS,
@@ -23,7 +24,6 @@ from testbed.engines.loop_kernel import (
     T_ENTRY,
     cutting_force,
     derivative,
-    first_surface,
     leave_surface,
     spindle_speed,
 )
@@ -75,15 +75,15 @@ def place_on_grid(N, U):
 
 
 @holding
-def enter_cut(N, U, time):
-    """The cut begins now: the feed starts, and the memory holds what a rigid cutter would have left."""
+def enter_cut(N, U, Y, time):
+    """The cut begins now, in the state Y: the feed starts, and the memory holds what the first teeth meet."""
     A, P = settings_of(N)
     G = U[U_HEAD:U_HEAD + G_SIZE]
     G[T_ENTRY] = time
     teeth = 0
     for segment in range(int(N[M_SEGMENTS])):
         teeth = max(teeth, int(N[M_TEETH + segment]))
-    scratch = state_block(N, U, Y_STAGE)
+    scratch, speed = state_block(N, U, Y_STAGE), spindle_speed(A, P, G, Y)
     row = 0
     for segment in range(int(N[M_SEGMENTS])):
         if N[M_TEETH + segment] == 0.0:  # the cut is over: no surface is remembered there
@@ -91,7 +91,7 @@ def enter_cut(N, U, time):
         low, high, steps = G[CORNERS + segment], G[CORNERS + segment + 1], int(N[M_STEPS + segment])
         for half in range(2 * steps + 1):
             phase = low + (high - low) * half / (2.0 * steps)
-            first_surface(A, P, G, scratch, phase, teeth, time + phase / G[OMEGA], surface_row(N, U, row + half))
+            first_surface(A, P, G, scratch, Y, speed, phase, teeth, time + phase / speed, surface_row(N, U, row + half))
         row += 2 * steps
 
 
@@ -103,7 +103,7 @@ def start_run(N, U):
     for place in range(G_SIZE):
         U[U_HEAD + place] = N[start + place]
     if N[M_IDLE] == 0.0 and N[M_CUT] > 0.0:
-        enter_cut(N, U, 0.0)
+        enter_cut(N, U, state_block(N, U, Y_0), 0.0)
 
 
 @holding
@@ -256,7 +256,7 @@ def next_place(N, U, time, steps, row_end, teeth):
     U[U_SEGMENT] = 0.0
     U[U_PASS] += 1.0
     if U[U_PASS] == N[M_IDLE] and N[M_CUT] > 0.0:
-        enter_cut(N, U, time)
+        enter_cut(N, U, state_block(N, U, Y_0), time)
 
 
 @njit(cache=True)

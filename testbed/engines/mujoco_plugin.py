@@ -135,7 +135,7 @@ def register(effects: Mapping[str, Effect]) -> tuple[str, ModuleType]:
             return known[1], known[2]
         abi.check()
         ctypes.c_void_p.in_dll(abi.library(), "mju_user_warning").value = _silent.address
-        kernel = compose(effects, ("array_kernel", "loop_kernel", "mujoco_kernel"))
+        kernel = compose(effects, ("array_kernel", "loop_kernel", "oscillator_kernel", "front_kernel", "mujoco_kernel"))
         name = f"testbed.cut.{len(_registered)}"
         _add(name, kernel)
         _registered[id(effects)] = (effects, name, kernel)

@@ -280,6 +280,7 @@ def pack(
     G[lk.OMEGA], G[lk.LENGTH_BEFORE] = speed, cut.length_cut_before
     G[lk.FIRST_TOOTH] = cut.idle_passes % of.cutter.flutes
     G[lk.HELD_UNTIL] = min(cut.held_until, cut.idle_passes * cut.tooth_passing_period(of.cutter.flutes))
+    G[lk.SWUNG_FRONT] = float(cut.swung_front and cut.idle_passes > 0)
     G[lk.BEGIN] = cut.late_entry * G[lk.PITCH]
     G[lk.END] = (cut.passes - cut.early_exit) * G[lk.PITCH]
     I[fk.IDLE], I[fk.CUT], I[fk.RING_DOWN] = cut.idle_passes, cut.passes, cut.ring_down_passes
