@@ -78,8 +78,10 @@ def _asked(plan: Plan, folder: Path) -> dict[str, Any]:
 def _left_by(plan: Plan, name: str, folder: Path) -> float:
     """Error over noise of the fit that begins at the truth without the other effect: is that one visible at all?"""
     model = (folder / "model.yaml").read_text()
-    values = "".join(f"    {parameter}: {value!r}\n" for parameter, value in plan.hidden[name].items())
-    (folder / "alone.yaml").write_text(f"{model}effects:\n- name: {name}\n  parameters:\n{values}")
+    known = next(one for one in command(folder, "effects")[0]["effects"] if one["name"] == name)
+    units = {one["name"]: "" if one["unit"] == "1" else f" {one['unit']}" for one in known["parameters"]}
+    values = "".join(f"    {parameter}: {value!r}{units[parameter]}\n" for parameter, value in plan.hidden[name].items())
+    (folder / "alone.yaml").write_text(f"{model}effects:\n  {name}:\n{values}")
     found, _ = command(folder, "compare", "campaign.yaml", "-m", "alone.yaml")
     return found["error"] / found["noise_floor"]
 
