@@ -43,7 +43,7 @@ def _with_whole_passes(records: Sequence[Observed], state: State) -> State:
     """The state with first passes that lack all of their arc left out: their idle teeth leave what the swing does, too."""
     nuisances = [
         own.with_fields(entry=own.entry + 1, late_entry=0.0)
-        if 0.0 < own.late_entry > NEARLY_ALL * state.share_in_arc(record) else own
+        if own.late_entry > NEARLY_ALL * state.share_in_arc(record) else own
         for record, own in zip(records, state.nuisances, strict=True)
     ]
     return replace(state, nuisances=tuple(nuisances))
