@@ -14,7 +14,6 @@ from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import DERIVATIVES, Observed
 from analysis.fit.waveform import Fitter
-from testbed.machine import Structure
 
 SEEN = 1.0  # standard deviations of the noise: a smaller swing at the entry tells nothing of the front
 WORTH = 10.0  # in mean square residuals, by which the cost must fall
@@ -68,7 +67,7 @@ def _rings(record: Observed, own: Nuisances, state: State) -> bool:
     """Whether the swing with which a record begins is larger than its noise when the first tooth enters."""
     if record.cut is None or record.starts_in_cut or record.channels[0] not in DERIVATIVES:
         return False
-    structure: Structure = state.model.structure
+    structure = state.model.structure
     omega = structure.natural_frequency_rad
     waits = record.pass_start(own.entry, state.angle, own) - record.start
     swing = math.hypot(own.displacement, own.velocity / omega) * math.exp(-structure.damping_ratio * omega * max(waits, 0.0))

@@ -75,15 +75,16 @@ def place_on_grid(N, U):
 
 
 @holding
-def enter_cut(N, U, Y, time):
-    """The cut begins now, in the state Y: the feed starts, and the memory holds what the first teeth meet."""
+def enter_cut(N, U, time):
+    """The cut begins now: the feed starts, and the memory holds what the first teeth meet."""
     A, P = settings_of(N)
     G = U[U_HEAD:U_HEAD + G_SIZE]
     G[T_ENTRY] = time
     teeth = 0
     for segment in range(int(N[M_SEGMENTS])):
         teeth = max(teeth, int(N[M_TEETH + segment]))
-    scratch, speed = state_block(N, U, Y_STAGE), spindle_speed(A, P, G, Y)
+    scratch, Y = state_block(N, U, Y_STAGE), state_block(N, U, Y_0)
+    speed = spindle_speed(A, P, G, Y)
     row = 0
     for segment in range(int(N[M_SEGMENTS])):
         if N[M_TEETH + segment] == 0.0:  # the cut is over: no surface is remembered there
@@ -103,7 +104,7 @@ def start_run(N, U):
     for place in range(G_SIZE):
         U[U_HEAD + place] = N[start + place]
     if N[M_IDLE] == 0.0 and N[M_CUT] > 0.0:
-        enter_cut(N, U, state_block(N, U, Y_0), 0.0)
+        enter_cut(N, U, 0.0)
 
 
 @holding
@@ -256,7 +257,7 @@ def next_place(N, U, time, steps, row_end, teeth):
     U[U_SEGMENT] = 0.0
     U[U_PASS] += 1.0
     if U[U_PASS] == N[M_IDLE] and N[M_CUT] > 0.0:
-        enter_cut(N, U, state_block(N, U, Y_0), time)
+        enter_cut(N, U, time)
 
 
 @njit(cache=True)

@@ -111,13 +111,18 @@ def answered(
             yield told
 
 
+def options_of(arguments: list[str], about: str | None, count: int, first: int) -> argparse.Namespace:
+    """How many seeds are asked for, from which on, by how many workers; about: what --help says."""
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("--count", type=int, default=count)
+    parser.add_argument("--first", type=int, default=first)
+    parser.add_argument("--workers", type=int, default=2)
+    return parser.parse_args(arguments)
+
+
 def main(arguments: list[str]) -> int:
     """Judge the seeds whose answers are not known yet."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=200)
-    parser.add_argument("--first", type=int, default=1000)
-    parser.add_argument("--workers", type=int, default=2)
-    options = parser.parse_args(arguments)
+    options = options_of(arguments, __doc__, 200, 1000)
     results = RESULTS if options.first < ANYWHERE else ELSEWHERE
     known = known_seeds(results)
     seeds = [seed for seed in range(options.first, options.first + options.count) if seed not in known]

@@ -7,7 +7,6 @@ results.jsonl, so that a stopped run goes on where it was.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import resource
@@ -17,7 +16,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from tests.validation.blind.judge import answered, known_seeds
+from tests.validation.blind.judge import answered, known_seeds, options_of
 from tests.validation.outside.files import write
 from tests.validation.outside.plan import Plan, draw
 from tests.validation.outside.simulator import TURN
@@ -96,15 +95,10 @@ def true_value(plan: Plan, path: str) -> float | None:
 
 def main(arguments: list[str]) -> int:
     """Judge the seeds whose answers are not known yet."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=40)
-    parser.add_argument("--first", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--results", type=Path, default=RESULTS)
-    options = parser.parse_args(arguments)
-    known = known_seeds(options.results)
+    options = options_of(arguments, __doc__, 40, 1)
+    known = known_seeds(RESULTS)
     seeds = [seed for seed in range(options.first, options.first + options.count) if seed not in known]
-    for told in answered(judged, seeds, options.results, options.workers):
+    for told in answered(judged, seeds, RESULTS, options.workers):
         answer = f"{told.get('verdict', told.get('fault'))} {told.get('effects', '')}"
         print(f"{told['kind']} {list(told['hidden'])} -> {answer}", flush=True)
     return 0

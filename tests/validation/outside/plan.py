@@ -127,19 +127,15 @@ def _tests(random: np.random.Generator, base: Cutting, hidden: tuple[str, ...], 
 
 def at_strength(name: str, drawn: dict[str, float], cut: Cutting, strength: float) -> Cutting:
     """A cut with an effect's drawn values at a strength that goes up from 0."""
+    values = _told(name, drawn, strength)
     if name == "helix":
-        return cut._replace(helix_lag=cut.depth * math.tan(drawn["angle"] * strength) / cut.radius)
+        return cut._replace(helix_lag=cut.depth * math.tan(values["angle"]) / cut.radius)
     if name == "immersion_error":
-        window = cut.window * (1.0 + drawn["error"] * strength)
+        window = cut.window * (1.0 + values["error"])
         return cut._replace(window=window, entry=cut.entry if cut.entry == 0.0 else math.pi - window)
-    if name == "chip_force_exponent":
-        return cut._replace(exponent=1.0 + (drawn["exponent"] - 1.0) * strength)
-    scaled = _scaled(name)
-    values = {field: drawn[parameter] * strength if parameter in scaled else drawn[parameter]
-              for parameter, field in EFFECTS[name].items()}
     if name == "second_mode":
-        values["omega2"] *= TURN
-    return cut._replace(**values)
+        values["frequency"] *= TURN
+    return cut._replace(**{field: values[parameter] for parameter, field in EFFECTS[name].items()})
 
 
 def _scaled(name: str) -> tuple[str, ...]:

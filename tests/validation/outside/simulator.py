@@ -60,7 +60,6 @@ class Cutting(NamedTuple):
     lag: float = 0.0  # s, of the sensor
     quintic: float = 0.0  # laws of no catalogue from here on
     cubic_damping: float = 0.0
-    one_sided_damping: float = 0.0
     wall_stiffness: float = 0.0
     wall: float = 1.0  # m
     van_der_pol: float = 0.0  # N s/m^3
@@ -124,7 +123,7 @@ def _cutting_force(c, t, state, speed, engaged, past, then):
 @njit(cache=True)
 def _structure_force(c, x, v, contact):
     force = -c.cubic * x**3 - c.quadratic_damping * abs(v) * v - c.quintic * x**5 - c.cubic_damping * v**3
-    force -= c.van_der_pol * x * x * v + c.one_sided_damping * max(v, 0.0) + c.wall_stiffness * max(x - c.wall, 0.0)
+    force -= c.van_der_pol * x * x * v + c.wall_stiffness * max(x - c.wall, 0.0)
     return force - c.friction * min(max(contact / c.breakaway, -1.0), 1.0)
 
 
