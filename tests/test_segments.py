@@ -151,14 +151,23 @@ def test_the_main_channel_is_the_one_that_moves() -> None:
     ("case", "basis", "slack"),
     [
         ({}, "idle", 0.03),
-        ({"idle": 0}, "repeated periods", 0.2),
-        ({"idle": 0, "rpm": 3050.0, "depth": 2.7e-3, "cut": 25}, "high-frequency residual", 0.05),
+        ({"idle": 2, "rpm": 1300.0, "cut": 12, "ring": 0}, "idle", 0.05),  # short, and the cut does not repeat itself
+        ({"idle": 0}, "ring-down", 0.05),
+        ({"idle": 0, "rpm": 3050.0, "depth": 2.7e-3, "cut": 25}, "ring-down", 0.05),
+        ({"idle": 0, "ring": 0}, "repeated periods", 0.25),
+        ({"idle": 0, "ring": 0, "rpm": 3050.0, "depth": 2.7e-3, "cut": 25}, "high-frequency residual", 0.05),
     ],
 )
 def test_the_noise_floor_from_every_basis(case: dict, basis: str, slack: float, noise: float) -> None:
     recording, truth = milling_record(noise=noise, **case)
     found = noise_floor(recording, find_segments(recording))
     assert found.basis == basis and found.rms == pytest.approx(truth.noise, rel=slack)
+
+
+def test_a_transient_that_dies_slowly_is_waited_for_where_only_the_cut_tells_the_noise() -> None:
+    recording, truth = milling_record(noise=0.1e-6, idle=0, ring=0, cut=120)
+    found = noise_floor(recording, find_segments(recording))
+    assert found.basis == "repeated periods" and 0.95 < found.rms / truth.noise < 1.2  # over the whole cut it is 1.29
 
 
 def test_hum_tooth_passing_and_natural_lines_are_told_apart() -> None:

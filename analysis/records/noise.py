@@ -20,11 +20,13 @@ SAME_VALUE = 1e-9  # of a channel's range, within which two values are one step 
 VIBRATIONS = 3  # that are taken out of idling
 FEWEST_QUIET = 128  # samples of idling that are left when its loud beginning is taken away
 EARLY = 2 / 3  # of idling, that no tooth has entered
+TURNS = 3  # revolutions of idling that are enough,
+ENOUGH = 0.06  # or seconds: three periods of the mains, whose hum is noise
 LOUDER = 3.5  # standard errors of a ratio of two rms, by which that beginning is louder
 SURE = 4.0  # standard errors of a frequency within which it may be that of the mains,
 MAINS_DRIFT = 0.002  # which itself is so many parts off at the most
 FOURTH = 2.63  # of fourth differences: the sum of their squared autocorrelations, (70, -56, 28, -8, 1) / 70
-Basis = Literal["idle", "repeated periods", "high-frequency residual"]
+Basis = Literal["idle", "ring-down", "repeated periods", "high-frequency residual"]
 
 
 @dataclass(frozen=True)
@@ -50,27 +52,32 @@ def samples_of(recording: Recording, segment: Segment) -> slice:
 def noise_floor(recording: Recording, segments: Sequence[Segment], channel: str | None = None) -> Noise:
     """Noise of a channel, its own unit.
 
-    idle: rms about a straight line, a revolution at a time, so that drift does not count. repeated periods: rms of the
-    change from one revolution to the next over sqrt(2), median over steady cutting, taken only where the cut repeats
-    itself (not in chatter). high-frequency residual: fourth differences, which see white noise only.
+    idle: rms about a straight line, a revolution at a time, so that drift does not count. ring-down: rms of what free
+    vibrations leave of it, taken only where that is white. repeated periods: rms of the change from one revolution to the
+    next over sqrt(2), median over steady cutting, taken only where the cut repeats itself (not in chatter). high-frequency
+    residual: fourth differences, which see white noise only.
     """
     name = channel or main_channel(recording)
     values = np.asarray(recording.channels[name], dtype=float)
     period = revolution_period(recording)
     turn = (period or 64 / recording.sampling_rate) * recording.sampling_rate
-    idle = [values[samples_of(recording, segment)] for segment in segments if segment.kind == "idle"]
-    read = [one for part in idle if len(part) > max(3 * turn, 64) for one in _of_idling(part, recording.sampling_rate, turn)]
+    rate, enough = recording.sampling_rate, max(min(TURNS * turn, ENOUGH * recording.sampling_rate), 64)
+    parts = [(segment.kind, values[samples_of(recording, segment)]) for segment in segments]
+    read = [one for kind, part in parts if kind == "idle" and len(part) > enough for one in _of_idling(part, rate, turn)]
     if read:
         rms, used = _quietest(read)
         return Noise(rms, "idle", name, _doubt(used))
-    steady = [values[samples_of(recording, segment)] for segment in segments if segment.kind == "steady"]
-    longest = max(steady, key=len, default=np.empty(0))
+    read = [one for kind, part in parts if kind == "ring-down" and len(part) > enough for one in _of_ringing(part, rate, turn)]
+    if read:
+        rms, used = _quietest(read)
+        return Noise(rms, "ring-down", name, _doubt(used))
+    longest = max((part for kind, part in parts if kind == "steady"), key=len, default=np.empty(0))
     white = white_noise(values)
     if period and len(longest) > 6 * turn:
         change, level = period_changes(longest, turn)
-        rms = float(np.median(change) / np.sqrt(2))
+        rms, used = _quietest(_of_changes(change, turn))
         if rms < 0.25 * float(np.median(level)):
-            return Noise(rms, "repeated periods", name, _doubt(len(longest), PAIRED))
+            return Noise(rms, "repeated periods", name, _doubt(used, PAIRED))
     return Noise(white, "high-frequency residual", name, _doubt(len(values), FOURTH))
 
 
@@ -95,6 +102,20 @@ def _of_idling(values: np.ndarray, rate: float, turn: float) -> list[tuple[float
         rms = _about_lines(part, max(64, int(2 * turn)))
         read += [(rms, len(part)), (_beside_ringing(part, rate, rms), len(part))]
     return read
+
+
+def _of_ringing(values: np.ndarray, rate: float, turn: float) -> list[tuple[float, int]]:
+    """The same of a ring-down, whose beginning the last tooth may still shape; nothing where it is no free vibration."""
+    margin = int(min(turn, len(values) / 8))
+    parts = [values[margin:], values[round((1.0 - EARLY) * len(values)) :]]
+    read = [(_beside_ringing(part, rate, math.inf), len(part)) for part in parts if len(part) >= FEWEST_QUIET]
+    return [(rms, used) for rms, used in read if math.isfinite(rms)]
+
+
+def _of_changes(change: np.ndarray, turn: float) -> list[tuple[float, int]]:
+    """The same of what changes (rms) from one revolution to the next, of all and of later ones, when a transient has died."""
+    counts = [count for count in (len(change), len(change) // 2, len(change) // 4) if count >= TURNS or count == len(change)]
+    return [(float(np.median(change[-count:]) / math.sqrt(2.0)), round(count * turn)) for count in counts]
 
 
 def _quietest(read: Sequence[tuple[float, int]]) -> tuple[float, int]:

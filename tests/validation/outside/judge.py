@@ -79,8 +79,9 @@ def _left_by(plan: Plan, name: str, folder: Path) -> float:
     model = (folder / "model.yaml").read_text()
     known = next(one for one in command(folder, "effects")[0]["effects"] if one["name"] == name)
     units = {one["name"]: "" if one["unit"] == "1" else f" {one['unit']}" for one in known["parameters"]}
-    values = "".join(f"    {parameter}: {value!r}{units[parameter]}\n" for parameter, value in plan.hidden[name].items())
-    (folder / "alone.yaml").write_text(f"{model}effects:\n  {name}:\n{values}")
+    values = {one["name"]: plan.hidden[name].get(one["name"], one["example"]) for one in known["parameters"]}
+    lines = "".join(f"    {parameter}: {value!r}{units[parameter]}\n" for parameter, value in values.items())
+    (folder / "alone.yaml").write_text(f"{model}effects:\n  {name}:\n{lines}")
     found, _ = command(folder, "compare", "campaign.yaml", "-m", "alone.yaml")
     return found["error"] / found["noise_floor"]
 
