@@ -80,6 +80,16 @@ def test_an_unknown_that_a_records_own_make_up_for_has_a_large_variance_and_no_n
     assert negative > 3
 
 
+def test_a_combination_that_nothing_tells_is_unknown_however_strong_its_unknowns_are():
+    """As offset and angle of a runout of two teeth; what has no part in it is told as well as ever."""
+    random = np.random.default_rng(1)
+    alone = SimpleNamespace(names=("offset", "angle", "seen"), steps=np.ones(3))
+    one, seen = 1e6 * random.standard_normal((2, 300))
+    part = Linearised(np.zeros(300), np.stack([one, 3.0 * one, seen], axis=1), np.empty((300, 0)))
+    errors = np.sqrt(np.diag(Fitter.covariance(alone, [part])))
+    assert errors[:2].min() > 1e6 and errors[2] == pytest.approx(1e-6 / np.sqrt(300), rel=0.2)
+
+
 @pytest.mark.parametrize(("costs", "goal", "given_up"), [
     ([100.0, 90.0, 80.0, 70.0, 60.0], 50.0, False),  # ten a step, thirty-six steps left
     ([100.0, 99.9, 99.8, 99.7, 99.6], 50.0, True),

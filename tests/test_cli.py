@@ -194,7 +194,7 @@ def test_the_catalogue_and_its_hooks_are_set_as_text(testbed):
 
 def test_a_new_effect_is_a_file_that_works(testbed):
     assert testbed("effects", "--new", "my_drag") == 0
-    assert testbed.json("effects", "my_drag", "--effects", ".")["name"] == "my_drag"
+    assert testbed.json("effects", "my_drag", "--effects", ".", "--no-picture")["name"] == "my_drag"
     effects = catalogue(".")
     assert effects["my_drag"].hooks["structure_force"](2.0, 3.0) == -6.0
     Path("dragged.yaml").write_text(TRUE + "effects: {my_drag: {coefficient: 50 N s/m}}\n")

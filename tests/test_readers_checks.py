@@ -56,6 +56,7 @@ def test_a_sound_channel_raises_no_note() -> None:
         (lambda x: np.minimum(x, 17), "clipped"),
         (lambda x: np.where(np.arange(len(x)) == 1234, -x + 60, x), "lone spike, the first is sample 1235"),
         (lambda x: np.where((np.arange(len(x)) > 800) & (np.arange(len(x)) < 850), 0.0, x), "49 samples stand still"),
+        (lambda x: np.where((np.arange(len(x)) > 1000) & (np.arange(len(x)) < 1013), x[1000], x), "13 samples stand still"),
         (lambda x: np.round(x / 8) * 8, "different values"),
         (lambda x: np.concatenate([x[:1003], x[1040:]]), "jumps at sample 1004"),
         (lambda x: np.where((np.arange(len(x)) > 1203) & (np.arange(len(x)) < 1207), 0.0, x), "jumps at sample 1205"),
@@ -295,3 +296,11 @@ def test_an_accelerations_teeth_are_neither_spikes_nor_missing_samples() -> None
     one = np.where(np.arange(4000) < 900, 0.0, 5.0) + 1e-3 * np.random.default_rng(5).standard_normal(4000)
     assert any("jump" in note for note in checks.channel_notes("velocity", one))
     assert not any("jump" in note for note in checks.channel_notes("acceleration", one))  # the first tooth looks the same
+
+
+def test_a_converter_s_idling_hides_no_stretch_that_stands_still_amid_motion() -> None:
+    time, noise = np.arange(20000) / 12800, 1.5 * np.random.default_rng(1).standard_normal(20000)
+    steps = np.round(np.where(time > 0.3, 60 * np.sin(2 * np.pi * 200 * time), 0.0) + noise)
+    assert checks.stuck_stretch(steps) is None  # while it idles, up to six in a row are the same by chance
+    steps[12000:12012] = steps[12000]
+    assert checks.stuck_stretch(steps) == (12000, 12)

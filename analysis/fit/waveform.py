@@ -25,6 +25,7 @@ SLOWEST = 0.8  # of the nominal speed, that a record without marks may turn out 
 FAINTEST = 1e-3  # slope by an unknown, in units of the noise over a natural step, below which it is as good as none
 ROUNDED = 1e-12  # share of an unknown's squared slopes below which what the records' own unknowns leave is rounding
 COLLINEAR = 1e-10  # eigenvalue of the unknowns' correlations below which a combination of them is as good as unknown
+UNTOLD, PART = 1e30, 1e-3  # variance of such a combination, in units of what its unknowns tell alone; a share in it that counts
 SLOPE_STEP = 1e-4  # of a natural step, by which slopes are taken
 ANGLE_STEP = 0.1  # rad: a natural step of the mark angle
 LATE_STEP = 0.1  # of a pass: a natural step of the first touch
@@ -315,6 +316,8 @@ class Fitter:
         size = np.sqrt(np.maximum(np.diag(normal), np.maximum(FAINTEST**2, ROUNDED * whole)))
         values, vectors = np.linalg.eigh(normal / np.outer(size, size))
         inverse = (vectors / np.maximum(values, COLLINEAR)) @ vectors.T
+        for vector in vectors.T[values < COLLINEAR]:  # of what has no part in it, rounding must not be made large
+            inverse += UNTOLD * np.outer(taking_part := np.where(np.abs(vector) > PART, vector, 0.0), taking_part)
         return variance * inverse * np.outer(self.steps / size, self.steps / size)
 
     def with_own(self, state: State, moves: Sequence[np.ndarray]) -> State:

@@ -17,6 +17,8 @@ from testbed.recording import Recording
 _FEW_LEVELS = 16
 _FEW_BEATS = 3  # spikes of a force or an acceleration up to which they are no teeth's
 _MANY_JUMPS = 8
+_LEVELS = 2.5  # of the converter, by which a signal moves from sample to sample that stands still by no chance
+_RARELY = 0.1  # share of samples that repeat the one before, where it does so
 _FEWEST = 32  # samples of a record; fewer tell nothing
 # beyond these a slip of the unit is likelier than such a machine (SI)
 _DEEPEST, _FASTEST_FEED, _LARGEST_MOTION, _SLOWEST, _FASTEST = 0.05, 5e-3, 0.01, 0.5, 2e4
@@ -182,10 +184,21 @@ def stuck_stretch(values: np.ndarray) -> tuple[int, int] | None:
     others = np.delete(runs, longest)
     share = float((others - 1).sum() / max(1, others.sum()))  # of samples that repeat the one before
     explained = np.log(1e-6 / len(values)) / np.log(share) if share > 0 else 1.0
-    second = int(others.max())
-    if length < 5 or length < max(explained, 4 * second):
+    first, second = int(np.concatenate([[-1], places])[longest]) + 1, int(others.max())
+    if length < max(5, explained) or length < 4 * second and not _amid_motion(values, first, length):
         return None
-    return int(np.concatenate([[-1], places])[longest]) + 1, length
+    return first, length
+
+
+def _amid_motion(values: np.ndarray, first: int, length: int) -> bool:
+    """Whether before and behind a run of equal samples the signal moves by levels of its converter from sample to sample.
+
+    There, hardly one repeats the one before by chance, though the record's idling be full of such.
+    """
+    beside = [values[max(first - 2 * length, 0) : first], values[first + length : first + 3 * length]]
+    steps = np.abs(np.concatenate([np.diff(part) for part in beside]))
+    level = float(np.abs(np.diff(np.unique(values))).min())
+    return len(steps) > 2 * length and float(np.mean(steps == 0)) < _RARELY and float(np.median(steps)) > _LEVELS * level
 
 
 def broken_numbers(values: np.ndarray) -> np.ndarray:
