@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.fit.fit_state import Free, Linearised, State, WaveformFit
+from analysis.fit.length_cut import asks_length
 from analysis.fit.observed import Observed
 from analysis.fit.pass_search import begun_otherwise, place_entries, settle_passes, turn_phases
 from analysis.fit.prediction import Plant
@@ -98,7 +99,7 @@ def effect_parameters(effect: Effect, records: Sequence[Observed]) -> list[Free]
         round_about = parameter.unit == "rad" and not parameter.vanishes and high - low >= 2 * math.pi
         step = size if parameter.unit in ("Hz", "rad") else 0.3 * size
         free.append(Free(f"{effect.name}.{parameter.name}", step, parameter.bounds, round_about, parameter.each_record,
-                         "engagement" in effect.hooks))
+                         "engagement" in effect.hooks, asks_length([effect.name], {effect.name: effect})))
     return free
 
 

@@ -21,7 +21,8 @@ class Free:
 
     periodic: an angle that goes round, kept between -pi and pi instead of at its bounds. each_record: no parameter of the
     machine, but an angle that every record has for itself, as a shift from the model's value. gradual: of an engagement that
-    is not sudden, so that the moment of the first touch, within a pass, is an unknown of every record.
+    is not sudden, so that the moment of the first touch, within a pass, is an unknown of every record. by_length: of a law of
+    the length cut, so that what was cut before is an unknown of every record that begins while it cuts.
     """
 
     path: str
@@ -30,6 +31,7 @@ class Free:
     periodic: bool = False
     each_record: bool = False
     gradual: bool = False
+    by_length: bool = False
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ class Nuisances:
     entry: index of the pass that cuts first, counted from the anchor (see Observed.pass_start).
     exit: index of the first pass that cuts no more. late_entry, early_exit: shares of the first and the last pass that are not
     cut. angle (rad): a record's own share of the tooth angle.
+    length (m): by how much more the tool had cut before than the record's cut says; of one that begins while it cuts.
     shifts: (path, shift) of the effects' parameters that every record has for itself, added to the model's value.
     """
 
@@ -30,6 +31,7 @@ class Nuisances:
     shifts: tuple[tuple[str, float], ...] = ()
     late_entry: float = 0.0
     early_exit: float = 0.0
+    length: float = 0.0
 
     def with_fields(self, **values: float) -> Nuisances:
         """The same with fields of these names at these values."""

@@ -165,6 +165,10 @@ class Observed:
         turns = (angle + nuisances.angle) / (2 * math.pi) + index / self.flutes
         return self.anchor + turns * self.period / nuisances.speed
 
+    def begins_cutting(self, nuisances: Nuisances) -> bool:
+        """Whether the tool was in the work before the first sample: how long, nobody knows."""
+        return self.cut is not None and (self.starts_in_cut or self.pass_start(nuisances.entry, 0.0, nuisances) <= self.start)
+
     def last_pass(self, angle: float, nuisances: Nuisances) -> int:
         """Index of the last pass that begins within the record."""
         past = self.start + self.samples / self.rate - self.pass_start(0, angle, nuisances)
@@ -241,6 +245,7 @@ class Observed:
             self.cut,
             spindle_speed=2 * math.pi / (pitch * self.flutes),
             feed_per_tooth=self.cut.feed_per_tooth / (1.0 if self.feed_basis == "tooth" else nuisances.speed),
+            length_cut_before=self.cut.length_cut_before + nuisances.length,
             idle_passes=idle,
             passes=passes,
             ring_down_passes=total - idle - passes,

@@ -28,6 +28,7 @@ COLLINEAR = 1e-10  # eigenvalue of the unknowns' correlations below which a comb
 UNTOLD, PART = 1e30, 1e-3  # variance of such a combination, in units of what its unknowns tell alone; a share in it that counts
 SLOPE_STEP = 1e-4  # of a natural step, by which slopes are taken
 ANGLE_STEP = 0.1  # rad: a natural step of the mark angle
+LENGTH_STEP = 1e-3  # m: a natural step of the length cut before
 LATE_STEP = 0.1  # of a pass: a natural step of the first touch
 PART_STEP = 0.1  # of an arc: a natural step of where a cut that begins or ends within one does so
 HELIX = "helix.angle"
@@ -123,6 +124,8 @@ class Fitter:
                 own.append({one.path: one.scale})
             elif one.gradual and enters and {"late_entry": LATE_STEP} not in own:
                 own.append({"late_entry": LATE_STEP})
+            elif one.by_length and record.begins_cutting(nuisances) and {"length": LENGTH_STEP} not in own:
+                own.append({"length": LENGTH_STEP})
         own += [{end: PART_STEP} for end in nuisances.ends_in_arc(self.gradual)]
         if not record.starts_in_cut:
             size = record.motion_size

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from analysis.search.believed_look import BelievedLook
-from analysis.search.diagnosis import COMPLETE, excess
+from analysis.search.diagnosis import FAINT_REST, excess
 from analysis.search.forward_search import Path, by_noise, forward
 from analysis.search.gates import against, worth_naming
 from analysis.search.law_form import steeper_form
@@ -25,10 +25,10 @@ def looked_again(path: Path, look: BelievedLook, noise: float, most: int) -> Pat
     Which that is, the openings of the records tell. Where that, too, leaves much, it is tried with every other effect at once:
     of two strong ones neither need explain anything alone. noise: the noise floor, as the errors.
     """
-    if most < 2 or path.form or path.end.error_where_known <= COMPLETE * noise or (best := look.leader) is None:
+    if most < 2 or path.form or path.end.error_where_known <= FAINT_REST * noise or (best := look.leader) is None:
         return path
     found = begun_with(path, [best], look, noise, most)
-    if found.form or found.end.error_where_known <= COMPLETE * noise:
+    if found.form or found.end.error_where_known <= FAINT_REST * noise:
         return found
     pairs = look.beside_leader()
     other = min(pairs, key=lambda name: pairs[name], default=best)

@@ -24,9 +24,9 @@ EFFECT = Effect(
     title="Edge force (rubbing)",
     parameters=(
         Parameter("tangential", "K_te", "N/m", "tangential edge force per depth of cut",
-                  neutral=0.0, bounds=(-1.0e6, 1.0e6), example=2.5e4, start=1.0e4),
+                  neutral=0.0, bounds=(0.0, 1.0e6), example=2.5e4, start=1.0e4),
         Parameter("normal", "K_ne", "N/m", "normal edge force per depth of cut",
-                  neutral=0.0, bounds=(-1.0e6, 1.0e6), example=3.0e4, start=1.0e4),
+                  neutral=0.0, bounds=(0.0, 1.0e6), example=3.0e4, start=1.0e4),
     ),
     law="F_t = K_t b h + K_te b, F_n = K_n b h + K_ne b; b: depth of cut, h: chip thickness",
     source="Budak, Altintas and Armarego (1996), JMSE 118, 216; Altintas (2012), Manufacturing Automation, chapter 2",

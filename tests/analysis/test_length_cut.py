@@ -47,6 +47,29 @@ def test_the_rate_of_wear_is_found_whether_or_not_the_tool_was_changed(one_tool)
     assert lengths == pytest.approx([number * PASSES * FEED if one_tool else 0.0 for number in range(len(CUTS))], abs=1e-9)
 
 
+def begun_later(record, turns):
+    """The record without its first revolutions, so many."""
+    recording, period = record.recording, 60.0 / CUTS[-1][0]
+    later = round(turns * period * recording.sampling_rate)
+    channels, start = {name: values[later:] for name, values in recording.channels.items()}, later / recording.sampling_rate
+    return replace(record, recording=replace(recording, channels=channels, start=recording.start + start,
+                                             marks=recording.marks[recording.marks > recording.start + start]))
+
+
+def test_what_was_cut_before_a_record_that_begins_in_the_cut_is_its_own_unknown():
+    def simulate(model, cut, sampling):
+        return fast.simulate(model, replace(cut, length_cut_before=0.012), sampling, steps=37)
+
+    (rpm, depth), worn = CUTS[-1], TRUE.with_effect("tool_wear", rate=RATE)
+    last = synthetic_record(simulate, worn, rpm, depth * 1e-3, 42, course=(8, PASSES, 12))
+    records = [*campaign(False)[:2], observe(begun_later(last, 20), BELIEVED)]
+    found = from_believed(PLANT, records, BELIEVED, ["tool_wear"], KNOWN)
+    own = found.fit.state.nuisances
+    assert [record.begins_cutting(one) for record, one in zip(records, own, strict=True)] == [False, False, True]
+    assert [one.length == 0.0 for one in own] == [True, True, False]
+    assert found.parameters["tool_wear.rate"] == pytest.approx(RATE, rel=0.04)
+
+
 def test_what_a_record_states_is_believed():
     records = campaign(False)
     assert carried_on(records) is not None and carried_on(records[:1]) is None
