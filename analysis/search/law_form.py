@@ -19,6 +19,8 @@ from analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from analysis.fit.fit_state import Free, State, WaveformFit
 from analysis.fit.held_out import errors_in_fit, pooled
 from analysis.fit.model_fit import model_fit
+from analysis.fit.pass_search import begun_again
+from analysis.fit.starts import polish
 from analysis.fit.waveform import Fitter
 from analysis.search.candidate_round import candidate_of
 from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, OtherForm
@@ -133,6 +135,9 @@ def _freed(
     free = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, Free(path, STEP, exponent.bounds)])
     fit = free.fit(replace(state, model=model), iterations=ITERATIONS, goal=before.cost)
     told, left = estimates(free, fit, catalogue)[path], _left(free, fit)
+    if left > ADEQUATE and not _is_another(exponent, before, fit, told):
+        fit = _from_a_steeper_law(free, fit, path, exponent)
+        told, left = estimates(free, fit, catalogue)[path], _left(free, fit)
     if left > ADEQUATE and _passes_alone(fit, left) and _is_another(exponent, before, fit, told):
         free, fit = min((free, fit), _anew(free, fit, catalogue), key=lambda one: one[1].cost)
         told, left = estimates(free, fit, catalogue)[path], _left(free, fit)
@@ -148,6 +153,22 @@ def _is_another(exponent: Parameter, before: WaveformFit, fit: WaveformFit, told
     size = effective_size(before)
     far = abs(told.value - exponent.neutral) >= ANOTHER and not told.low <= exponent.neutral <= told.high
     return far and bic(before, size) - bic(fit, size) > DELTA_BIC
+
+
+def _from_a_steeper_law(free: Fitter, fit: WaveformFit, path: str, exponent: Parameter) -> WaveformFit:
+    """The fit that begins one power higher, where that explains most records better and so all of them; else the fit as it is.
+
+    One record may hold a fit at the law's own exponent: its passes, and how it began, are right for no other, and it
+    outweighs all that the others would gain.
+    """
+    raised = min(exponent.neutral + 1.0, exponent.bounds[1])
+    begun = replace(fit.state, model=fit.state.model.with_effect(path.partition(".")[0], exponent=raised))
+    held = Fitter(free.plant, free.records, [one for one in free.unknowns if one.path != path])
+    above = held.fit(begun, iterations=ITERATIONS)
+    if not np.median(above.mean_squares) < np.median(fit.mean_squares):
+        return fit
+    far = np.flatnonzero(above.mean_squares > NEARLY**2)
+    return min(fit, polish(free, begun_again(free, above.state, far.tolist())), key=lambda one: one.cost)
 
 
 def _passes_alone(fit: WaveformFit, left: float) -> bool:

@@ -81,6 +81,18 @@ def test_an_exponent_is_told_where_passes_were_right_for_the_law_s_own_only(plac
     assert [one.exit for one in found.fitted.fit.state.nuisances] == [37, 37, 37]
 
 
+def test_one_record_does_not_hold_a_fit_at_the_law_s_own_exponent():
+    """A cut believed to begin twelve teeth early and to end four late outweighs all that the others gain by another exponent."""
+    cuts = [observe(record(speed, 1e-3, seed, structure_law=lambda x, v: -6000.0 * v**3), BELIEVED)
+            for seed, speed in enumerate((2850, 3300, 3810, 3000, 3565))]
+    fitted = from_believed(PLANT, cuts, BELIEVED, ("quadratic_damping",), KNOWN)
+    own = fitted.fit.state.nuisances[1]
+    wrong = fitted.fitter.fit(fitted.fit.state.with_record(1, replace(own, entry=own.entry - 12, exit=own.exit + 4)))
+    found = other_form(replace(fitted, fit=wrong), KNOWN, quiet)
+    assert found.left < 1.02 and found.low < 3.0 < found.high and found.high - found.low < 0.1
+    assert (found.fitted.fit.state.nuisances[1].entry, found.fitted.fit.state.nuisances[1].exit) == (own.entry, own.exit)
+
+
 def test_a_law_that_the_model_has_is_asked_too():
     found = diagnose(PLANT, free_decays(lambda x, v: -300.0 * abs(v) ** 1.5 * v), DAMPED, DAMPING)
     assert found.verdict == "unexplained" and found.form.effect == "quadratic_damping"

@@ -66,7 +66,7 @@ def _asked(plan: Plan, folder: Path) -> dict[str, Any]:
     else:
         fitted, _ = command(folder, "compare", "campaign.yaml", "-m", "model.yaml")
     told["parameters"] = {
-        path: {"value": one["value"], "low": one["low"], "high": one["high"], "true": true_value(plan, path)}
+        path: {"value": one["value"], "low": one["low"], "high": one["high"], "true": true_value(plan, path, one["value"])}
         for path, one in fitted["parameters"].items() if one["low"] is not None
     }
     if plan.kind == "pair":
@@ -86,12 +86,19 @@ def _left_by(plan: Plan, name: str, folder: Path) -> float:
     return found["error"] / found["noise_floor"]
 
 
-def true_value(plan: Plan, path: str) -> float | None:
-    """A parameter's true value by the product's name, where the campaign has one."""
+def true_value(plan: Plan, path: str, found: float) -> float | None:
+    """A parameter's true value by the product's name, where the campaign has one.
+
+    Which tooth is the first is not measured: the angle of a runout is that of the tooth by which it comes nearest to `found`.
+    """
     if path in BASE:
         return getattr(plan.base, BASE[path]) / (TURN if path == "natural_frequency" else 1.0)
     effect, _, parameter = path.partition(".")
-    return plan.hidden.get(effect, {}).get(parameter)
+    true = plan.hidden.get(effect, {}).get(parameter)
+    if true is None or path != "runout.angle":
+        return true
+    pitch = TURN / plan.base.flutes
+    return true + round((found - true) / pitch) * pitch
 
 
 def main(arguments: list[str]) -> int:
