@@ -55,6 +55,7 @@ def test_without_marks_angle_and_speed_of_every_record_are_found(monkeypatch):
         assert record.first_mark is None and abs(own.speed - 1.0) < 1e-3
 
 
+@pytest.mark.long
 def test_marks_of_an_uneven_spindle_carry_the_prediction(monkeypatch):
     """A spindle that slows under load, with a tachometer: its marks explain it, and no parameter bends."""
     truth = replace(draw(111, KNOWN, names=("speed_droop",)), tachometer=True)

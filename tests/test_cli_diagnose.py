@@ -178,6 +178,7 @@ def _own(folder):
     (folder / "ploughing.py").write_text(source.replace("Process damping (ploughing of the flank)", "My ploughing"))
 
 
+@pytest.mark.long
 def test_add_takes_an_effect_of_the_user_s_own(files, testbed):
     Path("mine").mkdir()
     _own(Path("mine"))

@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 
 from testbed.catalogue import catalogue
@@ -53,8 +54,6 @@ def test_the_card_stands_before_the_effect_is_compiled_and_can_do_without_its_pi
 
 
 def test_an_effect_of_no_known_name_is_looked_for_in_the_user_s_own_folders():
-    import pytest
-
     from testbed.problem import InputProblem
 
     with pytest.raises(InputProblem, match="give the folder of its file: --effects DIR$"):
@@ -81,6 +80,7 @@ def test_the_picture_puts_a_ramp_where_it_belongs():
     assert len(picture(x, np.zeros(400))) == 5
 
 
+@pytest.mark.long
 def test_a_new_effect_works_as_it_is_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     answer = run("--new", "my_effect")
@@ -94,8 +94,6 @@ def test_a_new_effect_works_as_it_is_written(tmp_path, monkeypatch):
 
 
 def test_a_name_that_is_taken_or_is_none_is_refused(tmp_path, monkeypatch):
-    import pytest
-
     from testbed.problem import InputProblem
 
     monkeypatch.chdir(tmp_path)

@@ -3,6 +3,7 @@
 from functools import partial
 
 import numpy as np
+import pytest
 from synthetic_campaign import synthetic_record
 
 from analysis.fit.effect_start import Origin, switched_on
@@ -23,6 +24,7 @@ BELIEVED = Model(Structure(1.13, 220.9, 0.0102), CUTTER, Cutting("up-milling", 0
 TESTS = ((3300, 0.6), (2600, 1.0), (4400, 0.5))
 
 
+@pytest.mark.long
 def test_the_effect_is_found_behind_a_fit_that_has_made_up_for_it():
     records = [observe(synthetic_record(partial(fast.simulate, steps=97), TRUE, rpm, depth * 1e-3, 80 + number, noise=3e-7,
                                         feed=8e-5, rate=20000.0, course=(8, 40, 12)), BELIEVED)

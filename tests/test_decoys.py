@@ -26,6 +26,7 @@ def test_decoys_are_in_no_catalogue_that_does_not_ask_for_them():
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.long
 def test_a_decoy_is_seen_at_its_example_and_is_nothing_when_neutral(name):
     cut = Cut(3810 * 2 * np.pi / 60, 2e-3, idle_passes=0, passes=20, ring_down_passes=2)
     effect, sampling = EVERY[name], whole_cut_sampling(cut, 1, 12800.0)
@@ -35,6 +36,7 @@ def test_a_decoy_is_seen_at_its_example_and_is_nothing_when_neutral(name):
     assert 1e-3 < np.abs(seen - plain).max() / np.ptp(plain) < 1.0
 
 
+@pytest.mark.long
 def test_a_decoy_that_is_hidden_is_named_and_the_campaign_not_to_be_trusted(tmp_path, capsys):
     true = TRUE.with_effect(HIDDEN, amplitude=8.0e3)
     simulate = partial(fast.simulate, steps=37, catalogue=EVERY)

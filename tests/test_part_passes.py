@@ -90,6 +90,7 @@ NEARLY_ALL = ((3810, 2.9, 0.0, 0.891), (2850, 2.9, 0.115, 0.915), (4300, 2.5, 0.
 
 
 @pytest.mark.parametrize("marks", [True, False])
+@pytest.mark.long
 def test_where_nearly_all_cuts_begin_or_end_within_an_arc_each_place_is_found(marks):
     """What each lacks bends the coefficients that all share, and at those the right parts of the others look wrong."""
     records = []

@@ -59,6 +59,7 @@ def test_marks_that_follow_no_sinusoid_are_not_believed(count, time_constant):
     assert observed[0].measured is not None and not marks_show(SWING, observed)
 
 
+@pytest.mark.long
 def test_the_effect_is_added_and_then_compared(records):
     plant = plant_of(catalogue())
     found = add_effect(plant, records, BELIEVED, SWING, catalogue())
@@ -72,6 +73,7 @@ def test_the_effect_is_added_and_then_compared(records):
     assert model_fit(plant, opened, believed, catalogue())[1].mean_squares.max() < 1.05
 
 
+@pytest.mark.long
 def test_it_is_named(records):
     found = diagnose(plant_of(catalogue()), records, BELIEVED, catalogue())
     assert (found.verdict, found.effects) == ("missing_effect", ("speed_variation",))

@@ -31,6 +31,7 @@ def together(records):
     return add_effects(PLANT, records, BELIEVED, [KNOWN[name] for name in PAIR], KNOWN)
 
 
+@pytest.mark.long
 def test_the_error_falls_to_the_noise_and_every_parameter_is_found(together):
     assert together.before > 1.5 * together.noise_floor
     assert together.after == pytest.approx(together.noise_floor, rel=0.05)  # of three conditions

@@ -33,6 +33,7 @@ def records(spread, **effects):
     return [observe(replace(record, name=f"cut {number}"), BELIEVED) for number, record in enumerate(found)]
 
 
+@pytest.mark.long
 def test_a_frequency_that_differs_from_test_to_test_is_told_and_no_effect_blamed():
     found = diagnose(PLANT, records(0.01), BELIEVED, CANDIDATES, most=1)
     assert found.verdict == "unexplained" and found.effects == ()

@@ -74,6 +74,7 @@ def cuts():
     return [observe(one, TRUE) for one in made]
 
 
+@pytest.mark.long
 def test_a_record_that_a_fit_has_turned_from_its_marks_is_read_by_the_marks(cuts):
     state = cut_state(cuts)
     astray = replace(state, nuisances=(replace(state.nuisances[0], angle=0.7), *state.nuisances[1:]))

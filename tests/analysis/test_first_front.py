@@ -31,6 +31,7 @@ def campaign(*, swung, swing=3e-5):
 
 
 @pytest.mark.parametrize("swung", [True, False])
+@pytest.mark.long
 def test_the_data_choose_what_the_first_teeth_meet(swung):
     records = campaign(swung=swung)
     found = compare(plant_of(catalogue()), records, BELIEVED, catalogue())

@@ -17,6 +17,7 @@ from tests.campaign_files import BELIEVED, TRUE
 from tests.synthetic_campaign import synthetic_campaign
 
 
+@pytest.mark.long
 def test_compare_maps_a_hidden_spring_over_displacement(tmp_path):
     true = TRUE.with_effect("cubic_stiffness", coefficient=4e13)
     made = synthetic_campaign(partial(fast.simulate, steps=37), true, tests=((3810, 2.9), (4300, 2.5)),

@@ -38,6 +38,7 @@ def fitted(observed, *names):
     return from_believed(PLANT, observed, BELIEVED, names, KNOWN)
 
 
+@pytest.mark.long
 def test_what_one_condition_alone_shows_is_judged_in_the_fit(observed):
     base, right = fitted(observed), fitted(observed, LAW)
     noise = pooled(base.errors)[1]

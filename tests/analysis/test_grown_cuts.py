@@ -32,6 +32,7 @@ def campaign():
     return truth, [observe(record, truth.believed) for record in records]
 
 
+@pytest.mark.long
 def test_where_phases_run_apart_a_fit_grown_along_the_cuts_finds_the_valley_that_no_descent_does(campaign):
     truth, observed = campaign
     off = {"natural_frequency": 0.997, "damping_ratio": 1.14, "tangential_coefficient": 1.01, "normal_coefficient": 0.95}

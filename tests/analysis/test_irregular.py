@@ -46,6 +46,7 @@ def test_the_cut_that_never_repeats_is_recognised_where_enough_others_do(observe
     assert irregular([replace(one, noise=one.noise * 1e3) for one in observed]) == []
 
 
+@pytest.mark.long
 def test_the_search_is_made_on_the_others_and_the_record_left_out_is_told(observed):
     found = diagnose(PLANT, observed, BELIEVED, KNOWN)
     assert (found.verdict, found.effects) == ("missing_effect", ("cubic_stiffness",))
@@ -76,6 +77,7 @@ def test_a_record_left_out_that_the_machine_follows_is_fitted_with_the_others(ob
     pytest.param(4, BELIEVED, "that law does not explain it", id="the law does not foretell it"),
     pytest.param(3, STIFF, "it explains that, too", id="the law foretells it"),
 ])
+@pytest.mark.long
 def test_a_law_found_on_the_others_is_held_against_the_irregular_record_and_ends_the_search(
         observed, believed, monkeypatch, left_out, model, told):
     def searched(base, plant, *_):

@@ -69,6 +69,7 @@ def test_an_exponent_is_not_asked_where(model):
 
 
 @pytest.mark.parametrize(("place", "early"), [(1, 1), (2, 3)])
+@pytest.mark.long
 def test_an_exponent_is_told_where_passes_were_right_for_the_law_s_own_only(place, early):
     """With one exit early the exponent leaves more than noise, perhaps much in one record, and goes where that is least."""
     cuts = [observe(record(speed, 1e-3, seed, structure_law=lambda x, v: -1e21 * x**5), BELIEVED)
@@ -81,8 +82,9 @@ def test_an_exponent_is_told_where_passes_were_right_for_the_law_s_own_only(plac
     assert [one.exit for one in found.fitted.fit.state.nuisances] == [37, 37, 37]
 
 
+@pytest.mark.long
 def test_one_record_does_not_hold_a_fit_at_the_law_s_own_exponent():
-    """A cut believed to begin twelve teeth early and to end four late outweighs all that the others gain by another exponent."""
+    """A cut believed to begin twelve teeth early and to end four late outweighs what the others gain by another exponent."""
     cuts = [observe(record(speed, 1e-3, seed, structure_law=lambda x, v: -6000.0 * v**3), BELIEVED)
             for seed, speed in enumerate((2850, 3300, 3810, 3000, 3565))]
     fitted = from_believed(PLANT, cuts, BELIEVED, ("quadratic_damping",), KNOWN)

@@ -40,6 +40,7 @@ def campaign(condition=None, factor=1.0, true=TRUE):
     ("axial_depth_of_cut", 2.7, "depth of cut was 1.5 mm, not 4.05 mm"),
     ("feed_per_tooth", 0.7, "feed per tooth was 0.102 mm, not 0.0711 mm"),
 ])
+@pytest.mark.long
 def test_the_wrong_condition_and_its_value_are_told(condition, factor, told):
     records = campaign(condition, factor)
     found = diagnose(PLANT, records, BELIEVED, KNOWN)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import lru_cache, partial
 
+import pytest
 from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import synthetic_campaign
 
@@ -33,16 +34,19 @@ def told(true, sign=1.0):
         PLANT, cuts(true, sign), BELIEVED, KNOWN, found.error, found.noise_floor)
 
 
+@pytest.mark.long
 def test_a_motion_turned_round_is_said():
     left, note = told(TRUE, -1.0)
     assert left > 3.0 and len(note) == 1 and "scale: -1" in note[0]
 
 
+@pytest.mark.long
 def test_a_direction_written_down_wrong_is_said():
     left, note = told(DOWN_MILLED)
     assert left > 3.0 and len(note) == 1 and note[0].startswith("as down-milling the error is ")
 
 
+@pytest.mark.long
 def test_a_missing_effect_is_no_turned_sign_and_a_complete_model_is_not_asked():
     left, note = told(TRUE.with_effect("edge_force", tangential=2e4, normal=2e4))
     assert left > 3.0 and note == []
@@ -50,6 +54,7 @@ def test_a_missing_effect_is_no_turned_sign_and_a_complete_model_is_not_asked():
     assert left < 1.1 and note == []
 
 
+@pytest.mark.long
 def test_it_is_told_before_any_effect_is_tried():
     found = diagnose(PLANT, cuts(DOWN_MILLED), BELIEVED, KNOWN)
     assert found.verdict == "unexplained" and found.effects == () and found.candidates == ()

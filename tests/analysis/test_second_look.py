@@ -35,6 +35,7 @@ def fitted(observed, *names):
     return from_believed(PLANT, observed, BELIEVED, names, KNOWN)
 
 
+@pytest.mark.long
 def test_a_search_that_began_with_the_wrong_effect_is_begun_again(observed):
     base, wrong = fitted(observed), fitted(observed, "edge_force")
     noise = pooled(base.errors)[1]
@@ -55,6 +56,7 @@ def test_an_effect_that_a_later_one_makes_needless_is_dropped(observed):
     assert "immersion_error" in _backward(needed, KNOWN, lambda line: None).effects
 
 
+@pytest.mark.long
 def test_where_no_first_step_leads_to_much_the_believed_machine_is_asked(observed):
     base, said = fitted(observed), []
     noise = pooled(base.errors)[1]
@@ -67,6 +69,7 @@ def test_where_no_first_step_leads_to_much_the_believed_machine_is_asked(observe
     assert complete != any(line.endswith("from far") for line in said)  # only what leaves nothing spares the others' trials
 
 
+@pytest.mark.long
 def test_an_effect_is_looked_for_on_both_sides_of_neutral_and_though_a_cut_ends_within_an_arc():
     """The believed immersion is too large; its example is too small. A fit from the beginning takes all passes for whole."""
     def simulate(model, cut, sampling):
@@ -82,6 +85,7 @@ def test_an_effect_is_looked_for_on_both_sides_of_neutral_and_though_a_cut_ends_
     assert look.alone()[0].parameters["immersion_error.error"] == pytest.approx(-0.25, abs=0.015)
 
 
+@pytest.mark.long
 def test_what_the_believed_machine_cannot_explain_is_asked_once(observed):
     base, said = fitted(observed), []
     look = BelievedLook(base, BELIEVED, {name: KNOWN[name] for name in ("edge_force", "tool_wear")}, said.append)
@@ -90,6 +94,7 @@ def test_what_the_believed_machine_cannot_explain_is_asked_once(observed):
     assert sum(line.startswith("fitting") for line in said) == 1 and not look.gave((look.leader,))
 
 
+@pytest.mark.long
 def test_a_search_that_left_only_noise_is_not_begun_again(observed):
     right = fitted(observed, "immersion_error")
     base = fitted(observed)
@@ -97,6 +102,7 @@ def test_a_search_that_left_only_noise_is_not_begun_again(observed):
     assert looked_again(path, BelievedLook(base, BELIEVED, KNOWN, pytest.fail), pooled(right.errors)[1], 3) is path
 
 
+@pytest.mark.long
 def test_two_effects_neither_of_which_explains_anything_alone_are_found_together():
     known = {name: catalogue()[name] for name in ("cubic_stiffness", "edge_force", "process_damping")}
     hidden = {"cubic_stiffness": {"coefficient": 8e13}, "edge_force": {"tangential": 1e4, "normal": 1.4e4}}

@@ -39,6 +39,7 @@ def test_a_varying_speed_is_named_although_the_tachometer_shows_it(observed):
     assert found.baseline > 3.0 * found.noise_floor and found.with_effects < 1.03 * found.noise_floor
 
 
+@pytest.mark.long
 def test_without_such_an_effect_the_speed_is_the_one_measured(observed):
     found = compare(PLANT, observed, BELIEVED, catalogue())
     constant = compare(PLANT, [record.at_constant_speed() for record in observed], BELIEVED, catalogue())

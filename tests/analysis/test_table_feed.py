@@ -53,6 +53,7 @@ def test_the_data_choose_what_a_tooth_cuts(table):
 
 
 @pytest.mark.parametrize("table", [True, False])
+@pytest.mark.long
 def test_a_missing_effect_is_named_whatever_the_table_does(table):
     """Without it, the base fit may lean on the other feed: with it, that is asked again."""
     known = {name: catalogue()[name] for name in ("process_damping", "edge_force")}

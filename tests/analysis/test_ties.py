@@ -56,6 +56,7 @@ def observed():
     return [observe(record, BELIEVED) for record in records[:4]]
 
 
+@pytest.mark.long
 def test_a_rival_that_does_better_with_what_was_found_since_takes_the_place_of_the_first(observed):
     def fitted(*names):
         return from_believed(PLANT, observed, BELIEVED, names, KNOWN)
@@ -71,6 +72,7 @@ def test_a_rival_that_does_better_with_what_was_found_since_takes_the_place_of_t
     assert kept is better and tied == ()
 
 
+@pytest.mark.long
 def test_what_was_named_first_is_exchanged_for_one_of_its_kind_that_explains_more(observed):
     def fitted(*names):
         return from_believed(PLANT, observed, BELIEVED, names, KNOWN)

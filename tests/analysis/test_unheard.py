@@ -73,6 +73,7 @@ def test_a_record_whose_passes_were_wrong_is_heard_again():
     assert found.cost < 1.001 * fit.cost
 
 
+@pytest.mark.long
 def test_a_diagnosis_says_which_record_stands_alone():
     records = campaign(TRUE, 3)
     found = diagnose(PLANT, records, BELIEVED, {name: KNOWN[name] for name in ("helix", LAW)})
@@ -80,6 +81,7 @@ def test_a_diagnosis_says_which_record_stands_alone():
     assert f"All records but {records[3].name} agree with the model as it is" in found.sentence
 
 
+@pytest.mark.long
 def test_an_effect_is_added_to_the_records_that_agree_and_the_other_is_named():
     records = campaign(TRUE.with_effect(LAW, coefficient=STRENGTH), 3)
     added = add_effect(PLANT, records, BELIEVED, KNOWN[LAW], KNOWN)

@@ -39,6 +39,7 @@ def test_the_speed_is_that_of_the_vibration():
         assert found.axial_depth_of_cut == cut.axial_depth_of_cut
 
 
+@pytest.mark.long
 def test_the_machine_is_found_without_a_tachometer_from_wrong_speeds():
     found = identify(replace(TRUTH, structure=replace(TRUTH.structure, damping_ratio=0.006)), without_marks())
     assert all(test.used for test in found.tests) and found.chi_square < 3.0

@@ -93,6 +93,7 @@ def located(force: float, travel: float, damping: float, x: float, times: np.nda
 
 @pytest.mark.parametrize(("force", "travel", "amplitude"),
                          [(2.0, 0.2e-6, 30e-6), (4.0, 5e-6, 30e-6), (0.3, 0.02e-6, 5e-6), (20.0, 1e-6, 25e-6)])
+@pytest.mark.long
 def test_a_free_flight_is_exact_whatever_the_steps(force, travel, amplitude):
     """Against scipy, which finds breakaways and turning points by its own root search: 1e-8 of the amplitude."""
     model = flexure(0.0032, dry_friction={"force": force, "presliding_displacement": travel})
