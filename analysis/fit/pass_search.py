@@ -74,24 +74,6 @@ def begun_otherwise(fitter: Fitter, state: State) -> tuple[State, bool]:
     return replace(state, nuisances=best), best != state.nuisances
 
 
-def begun_again(fitter: Fitter, state: State, places: Sequence[int]) -> State:
-    """The state with the cuts at these places as their segments and first samples show them: nothing fitted to them is left.
-
-    What was right for another law leads, once that is corrected, to where no neighbouring pass is better.
-    """
-
-    def one(index: int) -> Nuisances:
-        nuisances, record = state.nuisances[index], fitter.records[index]
-        if record.cut is None:
-            return nuisances
-        seen = first_nuisances(record, state.angle + nuisances.angle)
-        displacement, velocity = first_state(record, state.model.structure.natural_frequency_rad)
-        return replace(nuisances, entry=seen.entry, exit=seen.exit, displacement=displacement, velocity=velocity,
-                       late_entry=0.0, early_exit=0.0, length=0.0)  # fmt: skip
-
-    return state.with_records(places, [one(index) for index in places])
-
-
 def turn_phases(fitter: Fitter, state: State, places: Sequence[int]) -> State:
     """The state with the phases that the records at these places have for themselves at the best of angles all round."""
     return state.with_records(places, threaded(lambda index: _turned(fitter, index, state), places))

@@ -320,7 +320,8 @@ class Fitter:
         values, vectors = np.linalg.eigh(normal / np.outer(size, size))
         inverse = (vectors / np.maximum(values, COLLINEAR)) @ vectors.T
         for vector in vectors.T[values < COLLINEAR]:  # of what has no part in it, rounding must not be made large
-            inverse += UNTOLD * np.outer(taking_part := np.where(np.abs(vector) > PART, vector, 0.0), taking_part)
+            taking_part = np.where(np.abs(vector) > PART, vector, 0.0)
+            inverse += UNTOLD * np.outer(taking_part, taking_part)
         return variance * inverse * np.outer(self.steps / size, self.steps / size)
 
     def with_own(self, state: State, moves: Sequence[np.ndarray]) -> State:

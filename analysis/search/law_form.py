@@ -19,8 +19,7 @@ from analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from analysis.fit.fit_state import Free, State, WaveformFit
 from analysis.fit.held_out import errors_in_fit, pooled
 from analysis.fit.model_fit import model_fit
-from analysis.fit.pass_search import begun_again
-from analysis.fit.starts import polish
+from analysis.fit.starts import from_the_best_half
 from analysis.fit.waveform import Fitter
 from analysis.search.candidate_round import candidate_of
 from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, OtherForm
@@ -134,13 +133,13 @@ def _freed(
     model = state.model.with_effect(name, exponent=exponent.neutral, **_references(catalogue[name], fitter))
     free = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, Free(path, STEP, exponent.bounds)])
     fit = free.fit(replace(state, model=model), iterations=ITERATIONS, goal=before.cost)
-    told, left = estimates(free, fit, catalogue)[path], _left(free, fit)
+    told, left = _told(free, fit, path, catalogue)
     if left > ADEQUATE and not _is_another(exponent, before, fit, told):
         fit = _from_a_steeper_law(free, fit, path, exponent)
-        told, left = estimates(free, fit, catalogue)[path], _left(free, fit)
+        told, left = _told(free, fit, path, catalogue)
     if left > ADEQUATE and _passes_alone(fit, left) and _is_another(exponent, before, fit, told):
         free, fit = min((free, fit), _anew(free, fit, catalogue), key=lambda one: one[1].cost)
-        told, left = estimates(free, fit, catalogue)[path], _left(free, fit)
+        told, left = _told(free, fit, path, catalogue)
     if left > COMPLETE or not _is_another(exponent, before, fit, told):  # what leaves more is not the law either
         return None
     values = dict(fit.state.model.effects[name])
@@ -167,8 +166,7 @@ def _from_a_steeper_law(free: Fitter, fit: WaveformFit, path: str, exponent: Par
     above = held.fit(begun, iterations=ITERATIONS)
     if not np.median(above.mean_squares) < np.median(fit.mean_squares):
         return fit
-    far = np.flatnonzero(above.mean_squares > NEARLY**2)
-    return min(fit, polish(free, begun_again(free, above.state, far.tolist())), key=lambda one: one.cost)
+    return min(fit, from_the_best_half(free, free.fit(above.state, iterations=ITERATIONS)), key=lambda one: one.cost)
 
 
 def _passes_alone(fit: WaveformFit, left: float) -> bool:
@@ -181,10 +179,10 @@ def _anew(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> 
     return model_fit(fitter.plant, fitter.records, fit.state.model, catalogue, fitter.unknowns, goal=fit.cost)
 
 
-def _left(fitter: Fitter, fit: WaveformFit) -> float:
-    """Error over noise floor, in the fit."""
+def _told(fitter: Fitter, fit: WaveformFit, path: str, catalogue: Mapping[str, Effect]) -> tuple[Estimate, float]:
+    """(the exponent with its interval, error over noise floor in the fit)."""
     error, noise = pooled(errors_in_fit(fitter, fit))
-    return error / noise
+    return estimates(fitter, fit, catalogue)[path], error / noise
 
 
 def references(effect: Effect) -> dict[str, Parameter]:
