@@ -18,7 +18,8 @@ from analysis.threads import threaded
 
 COARSE = 24  # places over a record at which an exit is looked for first
 EARLIER = 5  # passes by which a gentle entry may precede what is seen of it
-TURNS = (0.0, -0.4, -0.25, -0.15, -0.07, 0.07, 0.15, 0.25, 0.4)  # rad: where the angle of a record without marks is tried
+TURNS = (0.0, -0.4, -0.25, -0.15, -0.07, 0.07, 0.15, 0.25, 0.4)  # rad: where the angle of a record without marks is tried;
+# and a swing of the structure to either side, where a kick comes to much the same
 SHORTEST = 0.25  # share of a cut that is seen which it lasts at the least, however wrong the model
 ROUND = 8  # places round the circle at which a record's own phase is looked for
 
@@ -37,7 +38,8 @@ def settle_passes(fitter: Fitter, state: State, reach: int = 1, places: Sequence
         if record.cut is None:
             return nuisances
         if record.first_mark is None:
-            turns = [replace(nuisances, angle=nuisances.angle + turn) for turn in TURNS]
+            swing = 2 * math.pi / (record.period * state.model.structure.natural_frequency)
+            turns = [replace(nuisances, angle=nuisances.angle + turn) for turn in (*TURNS, -swing, swing)]
             nuisances = _best(fitter, index, state, [*turns, *other_teeth(nuisances, record.flutes)])
         elif record.slots > 1:
             others = other_teeth(nuisances, record.flutes, record.flutes // record.slots)

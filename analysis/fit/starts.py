@@ -26,7 +26,9 @@ from analysis.records.free_decay import fit_free_decay, spectral_peak
 from analysis.threads import threaded
 from testbed.machine import Model
 
-ANGLES = 24
+ANGLES = 24  # of a tooth pitch that are tried, or more: so many to
+PER_SWING = 4  # each swing of the structure in it, since a kick a swing too early or too late explains nearly as much
+MOST_SWINGS = 40  # up to which they are counted
 FURTHER = 60  # iterations more of a fit that has not converged
 TURNED = 5  # of those angles, from which a record begun afresh is fitted
 COEFFICIENTS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
@@ -155,7 +157,8 @@ def _scan(plant: Plant, passes: Sequence[FirstPasses], model: Model) -> tuple[fl
     """(cost, mark angle, nuisances) of the best tooth angle, with entry and exit as the segments show them."""
     cuts = [first for first in passes if first.observed.cut is not None]
     pitch = 2 * math.pi / max([first.observed.flutes for first in cuts], default=1)
-    angles = np.arange(ANGLES) * pitch / ANGLES
+    count = max(angles_tried(first.observed, model) for first in cuts)
+    angles = np.arange(count) * pitch / count
     states = {id(first): first_state(first.observed, model.structure.natural_frequency_rad) for first in cuts}
 
     def begun(first: FirstPasses, angle: float) -> Nuisances:
@@ -353,7 +356,7 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2, goal: f
         kept = sorted(int(place) for place in np.argsort(ratio)[: (len(ratio) + 1) // 2])
         found = polish(fitter.of_records(kept), fit.state.of_records(kept), rounds=2, iterations=12).state
         nuisances = [found.nuisances[kept.index(place)] if place in kept
-                     else _begun_afresh(fitter.of_records([place]), replace(found, nuisances=(one,)))
+                     else begun_afresh(fitter.of_records([place]), replace(found, nuisances=(one,)))
                      for place, one in enumerate(fit.state.nuisances)]
         state, _ = settle_passes(fitter, replace(found, nuisances=tuple(nuisances)), reach=2)
         state = own_refit(fitter, state, [place for place in range(len(ratio)) if place not in kept])
@@ -364,14 +367,23 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2, goal: f
     return fit
 
 
-def _begun_afresh(single: Fitter, state: State) -> Nuisances:
+def angles_tried(record: Observed, model: Model) -> int:
+    """How many tooth angles of a pitch are tried, so that every valley between two swings of the structure holds some."""
+    if record.forces_only:
+        return ANGLES
+    swings = model.structure.natural_frequency * record.period / record.flutes
+    return max(ANGLES, math.ceil(PER_SWING * min(swings, MOST_SWINGS)))
+
+
+def begun_afresh(single: Fitter, state: State) -> Nuisances:
     """One record's passes as its segments show them; without a tachometer its tooth angle, too, is looked for all round.
 
     By that angle alone, a fit under a wrong frequency goes to where the strongest harmonic agrees, a part of a pass away.
     """
     record, own = single.records[0], state.nuisances[0]
     marked = record.cut is None or record.first_mark is not None
-    turns = [0.0] if marked else [part * 2 * math.pi / record.flutes / ANGLES for part in range(ANGLES)]
+    count = 1 if marked else angles_tried(record, state.model)
+    turns = [part * 2 * math.pi / record.flutes / count for part in range(count)]
     tried = [replace(first_nuisances(record, state.angle + own.angle + turn), angle=own.angle + turn, speed=own.speed)
              for turn in turns]
     if marked:

@@ -32,8 +32,8 @@ from testbed.engines.loop_kernel import (
     force_of_edge,
     piece_of_edge,
     radius_of_edge,
-    share_in_cut,
     spindle_speed,
+    weights_in_cut,
 )
 from testbed.engines.oscillator_kernel import end_state, increment, set_half_and_whole, stage_state
 from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_forces, sample_step, skip_held
@@ -71,10 +71,10 @@ def fill_table(G, I, T):
 
 
 @inner
-def slope(A, P, G, Y, D, T, row, S, left, left_row, tooth, edges, share):
+def slope(A, P, G, Y, D, T, row, S, left, left_row, tooth, edges, weight):
     """Time derivative D of the state at a row; left[left_row]: the surface left there. Returns the spindle speed.
 
-    share: of the step's angle that is in the cut, less than 1 where the cut begins or ends within it.
+    weight: what the force counts, see `weights_in_cut`.
     """
     force, torque = 0.0, 0.0
     velocity = Y[1] + hook_relative_velocity(A, P, Y)
@@ -87,7 +87,7 @@ def slope(A, P, G, Y, D, T, row, S, left, left_row, tooth, edges, share):
         left[left_row, edge] = radial
         force -= tangential * cosine + normal * sine
         torque += tangential * G[RADIUS]
-    derivative(A, P, G, Y, D, share * force, share * torque)
+    derivative(A, P, G, Y, D, weight * force, weight * torque)
     return spindle_speed(A, P, G, Y)
 
 
@@ -146,9 +146,10 @@ def keep_surface(A, P, G, Y, D0, Y1, D1, ends, W, T, S, row, left, now, tooth, e
 
 
 @inner
-def advance(A, P, G, O, plain, steady, work, maps, T, row, S, left, now, tooth, edges, span, speed0, share):
+def advance(A, P, G, O, plain, steady, work, maps, T, row, S, left, now, tooth, edges, span, speed0, weights):
     """One step of `span` rad from work[0] to work[1]; work[2] and speed0 belong to its start. Returns the speed at its end.
 
+    weights: those of the force, see `weights_in_cut`.
     work (11, size): the state and that at the end, their slopes, state and slope of a stage, what the four stages add, and the
     state that is given to begin with.
     """
@@ -167,7 +168,7 @@ def advance(A, P, G, O, plain, steady, work, maps, T, row, S, left, now, tooth, 
         else:
             stage_state(O, plain, more, H, E, Y, K, stage, at)
         speed = slope(A, P, G, at, rates, T, row + (1 if stage < 3 else 2), S, left, 1 - now if stage == 4 else 2, tooth, edges,
-                      share)  # fmt: skip
+                      weights[1] if stage < 3 else weights[2])  # fmt: skip
         if stage < 4:
             increment(O, plain, more, at, rates, span / speed, h, K, stage)
     return speed
@@ -193,11 +194,12 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, maps, 
     now, speed0, before = 0, 0.0, -1.0
     for step in range(steps):
         row, phase = row0 + 2 * step, base + step * span
-        share = share_in_cut(G, angle + phase, span)
-        if share != before:  # else the slope at the last step's end is that at this one's start
-            speed0, before = slope(A, P, G, Y, D0, T, row, S, left, now, tooth, edges, share), share
+        weights = weights_in_cut(G, angle + phase, span)
+        if weights[0] != before:  # else the slope at the last step's end is that at this one's start
+            speed0 = slope(A, P, G, Y, D0, T, row, S, left, now, tooth, edges, weights[0])
+        before = weights[2]
         speed1 = advance(A, P, G, O, plain, steady, work, maps[segment], T, row, S, left, now, tooth, edges, span, speed0,
-                         share)  # fmt: skip
+                         weights)  # fmt: skip
         if not abs(Y1[0]) < limit:
             return position, False
         if position < out.shape[1] and clock[0] + position / clock[1] <= Y1[2]:
@@ -207,6 +209,7 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, maps, 
             if wanted:
                 sample_forces(A, P, G, clock, Y, D0, Y1, D1, phase, phase + span, pass_number, teeth, S, row, left[3], W,
                               out, first)  # fmt: skip
+                share = (weights[0] + 4.0 * weights[1] + weights[2]) / 6.0  # of the step that is in the cut
                 for sample in range(first, position):
                     out[FORCE_X, sample] *= share
                     out[FORCE_Y, sample] *= share

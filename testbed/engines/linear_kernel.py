@@ -31,7 +31,7 @@ from testbed.engines.loop_kernel import (
     STIFFNESS,
     SWUNG_FRONT,
     piece_of_edge,
-    share_in_cut,
+    weights_in_cut,
 )
 from testbed.engines.oscillator_kernel import oscillator_map
 from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X, fill_quintic, samples_until, skip_held
@@ -73,20 +73,20 @@ def cross(G, x, v, t0, dt, angle, span, steps, kappa, memory, row0, last, clock,
     pull, drag = G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS]
     feed, count = G[FEED], out.shape[1]
     for step in range(steps):
-        row, share = row0 + 2 * step, share_in_cut(G, angle + step * span, span)
-        n1 = -share * kappa[row] * (feed + x - memory[row])
+        row, (at0, at_middle, at1) = row0 + 2 * step, weights_in_cut(G, angle + step * span, span)
+        n1 = -at0 * kappa[row] * (feed + x - memory[row])
         hx = f00 * x + f01 * v
         ex, ev = e00 * x + e01 * v, e10 * x + e11 * v
-        n2 = -share * kappa[row + 1] * (feed + hx + 0.5 * dt * f01 * n1 - memory[row + 1])
-        n3 = -share * kappa[row + 1] * (feed + hx - memory[row + 1])
-        n4 = -share * kappa[row + 2] * (feed + ex + dt * f01 * n3 - memory[row + 2])
+        n2 = -at_middle * kappa[row + 1] * (feed + hx + 0.5 * dt * f01 * n1 - memory[row + 1])
+        n3 = -at_middle * kappa[row + 1] * (feed + hx - memory[row + 1])
+        n4 = -at1 * kappa[row + 2] * (feed + ex + dt * f01 * n3 - memory[row + 2])
         x1 = ex + dt * (e01 * n1 + 2.0 * f01 * (n2 + n3)) / 6.0
         v1 = ev + dt * (e11 * n1 + 2.0 * f11 * (n2 + n3) + n4) / 6.0
         if not abs(x1) < limit:
             return x, v, position, last, False
         if position < count and clock[0] + position / clock[1] <= t0 + dt:
             a0 = n1 - pull * x - drag * v
-            a1 = -share * kappa[row + 2] * (feed + x1 - memory[row + 2]) - pull * x1 - drag * v1
+            a1 = -at1 * kappa[row + 2] * (feed + x1 - memory[row + 2]) - pull * x1 - drag * v1
             while position < count:
                 u = (clock[0] + position / clock[1] - t0) / dt
                 if u > 1.0:

@@ -46,11 +46,18 @@ for _count in range(1, MOST_POINTS + 1):
 
 
 @inner
-def share_in_cut(G, start, span):
-    """Share of a step of `span` from `start` (rad after the start of the first pass) between the cut's entry and exit."""
+def weights_in_cut(G, start, span):
+    """What the force counts at the start, in the middle and at the end of a step of `span` from `start` (rad, both).
+
+    1 within the cut, 0 outside it. A step in which the cut begins or ends has the weights with which Simpson's rule gives the
+    force's moments of order 0 to 2 over the part in the cut: the kick is of the right size, at the right time.
+    """
     if start >= G[BEGIN] - 1e-12 and start + span <= G[END] + 1e-12:
-        return 1.0
-    return min(max((min(start + span, G[END]) - max(start, G[BEGIN])) / span, 0.0), 1.0)
+        return 1.0, 1.0, 1.0
+    low = min(max((G[BEGIN] - start) / span, 0.0), 1.0)
+    high = max(min((G[END] - start) / span, 1.0), low)
+    first, second, third = high - low, (high**2 - low**2) / 2.0, (high**3 - low**3) / 3.0
+    return 6.0 * first - 18.0 * second + 12.0 * third, 6.0 * (second - third), 12.0 * third - 6.0 * second
 
 
 @inner
