@@ -15,7 +15,7 @@ from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import DERIVATIVES, Observed
 from analysis.fit.waveform import Fitter
 
-SEEN = 1.0  # standard deviations of the noise: a smaller swing at the entry tells nothing of the front
+SEEN = 0.1  # standard deviations of the noise: a smaller swing at the entry tells nothing of the front
 WORTH = 10.0  # in mean square residuals, by which the cost must fall
 NEARLY_ALL = 0.99  # of an arc
 TRIED = 2  # iterations of a fit with the other front
