@@ -21,7 +21,7 @@ from analysis.records.free_decay import spectral_peak
 from analysis.records.noise import noise_floor, rounding
 from analysis.records.passing_speed import heard_speed
 from analysis.records.segments import Segment, find_segments
-from analysis.records.spindle_clock import along_marks, check_speed, clock_error, clock_of, digital, smoothed
+from analysis.records.spindle_clock import along_marks, check_speed, clock_error, clock_of, digital, samples_to_rise, smoothed
 from testbed.cut import Cut, Sampling
 from testbed.machine import Cutter, Model
 
@@ -366,7 +366,7 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
         if flutes % slots:  # which pulse came first is open: the marks tell the speed alone
             anchor = None
         elif steady:
-            error = clock_error(marks, period, anchor, base.rate, halfway=halfway)
+            error = clock_error(marks, period, anchor, base.rate, halfway=halfway, rise=samples_to_rise(record.recording))
         else:  # passes are then laid between the marks themselves
             kept = smoothed(marks, 1.0 / base.rate, halfway=halfway)
             anchor = float(kept[0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import UnivariateSpline, make_interp_spline
@@ -16,6 +17,7 @@ MOST_MOVED = 0.5  # samples at the most
 ANOTHER = 1.9  # times the nominal speed, or as little of it, that no spindle runs at which is set to it
 CLOSE = 0.25  # of a revolution, within which the time between two marks is a whole number of them
 MARK_SHARE = 0.1  # of a sample: how well an edge between two samples is placed
+SHARP, FILTERED = 2.0, 0.5  # samples that a sharp edge may take; how late another may be, as a share of what it takes more
 FAINTEST = 1e-3  # of a sample: scatter of marks that is none
 DIFFERENCES = (2, 3, 4, 5)  # orders of those by which a course is taken out of marks,
 FEWEST = 4  # and how many more marks there are at the least
@@ -153,17 +155,30 @@ def along_marks(marks: np.ndarray, turn: np.ndarray, period: float) -> np.ndarra
     return np.asarray(course(inside)) + (turn - inside) * period
 
 
-def clock_error(marks: np.ndarray, period: float, anchor: float, rate: float, *, halfway: bool = False) -> tuple[float, float]:
+def samples_to_rise(recording: Any) -> float:
+    """How many samples an edge of a recording's tachometer takes, by how steep it is at its marks; 1 where no line is kept."""
+    line, marks = recording.channels.get("tachometer"), np.asarray(recording.marks)
+    if line is None or len(marks) == 0:
+        return 1.0
+    below = np.clip(np.floor((marks - recording.start) * recording.sampling_rate).astype(int), 0, len(line) - 2)
+    low, high = np.quantile(line, [0.002, 0.998])
+    step = float(np.median(np.abs(line[below + 1] - line[below])))
+    return max(1.0, float(high - low) / step) if step > 0.0 else 1.0
+
+
+def clock_error(marks: np.ndarray, period: float, anchor: float, rate: float, *, halfway: bool = False,
+                rise: float = 1.0) -> tuple[float, float]:  # fmt: skip
     """Standard deviations of (angle at the first mark in rad, relative speed) that the marks leave.
 
     The scatter of the marks says how well their mean is known; what all marks of a record have in common (where the pulse
     crosses its threshold between two samples) it cannot say: a share of a sample (1 / rate, s) stands for that. Edges of a
     digital line (`halfway`) may err alike where a revolution is a whole number of samples, or drift by one over the record.
+    An edge that takes more than two samples to `rise` has been through a filter, which makes it late by about half of that.
     """
     rest = (marks - anchor) / period
     rest = rest - np.round(rest)
     scatter = max(1.4826 * float(np.median(np.abs(rest))), 1e-7)
-    edge = (DIGITAL_SHARE if halfway else MARK_SHARE) / (rate * period)
+    edge = (DIGITAL_SHARE if halfway else max(MARK_SHARE, FILTERED * (rise - SHARP))) / (rate * period)
     share = math.hypot(2.0 * scatter / math.sqrt(len(marks)), edge)
     drifting = edge / len(marks) if halfway else 0.0
     return 2 * math.pi * share, math.hypot(math.sqrt(12.0) * scatter / len(marks) ** 1.5, drifting)
