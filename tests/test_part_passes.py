@@ -41,8 +41,8 @@ def test_the_first_and_the_last_pass_are_cut_in_part(general, late, early):
         sampling = whole_cut_sampling(course, 1, 1000.0)
         return fast.simulate_batch([model], [course], [sampling], steps=steps, general=general).pass_states[0]
 
-    assert error(engine(MODEL, 80), expected) < 1e-3
-    assert error(engine(MODEL, 1280), expected) < 1e-5
+    assert error(engine(MODEL, 80), expected) < 1e-6
+    assert error(engine(MODEL, 320), expected) < 1e-8
     whole = fast.simulate_batch([MODEL], [replace(course, late_entry=0.0, early_exit=0.0)],
                                 [whole_cut_sampling(course, 1, 1000.0)]).pass_states[0]
     assert np.abs(whole - expected)[:, 1].max() > 0.05 * np.abs(expected[:, 1]).max()

@@ -43,6 +43,12 @@ def test_the_data_choose_what_the_first_teeth_meet(swung):
         assert abs(one.value - TRUE.value(name)) < one.high - one.low
 
 
+def test_a_swing_below_the_noise_of_a_sample_tells_of_the_front_too():
+    records = campaign(swung=True, swing=5e-7)  # less than the noise where the teeth enter
+    state = State(BELIEVED, 0.0, tuple(first_nuisances(record, 0.0).with_fields(displacement=5e-7) for record in records))
+    assert all(record.swung_front for record in with_other_front(records, state))
+
+
 def test_without_a_swing_nothing_is_asked():
     records = campaign(swung=True, swing=0.0)
     state = State(BELIEVED, 0.0, tuple(first_nuisances(record, 0.0) for record in records))

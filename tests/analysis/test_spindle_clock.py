@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from analysis.records.spindle_clock import clock_error, clock_of, digital, smoothed, turns_of
+from analysis.records.spindle_clock import clock_error, clock_of, digital, samples_to_rise, smoothed, turns_of
+from testbed.recording import Recording
 
 RATE = 12800.0  # samples/s
 
@@ -104,3 +105,19 @@ def test_marks_that_jitter_are_smoothed_and_those_of_a_fast_swing_are_kept():
         else:
             assert np.std(np.diff(found - true)) < 0.6 * np.std(np.diff(marks - true))
             assert np.allclose(smoothed(true, 1.0 / RATE, halfway=False), true, atol=1e-3 / RATE)
+
+
+@pytest.mark.parametrize("rise", (1.0, 2.0, 5.0, 12.0))
+def test_how_long_an_edge_takes_is_seen_in_its_line_and_widens_the_angle_s_error(rise):
+    period, rate = 60.0 / 1830.0, RATE
+    time = np.arange(round(40 * period * rate)) / rate
+    phase = (time - 0.004) % period * rate
+    line = 5.0 * (np.clip(phase / rise, 0.0, 1.0) - np.clip((phase - 60.0) / rise, 0.0, 1.0))
+    marks = 0.004 + np.arange(39) * period + 0.5 * rise / rate
+    recording = Recording({"tachometer": line}, rate, {"tachometer": "V"}, "measured", marks=marks)
+    found = samples_to_rise(recording)
+    assert found == pytest.approx(rise, rel=0.05, abs=0.6)
+    sharp, angle = (clock_error(marks, period, 0.004, rate, rise=one)[0] for one in (1.0, found))
+    late = 2 * math.pi * (0.5 * rise / rate) / period  # of an edge that a filter delays
+    assert angle == sharp if rise <= 2.0 else late < 2.0 * angle
+    assert samples_to_rise(Recording({"displacement": line}, rate, {"displacement": "m"}, "measured", marks=marks)) == 1.0
