@@ -16,6 +16,7 @@ import numpy as np
 
 from analysis.comparison.adequacy import Adequacy, adequacy_tests, controlled
 from analysis.estimate import Estimate
+from analysis.fit.doubted_marks import with_marks_doubted
 from analysis.fit.estimates import at_bound, estimates
 from analysis.fit.fit_state import WaveformFit
 from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled, record_error
@@ -113,7 +114,7 @@ def mark_angle(fit: WaveformFit, pitch: float) -> float:
 def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> Comparison:
     """Refit the model to all records with every nuisance and say where, and by how much, it fails."""
     records = at_modelled_speed(records, model.effects, catalogue)
-    fitter, fit = model_fit(plant, records, model, catalogue)
+    fitter, fit = with_marks_doubted(*model_fit(plant, records, model, catalogue))
     errors, held_out = held_out_errors(fitter, fit), holds_out(records)
     rows, tests = [], []
     for index, (record, error) in enumerate(zip(fitter.records, errors, strict=True)):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from analysis.estimate import Estimate
+from analysis.fit.doubted_marks import with_marks_doubted
 from analysis.fit.effect_start import ANCHOR, applicable, extended, origins_of, state_without
 from analysis.fit.estimates import at_bound, estimates
 from analysis.fit.fine_steps import finely, has_kinks
@@ -96,7 +97,7 @@ def add_effects(plant: Plant, records: Sequence[Observed], model: Model, effects
         say(f"fitting with {' and '.join(names)} from the model as it was")
         found = min(found, agreed(*model_fit(plant, step.records, with_examples(model, names, known), known)),
                     key=lambda one: misfit(*one)[0])
-    return _told(names, step.records, before, *found, known)
+    return _told(names, step.records, before, *with_marks_doubted(*found), known)
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,13 @@ anything else that turns it (a tool taken out, a sensor moved) does so by steps.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.stats import chi2
 
 from analysis.fit.fit_state import WaveformFit
+from analysis.fit.observed import Observed
 from analysis.fit.waveform import Fitter
 from analysis.search.diagnosis import COMPLETE
 
@@ -21,17 +23,21 @@ MOST = 0.1  # share of the angles' sum of squares that a delay may leave
 FEWEST = 3  # records
 
 
-def delay_note(fitter: Fitter, fit: WaveformFit) -> list[str]:
+def delay_note(records: Sequence[Observed], fitter: Fitter, fit: WaveformFit) -> list[str]:
     """A sentence where the records' angles between mark and tooth differ by more than their marks' scatter; else none.
+
+    records: as they were read, with the scatter of their marks; the fit's own, of the same names, may doubt it.
 
     Of a model that leaves much more than noise the angles may have made up for what it lacks: of those nothing is said.
     """
     if fit.variance > COMPLETE**2:
         return []
+    seen = {record.name: record.clock_error for record in records}
     rows = [
-        (2.0 * math.pi * own.speed / record.period, own.angle, record.clock_error[0])
+        (2.0 * math.pi * own.speed / record.period, own.angle, error[0])
         for record, own in zip(fitter.records, fit.state.nuisances, strict=True)
-        if record.cut is not None and record.clock_error is not None and record.slots == 1
+        if record.cut is not None and record.slots == 1 and record.clock_error is not None
+        and (error := seen[record.name]) is not None
     ]
     if len(rows) < FEWEST:
         return []

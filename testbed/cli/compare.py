@@ -43,7 +43,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
         turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
     unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
     notes = [*notes_on(read, model), *turned, *unlike, *taken_notes(records, found.fitter.records),
-             *delay_note(found.fitter, found.fit)]
+             *delay_note(records, found.fitter, found.fit)]
     _say(answer, found, notes, model)
     notes += _of_silence(found)
     if pictures is not None:

@@ -98,7 +98,8 @@ def _of_the_best_fit(found: Any, records: Any, catalogue: Any) -> tuple[tuple[st
     if fitter is None or fit is None:
         return (), []
     stuck = at_bound(fitter.free, estimates(fitter, fit, catalogue))
-    return stuck, [*taken_notes(records, fitter.records), *delay_note(fitter, fit), *([said_at_bound(stuck)] if stuck else [])]
+    notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit)]
+    return stuck, [*notes, *([said_at_bound(stuck)] if stuck else [])]
 
 
 def _force_maps(found: Any, catalogue: Any) -> list[Any]:

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from analysis.fit.doubted_marks import with_marks_doubted
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import observe
 from analysis.search.mark_delay import delay_note
@@ -20,14 +21,20 @@ TESTS = ((3500, 0.8), (2850, 2.0), (4200, 1.5))
 FITTED = partial(model_fit, plant_of(catalogue()), model=BELIEVED, catalogue=catalogue())
 
 
-def noted(moved, model=TRUE):
-    """The note on cuts whose marks come later than the shaft has them by `moved` (s), one for each record."""
+def moved_marks(moved, model=TRUE):
+    """Cuts whose marks come later than the shaft has them by `moved` (s), one for each record."""
     records = []
     made = synthetic_campaign(partial(fast.simulate, steps=37), model, seed=4, tests=TESTS, course=(10, 40, 15), rate=6400.0)
     for record, late in zip(made, moved, strict=True):
         recording = replace(record.recording, marks=record.recording.marks + late)
         records.append(observe(replace(record, recording=recording), BELIEVED))
-    return delay_note(*FITTED(records=records))
+    return records
+
+
+def noted(moved, model=TRUE):
+    """The note on such cuts, by a fit that doubts their marks."""
+    records = moved_marks(moved, model)
+    return delay_note(records, *with_marks_doubted(*FITTED(records=records)))
 
 
 @pytest.mark.parametrize(("delay", "said"), [(0.5e-3, "the marks come"), (-0.5e-3, "the motion comes")])
@@ -45,3 +52,16 @@ def test_a_mark_that_moves_by_steps_is_told_and_one_that_stays_is_not():
 
 def test_of_a_model_that_lacks_much_nothing_is_said():
     assert noted([0.5e-3] * 3, TRUE.with_effect("edge_force", tangential=2e4, normal=3e4)) == []
+
+
+def test_marks_that_the_motion_contradicts_are_held_loosely_and_others_as_well_as_they_are_known():
+    agreeing = FITTED(records=moved_marks([0.0] * 3))
+    assert with_marks_doubted(*agreeing) == agreeing
+    fitter, fit = FITTED(records=moved_marks([0.5e-3] * 3))
+    wider, found = with_marks_doubted(fitter, fit)
+    off = [record.off_marks(own)[0] for record, own in zip(fitter.records, fit.state.nuisances, strict=True)]
+    held = [record.off_marks(own)[0] for record, own in zip(wider.records, found.state.nuisances, strict=True)]
+    assert np.abs(off).max() > 5.0 and np.abs(held).max() < 2.0
+    assert found.cost < fit.cost - 10.0
+    lacking = FITTED(records=moved_marks([0.5e-3] * 3, TRUE.with_effect("edge_force", tangential=2e4, normal=3e4)))
+    assert with_marks_doubted(*lacking) == lacking
