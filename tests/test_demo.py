@@ -33,6 +33,7 @@ def demo(tmp_path_factory):
     return folder, done.stdout, json.loads((folder / "demo.json").read_text())
 
 
+@pytest.mark.long
 def test_the_five_published_tests_agree(demo):
     _, said, found = demo
     assert [test["published"] for test in found["published"]] \
@@ -42,6 +43,7 @@ def test_the_five_published_tests_agree(demo):
     assert "5 of 5 agree" in said and len(re.findall(r"^  [A-E] .* yes$", said, re.MULTILINE)) == 5
 
 
+@pytest.mark.long
 def test_the_sweep_is_stored_and_agrees_with_the_chart(demo):
     folder, said, found = demo
     data = read_data_set(folder / "out" / "rig_sweep.h5")
@@ -52,6 +54,7 @@ def test_the_sweep_is_stored_and_agrees_with_the_chart(demo):
     assert {"stable", "neimark_sacker", "flip"} <= {cut["simulated"] for cut in decided}
 
 
+@pytest.mark.long
 def test_the_identification_is_scored(demo):
     found = demo[2]["identification"]
     limits = {"natural_frequency": 0.5 / (2 * math.pi), "damping_ratio": 0.15 * 0.0032,
@@ -63,12 +66,14 @@ def test_the_identification_is_scored(demo):
 
 
 @needs("tap_test")
+@pytest.mark.long
 def test_the_hammer_test_is_identified(demo):
     own, other = (demo[2]["hammer_test"][name] for name in ("time record", "receptance file"))
     assert own["natural_frequency"] == pytest.approx(1067, abs=4) and own["damping_ratio"] == pytest.approx(0.034, abs=0.002)
     assert own["natural_frequency"] == pytest.approx(other["natural_frequency"], abs=1.0)
 
 
+@pytest.mark.long
 def test_it_says_where_everything_is(demo):
     folder, said, found = demo
     for path in (*found["data"], *found["pictures"], found["report"]):
@@ -85,6 +90,7 @@ def test_it_says_where_everything_is(demo):
     assert ("rig.png" in page) != ("no picture of the rig" in said)
 
 
+@pytest.mark.long
 def test_the_hidden_effect_is_named_added_and_revealed_last(demo):
     folder, said, found = demo
     loop = found["workshop"]
@@ -104,6 +110,7 @@ def test_the_hidden_effect_is_named_added_and_revealed_last(demo):
     assert said.index(loop["sha256"]) < said.index(hidden) < said.index("the seal")
 
 
+@pytest.mark.long
 def test_the_workshop_s_files_hold_nothing_of_the_truth(demo):
     folder, _, found = demo
     loop = found["workshop"]
@@ -118,6 +125,7 @@ def test_the_workshop_s_files_hold_nothing_of_the_truth(demo):
     assert len(records) == len(_demo_loop.CUTS) and all(len(one.recording.marks) > 60 for one in records)
 
 
+@pytest.mark.long
 def test_the_answer_is_what_its_page_says(demo):
     named = doc_pages.named_paths(doc_pages.tables(doc_pages.read("answers.md"))["demo"])
     assert doc_pages.missing(named, [demo[2]]) == []
@@ -125,6 +133,7 @@ def test_the_answer_is_what_its_page_says(demo):
     assert [key for key in doc_pages.unheard(named, [demo[2]]) if measured or not key.startswith("hammer_test")] == []
 
 
+@pytest.mark.long
 def test_the_first_campaign_of_the_pages_reads_what_it_leaves(demo):
     text = doc_pages.examples(doc_pages.read("files.md"), "campaign")[0].replace("demo/workshop", "out/workshop")
     (demo[0] / "first.yaml").write_text(text)
