@@ -37,7 +37,8 @@ USUAL = 0.5  # share of the cuts above which a weak first pass is no chance of w
 ALIKE = 0.15  # if what is missing of them is as much in all: standard deviation, in arcs,
 EXPLAINED = 0.05  # and leaves more than this share of their excess
 NEARLY_WHOLE = 0.1  # of a pass before the next begins, where a tooth is always in the work: so little is no slow entry
-MOVES = 4  # of the end of one cut, with all unknowns following
+MOVES = 4  # of the end of one cut, with all unknowns following,
+MOVED = 0.02  # and share of all records' excess that must go with each: where much is left, small gains are no end
 ROUNDS = 5  # of looking for parts and fitting again
 TURNS = (-0.16, 0.16)  # rad: where the tooth's angle, and with it the coefficients, may have a valley of their own
 DOUBT = 1.15  # of the noise's mean square, that it may truly be, as its samples differ from one to the next
@@ -95,10 +96,11 @@ def _moved(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     for _ in range(MOVES):
         tried = threaded(partial(best_moved, fitter, fit), cuts)
         place, (cost, own) = min(zip(cuts, tried, strict=True), key=lambda pair: pair[1][0])
-        if not cost < fit.cost - GAIN:
+        goal = fit.cost - max(GAIN, MOVED * _excess(fitter, fit))
+        if not cost < goal:
             break
         moved = fitter.fit(fit.state.with_record(place, own), iterations=STEPS)
-        if not moved.cost < fit.cost - GAIN:
+        if not moved.cost < goal:
             break
         fit = moved
     return fit
