@@ -192,6 +192,7 @@ def test_the_catalogue_and_its_hooks_are_set_as_text(testbed):
     assert "chip may ask for: penetration, and the effect's parameters and states\n" in testbed.out
 
 
+@pytest.mark.long
 def test_a_new_effect_is_a_file_that_works(testbed):
     assert testbed("effects", "--new", "my_drag") == 0
     assert testbed.json("effects", "my_drag", "--effects", ".", "--no-picture")["name"] == "my_drag"

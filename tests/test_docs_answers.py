@@ -152,6 +152,7 @@ def _explanation():
     return found
 
 
+@pytest.mark.long
 def test_of_diagnosis(shell):
     cuts = shell.json("diagnose", "campaign.yaml", "-m", "model.yaml")
     tap = shell.json("diagnose", "tap.yaml", "-m", "bare.yaml", "--decoys", "--false-alarms", 1)

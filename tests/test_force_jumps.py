@@ -77,6 +77,7 @@ def test_what_the_jumps_show_bends_nothing(records, monkeypatch):
     assert FITTED(records=records, model=believed)[1].mean_squares.max() > 1.3
 
 
+@pytest.mark.long
 def test_the_jumps_are_where_the_model_with_the_effect_places_them(records):
     found = add_effect(plant_of(catalogue()), records, BELIEVED, catalogue()["edge_force"], catalogue())
     assert found.after < 1.03 * found.noise_floor < 0.5 * found.before

@@ -52,6 +52,7 @@ def test_the_hooks_are_the_formula(effect):
     assert effect.hooks["normal_force"](**{**known, "penetration": chip - 1e-5}) == 0.0  # contact lost
 
 
+@pytest.mark.long
 def test_the_engine_runs_it_and_it_vanishes_when_neutral(effect):
     own = {"proposal": effect}
     sampling = whole_cut_sampling(CUT, 1, 12800.0)

@@ -30,6 +30,7 @@ def every_run_once(path):
     return read_data_set(path).scenario_run.tolist() == list(range(RUNS))
 
 
+@pytest.mark.long
 def test_twelve_killed_workers_cost_nothing(undisturbed, tmp_path):
     digest, hit = sweep_kills.kill_workers(tmp_path / "a.h5", RUNS, 12, np.random.default_rng(1))
     assert hit == 12
