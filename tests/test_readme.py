@@ -62,6 +62,7 @@ def test_every_option_exists(arguments):
     assert context.params["quiet"] is False
 
 
+@pytest.mark.long
 def test_the_tour_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for name, text in named_yaml().items():
