@@ -39,8 +39,8 @@ def with_rivals(
     first, tied = rivals[0].effects[-1], []
     for rival in rivals[1:]:
         name = rival.effects[-1]
-        if first not in found.effects or name in found.effects or is_required(first, found.effects, catalogue):
-            continue
+        if first not in found.effects or name in found.effects or is_required(first, (*found.effects, name), catalogue):
+            continue  # a third mode in place of the second is that one by another name
         other = rival
         if len(found.effects) > 1:
             say(f"would {name} do in place of {first}?")

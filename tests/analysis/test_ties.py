@@ -92,3 +92,9 @@ def test_what_the_largest_start_does_not_lead_to_is_a_rival_all_the_same(hidden,
     records = part_of(cuts(DEEP, noise=0.7e-6), 1.0, 0.85)
     found = told(Case(("helix", "sensor_lag"), hidden, dict(values), records, False, ""))
     assert found.verdict == "undecided" and set(found.effects) == {"helix", "sensor_lag"}
+
+
+def test_an_effect_takes_no_place_of_one_that_it_can_only_stand_beside():
+    found, base = candidate(("second_mode", "chip_force_exponent"), 1.0), candidate((), 4.0)
+    rivals = [candidate(("second_mode",), 1.6), candidate(("third_mode",), 1.6)]
+    assert with_rivals(found, rivals, base, 1.0, KNOWN, pytest.fail) == (found, ())
