@@ -54,8 +54,9 @@ def _kin(name: str, found: Candidate, catalogue: Mapping[str, Effect]) -> list[s
     if is_required(name, present, catalogue):
         return []
     others = {other: one for other, one in catalogue.items() if other not in present and one.parameters}
+    beside = [one for one in present if one != name]
     return [other for other, one in others.items()
-            if _places(one) & kind and applicable(one, found.fitter.records, present)]
+            if _places(one) & kind and applicable(one, found.fitter.records, beside)]
 
 
 def _places(effect: Effect) -> set[str]:

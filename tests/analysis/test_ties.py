@@ -98,3 +98,12 @@ def test_an_effect_takes_no_place_of_one_that_it_can_only_stand_beside():
     found, base = candidate(("second_mode", "chip_force_exponent"), 1.0), candidate((), 4.0)
     rivals = [candidate(("second_mode",), 1.6), candidate(("third_mode",), 1.6)]
     assert with_rivals(found, rivals, base, 1.0, KNOWN, pytest.fail) == (found, ())
+
+
+def test_a_second_mode_is_not_exchanged_for_the_third_that_needs_it():
+    names = ("second_mode", "chip_force_exponent")
+    known = {name: KNOWN[name] for name in (*names, "third_mode")}
+    model = SimpleNamespace(effects=dict.fromkeys(names))
+    found = Candidate(names, {}, 1.0, 1.0, 50.0, True, fit=SimpleNamespace(state=SimpleNamespace(model=model)),
+                      fitter=SimpleNamespace(records=()))  # fmt: skip
+    assert exchanged(found, candidate((), 4.0), BELIEVED, known, 1.0, pytest.fail) == (found, ())
