@@ -217,11 +217,9 @@ def _spacing(
     """The spacing (Hz) about `centre`, of this range in units of `passing`, that carries most of the lines' strength."""
     frequency = np.array([line[0] for line in lines])
     weight = np.sqrt(np.array([line[1] for line in lines]))
+    orders = max(4, top / passing)
     grid = np.arange(reach[0] * passing, reach[1] * passing, 0.05 * resolution)
-    away = frequency[None, :] - centre
-    order = np.round(away / grid[:, None])
-    off = away - order * grid[:, None]
-    near = np.exp(-0.5 * (off / (0.5 * resolution)) ** 2) * (order != 0) * (np.abs(order) <= max(4, top / passing))
+    near = _near(frequency - centre, grid, resolution, orders)
     score = near @ weight
     best = int(np.argmax(score))
     if (near[best] > 0.3).sum() < 2:
@@ -230,8 +228,17 @@ def _spacing(
     second = float(score[apart].max(initial=1e-30))
     hit, others = near[best] > 0.3, np.abs(frequency - centre) > 2 * resolution
     shares = [float((weight**power)[hit].sum() / (weight**power)[others].sum()) for power in (2, 1)]
-    peak = float(score[best])
-    return _Spacing(float(grid[best]), peak, peak / second, int(hit.sum()), shares[0], shares[1])
+    fine = grid[best] + np.arange(-0.5, 0.5, 0.25 / orders) * resolution  # high orders fall between the places of the grid
+    exact = _near(frequency - centre, fine, resolution, orders) @ weight
+    peak = int(np.argmax(exact))
+    return _Spacing(float(fine[peak]), float(exact[peak]), float(score[best]) / second, int(hit.sum()), *shares)
+
+
+def _near(away: np.ndarray, spacings: np.ndarray, resolution: float, orders: float) -> np.ndarray:
+    """How nearly (0 to 1) lines `away` (n,) Hz from a comb's centre are of one with each of the spacings (m,) Hz: (m, n)."""
+    order = np.round(away[None, :] / spacings[:, None])
+    off = away - order * spacings[:, None]
+    return np.exp(-0.5 * (off / (0.5 * resolution)) ** 2) * (order != 0) * (np.abs(order) <= orders)
 
 
 def follow_line(
