@@ -276,37 +276,52 @@ def _with_value(term: ForceTerm, value: float) -> str:
     return f"{sign:.3g} {law}".rstrip()
 
 
+def _is_clear(ranked: Sequence[Ranked]) -> bool:
+    return bool(ranked) and ranked[0].share >= CLEAR
+
+
 def _leading(ranked: Sequence[Ranked], where: str) -> str:
-    single = next((one for one in ranked if len(one.variables) == 1), None)
-    best = ranked[0] if ranked else None
-    if best is None or best.share < CLEAR:
+    if not _is_clear(ranked):
         return "with nothing that was measured"
+    single = next((one for one in ranked if len(one.variables) == 1), None)
+    best = ranked[0]
     if single is not None and single.share > best.share - 0.05:
         best = single
     return f"with {' and '.join(best.variables)} ({best.share:.0%} of its variance on {where})"
 
 
 def _sentence(found: Explanation) -> str:
-    formula, only_named = found.formula, found.named_only
+    described = bool(found.formula) and found.share >= EXPLAINED
+    said = [f"There is a {' and a '.join(found.named_only)}, which no effect file can carry."] if found.named_only else []
+    if depends := _depends(found, described):
+        said.insert(0, depends)
+    if found.formula:
+        said.insert(0, f"The missing force {_law(found, described)}.")
+    elif not found.named_only:
+        said.insert(0, "No force of the library explains what is missing.")
+    return " ".join(said)
+
+
+def _depends(found: Explanation, described: bool) -> str:
+    """What the force goes with, in and out of the cut; a place where it is scattered too much is told only where no formula is
+    found: a fit to the motion sees more.
+    """
     where = "held-out conditions" if found.held_out else "held-out stretches"
-    depends = "; ".join(
+    text = "; ".join(
         f"{place} the missing force goes {_leading(ranked, where)}"
         for place, ranked in (("in the cut", found.in_cut), ("out of the cut", found.out_of_cut))
-        if ranked
+        if ranked and (_is_clear(ranked) or not described)
     )
-    depends = depends[:1].upper() + depends[1:]
-    if not formula and not only_named:
-        return f"No force of the library explains what is missing. {depends}."
-    if only_named:
-        depends += f". There is a {' and a '.join(only_named)}, which no effect file can carry"
-    if not formula:
-        return f"{depends}."
+    return f"{text[:1].upper()}{text[1:]}." if text else ""
+
+
+def _law(found: Explanation, described: bool) -> str:
+    formula = found.formula
     wave = all(one.term.name.split("_")[0] in ("cos", "sin", "edge") for one in formula) and len(formula) > 2
     kind = "is described by a waveform of the tooth angle only" if wave else "is described by"
-    good = "" if found.share >= EXPLAINED else ", which is only part of it"
     where = "on held-out conditions" if found.held_out else "in the regression itself"
-    law = f"{formula_text(formula)} ({min(found.share, 1.0):.0%} of the misfit {where}{good})"
-    return f"The missing force {kind}: {law}. {depends}."
+    good = "" if described else ", which is only part of it"
+    return f"{kind}: {formula_text(formula)} ({min(found.share, 1.0):.0%} of the misfit {where}{good})"
 
 
 def write_effect(explanation: Explanation, folder: str | Path, name: str) -> Path:

@@ -62,6 +62,20 @@ def test_with_one_condition_nothing_is_said_to_be_held_out(tmp_path):
     assert "held out" not in write_effect(single, tmp_path, "single").read_text()
 
 
+def test_a_described_force_is_not_also_said_to_go_with_nothing():
+    found = explain(decays(lambda x, v: -3000.0 * v**3))
+    assert "Out of the cut the missing force goes with velocity" in found.sentence
+    scattered = {name: values if name != "force" else np.random.default_rng(4).normal(size=len(values))
+                 for name, values in found.maps["out_of_cut"].items()}
+    lost = replace(found)
+    lost.__dict__["maps"] = {"in_cut": found.maps["in_cut"], "out_of_cut": scattered}
+    assert "v^3" in lost.sentence and "goes with" not in lost.sentence
+    unknown = replace(found, formula=(), share=0.0)
+    unknown.__dict__["maps"] = lost.maps
+    assert unknown.sentence == ("No force of the library explains what is missing. "
+                                "Out of the cut the missing force goes with nothing that was measured.")
+
+
 CHIP_LAW = 2.0e12  # N/m^3, by the square of the chip
 
 
