@@ -13,6 +13,7 @@ from synthetic_campaign import synthetic_record
 from analysis.fit.model_fit import model_fit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import observe
+from analysis.fit.own_course import own_course
 from analysis.fit.part_search import FINE, VALLEYS, _placed, best_ends, reachable
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
@@ -171,3 +172,20 @@ def test_what_moves_of_the_ends_can_explain_is_told_before_any_place_is_looked_f
         found, _ = best_ends(fitter, index, wrong.state, [wrong.state.nuisances[index]])
         assert found == pytest.approx(0.5 * record.size, rel=0.05) and cost > 2.0 * found
         assert 0.7 < reachable(fitter, wrong, index) / (cost - found) < 1.1
+
+
+def test_a_course_that_is_lost_is_found_again_with_its_ends_within_arcs(observed, monkeypatch):
+    """Without a tachometer, at the right machine: where a tooth stands is as unknown as where the cut begins."""
+    fitter, fit = FITTED(records=[replace(one, first_mark=None, clock_error=None) for one in observed])
+
+    def found(index):
+        own = fit.state.nuisances[index]
+        lost = own.with_fields(angle=own.angle + 1.1, entry=own.entry + 4, exit=own.exit - 3, late_entry=0.0, early_exit=0.0)
+        return own_course(fitter, index, fit.state.with_record(index, lost).of_records([index])).nuisances[0]
+
+    for index, (late, early) in enumerate(PARTS):
+        assert fitter.cost(fit.state.with_record(index, found(index)), [index]) < 1.05 * fitter.cost(fit.state, [index])
+        assert found(index).late_entry == pytest.approx(late, abs=0.01)
+        assert found(index).early_exit == pytest.approx(early, abs=0.01) or early == 0.0
+    monkeypatch.setattr("analysis.fit.own_course.MISFIT", math.inf)
+    assert fitter.cost(fit.state.with_record(1, found(1)), [1]) > 2.0 * fitter.cost(fit.state, [1])

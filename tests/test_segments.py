@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from synthetic_cut import FREQUENCY, RHO, Truth, milling_record
 
+from analysis.records.hum import hum_lag
 from analysis.records.lines import comb_speed, follow_line, spectral_lines
 from analysis.records.noise import noise_floor, samples_of
 from analysis.records.segments import Segment, find_segments, main_channel
@@ -217,6 +218,17 @@ def test_the_speed_of_another_test_written_down_is_not_advised(off) -> None:
     found = comb_speed(values, 12800.0, off * 2 * np.pi / truth.period)  # a comb at 4/5 of the true one has some of its lines
     assert found is not None and found.basis == "tooth-passing lines"
     assert found.spindle_speed == pytest.approx(2 * np.pi / truth.period, rel=2e-4)
+
+
+def test_a_ring_near_a_line_of_the_mains_is_no_hum() -> None:
+    """A dying ring of 355.7 Hz agrees with itself one mains period later; the cut that follows makes it look even."""
+    time, random = np.arange(15000) / 16000, np.random.default_rng(9)
+    after = np.maximum(time - 0.18, 0.0)
+    ring = 4.4 * np.exp(-14.0 * time) * np.cos(2 * np.pi * 355.7 * time) * (time < 0.18)
+    motion = ring + (time >= 0.18) * 3.5 * np.cos(2 * np.pi * 355.7 * after) + 0.2 * random.standard_normal(15000)
+    assert hum_lag(motion, 16000.0, 434.0) == 0
+    humming = 3.0 * np.cos(2 * np.pi * 150.02 * time) + 0.2 * random.standard_normal(15000)
+    assert hum_lag(humming, 16000.0, 434.0) == 320
 
 
 @pytest.mark.parametrize("turning", [39.93, 39.55, 40.2, 41.7])

@@ -122,9 +122,10 @@ def reachable(fitter: Fitter, fit: WaveformFit, index: int) -> float:
 
 
 def _movable(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[str, ...]:
-    """The ends that may be looked for: not a gradual entry's, which is fitted, nor an exit beyond the record's end."""
-    beyond = own.exit > fitter.records[index].last_pass(state.angle, own) + 1
-    return tuple(end for end in ENDS if not (fitter.gradual if end == "entry" else beyond))
+    """The ends that may be looked for: not a gradual entry's, which is fitted, nor one beyond the record."""
+    record = fitter.records[index]
+    out = {"entry": fitter.gradual or record.starts_in_cut, "exit": own.exit > record.last_pass(state.angle, own) + 1}
+    return tuple(end for end in ENDS if not out[end])
 
 
 def _placed(

@@ -92,7 +92,7 @@ def _turned(fitter: Fitter, state: State) -> list[WaveformFit]:
 
 def _moved(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     """The fit with the end of one cut after another elsewhere, all unknowns following, as long as that costs less."""
-    cuts = [place for place, one in enumerate(fitter.records) if not (one.cut is None or one.starts_in_cut or one.forces_only)]
+    cuts = [place for place, one in enumerate(fitter.records) if not (one.cut is None or one.forces_only)]
     for _ in range(MOVES):
         tried = threaded(partial(best_moved, fitter, fit), cuts)
         place, (cost, own) = min(zip(cuts, tried, strict=True), key=lambda pair: pair[1][0])
@@ -120,7 +120,7 @@ def _in_part(fitter: Fitter, fit: WaveformFit) -> tuple[Nuisances, ...]:
 
     def doubted(index: int) -> bool:
         record, now = fitter.records[index], fit.state.nuisances[index]
-        if record.cut is None or record.starts_in_cut or record.forces_only:
+        if record.cut is None or record.forces_only:
             return False
         return usual or left[index] >= MISFIT or _kicked(record, now, fit.residuals[index], fit.state.angle)
 

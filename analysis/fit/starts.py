@@ -14,23 +14,19 @@ from analysis.fit.first_front import with_front_found
 from analysis.fit.first_passes import FirstPasses, first_nuisances
 from analysis.fit.first_state import first_state
 from analysis.fit.fit_state import Free, State, WaveformFit
-from analysis.fit.held_out import own_refit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
+from analysis.fit.own_course import angles_tried, own_course
 from analysis.fit.parts_of_passes import with_parts_of_passes
 from analysis.fit.pass_count import cut_elsewhere, recounted
-from analysis.fit.pass_search import begun_otherwise, entered, place_entries, place_exits, settle_passes, squares_of
+from analysis.fit.pass_search import begun_otherwise, entered, place_entries, place_exits, settle_passes
 from analysis.fit.prediction import Plant, predict
 from analysis.fit.waveform import Fitter
 from analysis.records.free_decay import fit_free_decay, spectral_peak
 from analysis.threads import threaded
 from testbed.machine import Model
 
-ANGLES = 24  # of a tooth pitch that are tried, or more: so many to
-PER_SWING = 4  # each swing of the structure in it, since a kick a swing too early or too late explains nearly as much
-MOST_SWINGS = 40  # up to which they are counted
 FURTHER = 60  # iterations more of a fit that has not converged
-TURNED = 5  # of those angles, from which a record begun afresh is fitted
 COEFFICIENTS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 OPENING = 8192  # samples of an excited record that the first fits see
 GLANCE = 8  # iterations of a fit that only tells which models are worth another
@@ -356,38 +352,10 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2, goal: f
         kept = sorted(int(place) for place in np.argsort(ratio)[: (len(ratio) + 1) // 2])
         found = polish(fitter.of_records(kept), fit.state.of_records(kept), rounds=2, iterations=12).state
         nuisances = [found.nuisances[kept.index(place)] if place in kept
-                     else begun_afresh(fitter.of_records([place]), replace(found, nuisances=(one,)))
+                     else own_course(fitter, place, replace(found, nuisances=(one,))).nuisances[0]
                      for place, one in enumerate(fit.state.nuisances)]
-        state, _ = settle_passes(fitter, replace(found, nuisances=tuple(nuisances)), reach=2)
-        state = own_refit(fitter, state, [place for place in range(len(ratio)) if place not in kept])
-        again = polish(fitter, state, goal=goal)
+        again = polish(fitter, replace(found, nuisances=tuple(nuisances)), goal=goal)
         if not again.cost < 0.999 * fit.cost:
             return fit
         fit = again
     return fit
-
-
-def angles_tried(record: Observed, model: Model) -> int:
-    """How many tooth angles of a pitch are tried, so that every valley between two swings of the structure holds some."""
-    if record.forces_only:
-        return ANGLES
-    swings = model.structure.natural_frequency * record.period / record.flutes
-    return max(ANGLES, math.ceil(PER_SWING * min(swings, MOST_SWINGS)))
-
-
-def begun_afresh(single: Fitter, state: State) -> Nuisances:
-    """One record's passes as its segments show them; without a tachometer its tooth angle, too, is looked for all round.
-
-    By that angle alone, a fit under a wrong frequency goes to where the strongest harmonic agrees, a part of a pass away.
-    """
-    record, own = single.records[0], state.nuisances[0]
-    marked = record.cut is None or record.first_mark is not None
-    count = 1 if marked else angles_tried(record, state.model)
-    turns = [part * 2 * math.pi / record.flutes / count for part in range(count)]
-    tried = [replace(first_nuisances(record, state.angle + own.angle + turn), angle=own.angle + turn, speed=own.speed)
-             for turn in turns]
-    if marked:
-        return tried[0]
-    best = np.argsort(squares_of(single, 0, state, tried))[:TURNED]
-    refitted = [own_refit(single, replace(state, nuisances=(tried[int(place)],)), [0], rounds=4) for place in best]
-    return min(refitted, key=single.cost).nuisances[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 MAINS = (50.0, 60.0)  # Hz
+MOST_PERIODS = 8  # apart, at which a hum still agrees with itself: a motion near to one of its lines does so over one period
 
 
 def without_hum(values: np.ndarray, lag: int) -> np.ndarray:
@@ -32,7 +33,8 @@ def hum_lag(values: np.ndarray, rate: float, turn: float) -> int:
         halves = np.var(flat[: len(flat) // 2]), np.var(flat[len(flat) // 2 :])
         if max(halves) > 1.6 * min(halves):
             return 0  # idling among hum is even; this is a motion that grows or dies
-        if np.var(without_hum(flat, lag)[lag:]) < 0.7 * np.var(flat):
+        periods = range(1, min(MOST_PERIODS, len(flat) // (2 * lag)) + 1)
+        if all(np.var(flat[count * lag :] - flat[: -count * lag]) < 0.7 * np.var(flat) for count in periods):
             return lag
     return 0
 

@@ -12,11 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.first_passes import first_nuisances
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.held_out import errors_in_fit, own_refit
-from analysis.fit.pass_search import settle_passes
-from analysis.fit.starts import begun_afresh, polish
+from analysis.fit.fit_state import WaveformFit
+from analysis.fit.held_out import errors_in_fit
+from analysis.fit.own_course import own_course
+from analysis.fit.starts import polish
 from analysis.fit.waveform import Fitter
 
 LOUD = 4.0  # mean square residual over the median record's, from which a record is doubted
@@ -65,23 +64,3 @@ def misfit(fitter: Fitter, fit: WaveformFit) -> tuple[float, float]:
     left = [one.squares / one.noise_squares for one in errors_in_fit(fitter, fit)]
     likelihood = sum(rest.size * math.log(max(one, 1e-300)) for rest, one in zip(fit.residuals, left, strict=True))
     return likelihood, max(left)
-
-
-def own_course(fitter: Fitter, place: int, state: State) -> State:
-    """The state of one record alone, its course as it was fitted or as its segments show it, whichever explains more.
-
-    Without a tachometer its tooth angle is looked for all round, too.
-    """
-    record, own = fitter.records[place], state.nuisances[0]
-    single = fitter.of_records([place])
-    if record.cut is None:
-        return state
-    fresh = replace(first_nuisances(record, state.angle + own.angle), angle=own.angle)
-    begun = [replace(fresh, speed=speed) for speed in dict.fromkeys((own.speed, fresh.speed))]
-    if record.first_mark is None:
-        begun.append(begun_afresh(single, state))
-    tried = [state]
-    for one in begun:
-        seen, _ = settle_passes(single, replace(state, nuisances=(one,)), reach=2)
-        tried.append(own_refit(single, seen, [0], rounds=4))
-    return min(tried, key=single.cost)

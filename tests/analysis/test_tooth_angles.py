@@ -9,9 +9,8 @@ import pytest
 
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import observe
+from analysis.fit.own_course import ANGLES, angles_tried, own_course
 from analysis.fit.pass_search import settle_passes
-from analysis.fit.starts import ANGLES, angles_tried
-from analysis.search.unheard import own_course
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast
