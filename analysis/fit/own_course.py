@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,7 +40,7 @@ def own_course(fitter: Fitter, place: int, state: State) -> State:
     fresh = replace(first_nuisances(record, state.angle + own.angle), angle=own.angle)
     begun = [replace(fresh, speed=speed) for speed in dict.fromkeys((own.speed, fresh.speed))]
     if record.first_mark is None:
-        begun.append(_begun_afresh(single, state))
+        begun.append(begun_afresh(single, state, LACKING))
     tried = [state, own_refit(single, state, [0], rounds=4)]
     for one in begun:
         seen, _ = settle_passes(single, replace(state, nuisances=(one,)), reach=2)
@@ -66,18 +67,20 @@ def angles_tried(record: Observed, model: Model) -> int:
     return max(ANGLES, math.ceil(PER_SWING * min(swings, MOST_SWINGS)))
 
 
-def _begun_afresh(single: Fitter, state: State) -> Nuisances:
-    """The passes of a record without marks as its segments show them, its tooth angle looked for all round.
+def begun_afresh(single: Fitter, state: State, lacking: Sequence[float] = (0.0,)) -> Nuisances:
+    """One record's passes as its segments show them; without a tachometer its tooth angle, too, is looked for all round.
 
     By that angle alone, a fit under a wrong frequency goes to where the strongest harmonic agrees, a part of a pass away.
+    lacking: shares of the first arc that it may lack then.
     """
     record, own = single.records[0], state.nuisances[0]
-    arc, count = state.share_in_arc(record), angles_tried(record, state.model)
-    lacking = (0.0,) if record.starts_in_cut or single.gradual else LACKING
-    tried = []
+    if record.cut is None or record.first_mark is not None:
+        return replace(first_nuisances(record, state.angle + own.angle), angle=own.angle, speed=own.speed)
+    arc, count, tried = state.share_in_arc(record), angles_tried(record, state.model), []
+    shares = (0.0,) if record.starts_in_cut or single.gradual else lacking
     for turn in (part * 2 * math.pi / record.flutes / count for part in range(count)):
         whole = replace(first_nuisances(record, state.angle + own.angle + turn), angle=own.angle + turn, speed=own.speed)
-        tried += [end_moved_in_arc(whole, "entry", part, arc) for part in lacking]
+        tried += [end_moved_in_arc(whole, "entry", share, arc) for share in shares]
     best = np.argsort(squares_of(single, 0, state, tried))[:TURNED]
     refitted = [own_refit(single, replace(state, nuisances=(tried[int(place)],)), [0], rounds=4) for place in best]
     return min(refitted, key=single.cost).nuisances[0]

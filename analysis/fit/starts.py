@@ -14,9 +14,10 @@ from analysis.fit.first_front import with_front_found
 from analysis.fit.first_passes import FirstPasses, first_nuisances
 from analysis.fit.first_state import first_state
 from analysis.fit.fit_state import Free, State, WaveformFit
+from analysis.fit.held_out import own_refit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
-from analysis.fit.own_course import angles_tried, own_course
+from analysis.fit.own_course import angles_tried, begun_afresh, own_course
 from analysis.fit.parts_of_passes import with_parts_of_passes
 from analysis.fit.pass_count import cut_elsewhere, recounted
 from analysis.fit.pass_search import begun_otherwise, entered, place_entries, place_exits, settle_passes
@@ -32,6 +33,8 @@ OPENING = 8192  # samples of an excited record that the first fits see
 GLANCE = 8  # iterations of a fit that only tells which models are worth another
 SOFT = 0.1  # of a record's own size: what the first rounds forgive, so that no record rules them alone
 SAME = 1e-4  # share of the cost by which two fits of one valley may differ
+SOUND = 1.2  # mean square residual, in noise, up to which a record counts as explained
+FEWEST = 3  # such records, that the course of others may be found again by them
 UNEVEN = 1.5  # mean square residual of the worst record over the median's, from which the worst are doubted
 _STRUCTURE_BOUNDS = {"natural_frequency": (1.0, 1e5), "damping_ratio": (1e-6, 0.9), "mass": (1e-12, 1e12)}
 
@@ -298,7 +301,8 @@ def base_fit(
     fit = from_the_best_half(fitter, fit, goal=goal)
     if fit.cost > goal:
         return fitter, fit
-    return cut_elsewhere(*with_fronts_and_courses(fitter, rested(fitter, fit)))
+    fitter, fit = with_fronts_and_courses(fitter, rested(fitter, fit))
+    return cut_elsewhere(fitter, with_the_lost_found(fitter, fit))
 
 
 def arrived(fit: WaveformFit, known: float) -> bool:
@@ -352,10 +356,30 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2, goal: f
         kept = sorted(int(place) for place in np.argsort(ratio)[: (len(ratio) + 1) // 2])
         found = polish(fitter.of_records(kept), fit.state.of_records(kept), rounds=2, iterations=12).state
         nuisances = [found.nuisances[kept.index(place)] if place in kept
-                     else own_course(fitter, place, replace(found, nuisances=(one,))).nuisances[0]
+                     else begun_afresh(fitter.of_records([place]), replace(found, nuisances=(one,)))
                      for place, one in enumerate(fit.state.nuisances)]
-        again = polish(fitter, replace(found, nuisances=tuple(nuisances)), goal=goal)
+        state, _ = settle_passes(fitter, replace(found, nuisances=tuple(nuisances)), reach=2)
+        state = own_refit(fitter, state, [place for place in range(len(ratio)) if place not in kept])
+        again = polish(fitter, state, goal=goal)
         if not again.cost < 0.999 * fit.cost:
             return fit
         fit = again
     return fit
+
+
+def with_the_lost_found(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
+    """The fit with those records begun afresh that stand out while most agree down to their noise; kept if it costs less.
+
+    Near its stability limit a cut that begins or ends within an arc, fitted with whole passes, loses its course, and bends what
+    all share; at the machine that the others show, its course is found.
+    """
+    left = fit.mean_squares
+    kept = [int(place) for place in np.flatnonzero(left <= SOUND)]
+    if not len(left) / 2.0 <= len(kept) < len(left) or len(kept) < FEWEST:
+        return fit
+    found = polish(fitter.of_records(kept), fit.state.of_records(kept), rounds=2, iterations=12).state
+    nuisances = [found.nuisances[kept.index(place)] if place in kept
+                 else own_course(fitter, place, replace(found, nuisances=(one,))).nuisances[0]
+                 for place, one in enumerate(fit.state.nuisances)]
+    again = polish(fitter, replace(found, nuisances=tuple(nuisances)))
+    return with_courses(fitter, again) if again.cost < 0.999 * fit.cost else fit
