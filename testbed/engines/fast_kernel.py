@@ -227,10 +227,8 @@ def enter_cut(A, P, G, I, Y, W, S):
     """The first tooth enters: the feed starts, and there is a surface that it meets."""
     G[T_ENTRY] = Y[2]
     G[HELD_UNTIL] = min(G[HELD_UNTIL], Y[2])  # whatever the speed was, it is let go by now
-    speed = spindle_speed(A, P, G, Y)
     for row in range(S.shape[0]):
-        phase = row_phase(G, I, row)
-        first_surface(A, P, G, W, Y, speed, phase, S.shape[1] // int(G[SLICES]), Y[2] + phase / speed, S[row])
+        first_surface(A, P, G, W, Y, I[STEADY_SPEED] != 0, row_phase(G, I, row), S.shape[1] // int(G[SLICES]), Y[2], S[row])
 
 
 @inner

@@ -19,8 +19,11 @@ from testbed.engines.loop_kernel import (
     edge_radius,
     leave_surface,
     piece_of_edge,
+    spindle_speed,
 )
 from testbed.engines.oscillator_kernel import oscillator_map
+
+FINE, COARSE = 16, 1  # steps a pitch of a clock that is turned back: for the last pitch, and for those before
 
 
 @inner
@@ -31,25 +34,49 @@ def swing_before(G, x, v, time):
 
 
 @inner
-def first_surface(A, P, G, Y, entry, speed, phase, teeth, time, new):
+def time_before(A, P, G, Y, steady, time, angle, steps):
+    """Time (s) at which the spindle was `angle` (rad) before where it is at `time`. Y is scratch: its clock is turned back.
+
+    steady: the speed is one and the same. Else the clock is followed by the rule of Runge and Kutta, so many steps a pitch.
+    """
+    Y[2] = time
+    if steady:
+        return time - angle / spindle_speed(A, P, G, Y)
+    count = 1 + int(steps * abs(angle) / G[PITCH])
+    part = angle / count
+    for _ in range(count):
+        Y[2] = time
+        first = 1.0 / spindle_speed(A, P, G, Y)
+        Y[2] = time - 0.5 * part * first
+        second = 1.0 / spindle_speed(A, P, G, Y)
+        Y[2] = time - 0.5 * part * second
+        third = 1.0 / spindle_speed(A, P, G, Y)
+        Y[2] = time - part * third
+        time -= part * (first + 2.0 * (second + third) + 1.0 / spindle_speed(A, P, G, Y)) / 6.0
+    return time
+
+
+@inner
+def first_surface(A, P, G, Y, entry, steady, phase, teeth, begun, new):
     """Surface before the first tooth: what rigid teeth would have left on the pitches before, and the swing. Y is scratch.
 
-    entry: the state with which the first tooth enters; speed: of the spindle then, rad/s; time (s): when the teeth come to the
-    phase (rad). Where contact can be lost, one of unequal teeth may fly over what others before it have cut: two turns settle
-    that. Of the swing only the structure's own mode is followed back, as if nothing but its spring and damper held it.
+    entry: the state with which the first tooth enters, at the time `begun` (s); phase (rad): where the teeth will be then.
+    Where contact can be lost, one of unequal teeth may fly over what others before it have cut: two turns settle that. Of the
+    swing only the structure's own mode is followed back, as if nothing but its spring and damper held it.
     """
     for place in range(Y.shape[0]):
         Y[place] = 0.0
     first = 2 * int(G[FLUTES])
-    Y[2] = time - first * G[PITCH] / speed
+    last = time_before(A, P, G, Y, steady, begun, G[PITCH] - phase, FINE)
+    Y[2] = time_before(A, P, G, Y, steady, last, (first - 1) * G[PITCH], COARSE)
     for edge in range(teeth * int(G[SLICES])):
         cover, turned = piece_of_edge(G, phase, edge)
         new[edge] = edge_radius(A, P, G, Y, G[ENTRY] + turned, edge, -first)
     for back in range(first - 1, 0, -1):
-        Y[2] = time - back * G[PITCH] / speed
+        Y[2] = time_before(A, P, G, Y, steady, Y[2], -G[PITCH], COARSE) if back > 1 else last
         leave_surface(A, P, G, Y, phase, -back, teeth, new, new)
     if G[SWUNG_FRONT] != 0.0:
-        swing = swing_before(G, entry[0], entry[1], (G[PITCH] - phase) / speed)
+        swing = swing_before(G, entry[0], entry[1], begun - last)
         for edge in range(teeth * int(G[SLICES])):
             cover, turned = piece_of_edge(G, phase, edge)
             new[edge] += swing * math.sin(G[ENTRY] + turned)

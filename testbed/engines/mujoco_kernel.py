@@ -84,7 +84,6 @@ def enter_cut(N, U, time):
     for segment in range(int(N[M_SEGMENTS])):
         teeth = max(teeth, int(N[M_TEETH + segment]))
     scratch, Y = state_block(N, U, Y_STAGE), state_block(N, U, Y_0)
-    speed = spindle_speed(A, P, G, Y)
     row = 0
     for segment in range(int(N[M_SEGMENTS])):
         if N[M_TEETH + segment] == 0.0:  # the cut is over: no surface is remembered there
@@ -92,7 +91,7 @@ def enter_cut(N, U, time):
         low, high, steps = G[CORNERS + segment], G[CORNERS + segment + 1], int(N[M_STEPS + segment])
         for half in range(2 * steps + 1):
             phase = low + (high - low) * half / (2.0 * steps)
-            first_surface(A, P, G, scratch, Y, speed, phase, teeth, time + phase / speed, surface_row(N, U, row + half))
+            first_surface(A, P, G, scratch, Y, False, phase, teeth, time, surface_row(N, U, row + half))
         row += 2 * steps
 
 

@@ -34,7 +34,6 @@ def test_motion_against_a_direct_integration_with_the_delay_of_the_angle():
     model, cut = flexure(speed_variation=VARIATION), stable_cut(4)
     cutting, w = model.cutting, 2 * math.pi * FREQUENCY
     feed_speed = FEED / cut.tooth_passing_period(1)
-    entry_speed = cut.spindle_speed * (1.0 + VARIATION["amplitude"] * math.sin(VARIATION["phase"]))
     pieces: list = []  # (start, end, solution)
 
     def past(t):
@@ -47,11 +46,8 @@ def test_motion_against_a_direct_integration_with_the_delay_of_the_angle():
         theta = angle(t, cut.spindle_speed)
         force = 0.0
         if on:
-            if theta < 2 * math.pi:  # what rigid teeth left, turning at the speed of the entry
-                before, left = (theta - 2 * math.pi) / entry_speed, 0.0
-            else:
-                before = time_at(theta - 2 * math.pi, cut.spindle_speed)
-                left = past(before)
+            before = time_at(theta - 2 * math.pi, cut.spindle_speed)
+            left = past(before)  # of the pass before the first what rigid teeth left
             chip = feed_speed * (t - before) + y[0] - left
             k = cutting.tangential_coefficient * math.cos(theta) + cutting.normal_coefficient * math.sin(theta)
             force = -cut.axial_depth_of_cut * k * math.sin(theta) * chip
