@@ -38,8 +38,8 @@ VALUES = {
 IDLE, PASSES = 6, 60
 STATE = (5e-6, 0.0)  # m, m/s: it still rings when the first tooth enters
 RATE, STEP, REFINEMENT = 12800.0, 2e-6, 4
-# the two differ by what either rounds: the corner of a chip's power law, the slip of a joint; and the engine follows a swing back
-# by the linear structure alone
+# the two differ by what either rounds: the corner of a chip's power law, the slip of a joint; and the engine follows a swing
+# back by the linear structure alone
 LIMITS = {"chip_force_exponent": 2e-4, "dry_friction": 1e-3}
 LIMIT = 1e-5
 
