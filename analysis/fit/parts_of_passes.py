@@ -27,6 +27,7 @@ KICK = 3.0  # or slow residual about its entry or exit over that of its other pa
 AROUND = 3  # passes after either,
 SLOW = 8  # means of the residual a pass: a kick is slow, and in single samples the noise hides it
 MEDIAN = 0.455  # median over mean of squares that are the noise's
+NEARLY = 1.2  # and of all, up to which only the ends of a few may be wrong,
 GAIN = 20.0  # in minus the log likelihood, for a part of a pass to be tried,
 BOLD = 0.1  # and share of the record's excess that must go at fixed parameters;
 SURELY = 0.5  # share of that which moves of the ends must reach to first order for the places to be looked for;
@@ -47,10 +48,29 @@ LAST = 60  # and of the last ones: the coefficients creep along with how much is
 
 
 def with_parts_of_passes(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
-    """The fit with first and last passes cut in part, where that explains a record far better than whole ones do."""
-    bold = _bold(fitter, fit)
-    found = None if bold is None else as_believed(fitter, bold)
-    return fit if found is None or not found.cost < fit.cost else found
+    """The fit with first and last passes cut in part, where that explains a record far better than whole ones do.
+
+    Parts that made up for what has been added since have led into a valley of their own: whole passes are begun from, too.
+    """
+    begun = [fit, fitter.fit(_with_whole_passes(fit.state), iterations=LAST)] if _misled(fitter, fit) else [fit]
+    bold = [one for each in begun if (one := _bold(fitter, each)) is not None]
+    found = [one for each in bold if (one := as_believed(fitter, each)) is not None]
+    return min((fit, *found), key=lambda one: one.cost)
+
+
+def _misled(fitter: Fitter, fit: WaveformFit) -> bool:
+    """Whether a fit that is nearly right, but not of every record, has parts of passes."""
+    if fit.mean_squares.max() < MISFIT or fit.variance >= NEARLY:
+        return False
+    return any(own.ends_in_arc(fitter.gradual) for own in fit.state.nuisances)
+
+
+def _with_whole_passes(state: State) -> State:
+    """The state with every end of a cut at the whole pass next to it."""
+    whole = [own.with_fields(entry=own.entry + round(own.late_entry), exit=own.exit - round(own.early_exit),
+                             late_entry=0.0, early_exit=0.0) for own in state.nuisances]
+    return replace(state, nuisances=tuple(one if one.entry < one.exit else own
+                                          for one, own in zip(whole, state.nuisances, strict=True)))
 
 
 def as_believed(fitter: Fitter, bold: WaveformFit) -> WaveformFit | None:

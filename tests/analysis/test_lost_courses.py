@@ -1,0 +1,53 @@
+"""Campaigns of the outside simulator in which the courses of a few cuts had led the fit of all astray."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.fit.effect_start import extended
+from analysis.fit.model_fit import model_fit
+from analysis.fit.parts_of_passes import with_parts_of_passes
+from analysis.fit.starts import polish
+from testbed.catalogue import catalogue
+from testbed.cli._fitting import plant_of, read_both
+from tests.validation.outside.files import write
+from tests.validation.outside.plan import draw
+
+pytestmark = pytest.mark.long
+KNOWN = catalogue()
+
+
+def base_fit_of(seed, folder):
+    """(plan, fitter, fit) of the believed model to a campaign of the outside simulator."""
+    plan = draw(seed)
+    write(plan, folder)
+    model, records, _ = read_both(str(folder / "campaign.yaml"), str(folder / "model.yaml"), KNOWN)
+    return plan, *model_fit(plant_of(KNOWN), records, model, KNOWN)
+
+
+def within(fit, true, sigmas):
+    """Whether the machine's parameters are as near to their true values as their standard errors say."""
+    errors = dict(zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True))
+    return all(abs(fit.state.model.value(name) - value) < sigmas * errors[name] for name, value in true.items())
+
+
+def test_cuts_near_their_limit_that_begin_within_an_arc_are_found_again(tmp_path):
+    """No tachometer; one record begins with a ring near a line of the mains, four begin or end within an arc."""
+    plan, _, fit = base_fit_of(41, tmp_path)
+    assert fit.mean_squares.max() < 1.1
+    assert within(fit, {"natural_frequency": plan.base.omega / (2 * np.pi), "damping_ratio": plan.base.zeta,
+                        "tangential_coefficient": plan.base.kt, "normal_coefficient": plan.base.kn}, 4.0)  # fmt: skip
+
+
+def test_parts_of_passes_that_made_up_for_an_effect_are_given_up_with_it(tmp_path):
+    """An arc of engagement 4 % too long had two cuts begin and end elsewhere; with it, they held it at half its size."""
+    plan, fitter, fit = base_fit_of(48, tmp_path)
+    wider = extended(fitter, KNOWN["immersion_error"])
+    state = replace(fit.state, model=fit.state.model.with_effect("immersion_error", error=0.01))
+    astray = polish(wider, state)
+    assert astray.mean_squares.max() > 1.1
+    found = with_parts_of_passes(wider, astray)
+    assert found.mean_squares.max() < 1.06
+    assert within(found, {"immersion_error.error": plan.hidden["immersion_error"]["error"],
+                          "tangential_coefficient": plan.base.kt, "normal_coefficient": plan.base.kn}, 4.0)  # fmt: skip
