@@ -15,6 +15,7 @@ from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import observe
 from analysis.fit.own_course import own_course
 from analysis.fit.part_search import FINE, VALLEYS, _placed, best_ends, reachable
+from analysis.fit.parts_of_passes import with_parts_of_passes
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.cut import Cut, Sampling, whole_cut_sampling
@@ -189,3 +190,23 @@ def test_a_course_that_is_lost_is_found_again_with_its_ends_within_arcs(observed
         assert found(index).early_exit == pytest.approx(early, abs=0.01) or early == 0.0
     monkeypatch.setattr("analysis.fit.own_course.MISFIT", math.inf)
     assert fitter.cost(fit.state.with_record(1, found(1)), [1]) > 2.0 * fitter.cost(fit.state, [1])
+
+
+def test_a_last_tooth_that_lacks_a_little_of_its_full_chip_is_seen_beside_the_whole_pass(monkeypatch):
+    """0.2 % of a pass, a 75th of the arc: between the places of the arc that are tried."""
+    records = []
+    for number, ((rpm, depth), early) in enumerate(zip(TESTS, (0.0, 0.84, 0.0), strict=True)):
+        def simulate(model, course, sampling, early=early):
+            return fast.simulate(model, replace(course, early_exit=early), sampling, steps=610)
+
+        records.append(observe(synthetic_record(simulate, TRUE, rpm, depth * 1e-3, 90 + number,
+                                                course=(10, 40, 20)), BELIEVED))  # fmt: skip
+    fitter, fit = FITTED(records=records)
+    assert fit.state.nuisances[1].early_exit == pytest.approx(0.84, abs=1e-3)
+    own = fit.state.nuisances[1]
+    whole = fitter.fit(fit.state.with_record(1, own.with_fields(early_exit=0.0)))
+    assert whole.cost > fit.cost + 100.0
+    monkeypatch.setattr("analysis.fit.parts_of_passes._bold", lambda fitter, fit: None)
+    again = with_parts_of_passes(fitter, whole)
+    assert again.cost < fit.cost + 1.0
+    assert again.state.nuisances[1].early_exit == pytest.approx(0.84, abs=1e-3)

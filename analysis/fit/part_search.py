@@ -18,6 +18,7 @@ FEW = 2  # where it is only asked what any place could explain,
 FINE = 32  # and in the end: of a tooth that enters at its full chip a fiftieth of a pass is a kick
 VALLEYS = 3  # places that cost less than those beside them from which the best is looked for: an arc may hold several,
 HALVINGS = 6  # halving the step so often
+LITTLE = 0.01  # of the arc, beside a whole pass: from there slopes lead on
 PLAIN = 2.0  # in minus the log likelihood: what a place within the arc must save against a whole pass; more would bend the rest
 ROUNDING = 1e-12  # share of the largest square below which a mixture of changes is none
 ENDS = tuple(MISSING)
@@ -79,6 +80,15 @@ def whole_passes(own: Nuisances, ends: tuple[str, ...]) -> list[Nuisances]:
         beside = [0, 1] if end == "entry" else [0, -1]
         found = [one.with_fields(**{end: getattr(one, end) + by, MISSING[end]: 0.0}) for one in found for by in beside]
     return [one for one in found if one.entry < one.exit]
+
+
+def beside_whole(fitter: Fitter, index: int, state: State) -> list[Nuisances]:
+    """The nuisances of one record with one of its ends a little to either side of the whole passes next to it."""
+    own, arc = state.nuisances[index], state.share_in_arc(fitter.records[index])
+    tried = [end_moved_in_arc(whole, end, by, arc) for end in _movable(fitter, index, state, own)
+             for whole in whole_passes(own, (end,) if getattr(own, MISSING[end]) > 0.0 else ())
+             for by in (-LITTLE, LITTLE)]  # fmt: skip
+    return [one for one in tried if one.entry < one.exit]
 
 
 def best_moved(fitter: Fitter, fit: WaveformFit, index: int) -> tuple[float, Nuisances]:

@@ -7,6 +7,7 @@ records lack bends the parameters that all share, so parts are tried boldly firs
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -17,7 +18,7 @@ import numpy as np
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
-from analysis.fit.part_search import best_ends, best_moved, best_whole, plainer, reachable
+from analysis.fit.part_search import beside_whole, best_ends, best_moved, best_whole, plainer, reachable, settled
 from analysis.fit.pass_search import squares_of
 from analysis.fit.waveform import Fitter
 from analysis.threads import threaded
@@ -55,7 +56,7 @@ def with_parts_of_passes(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     begun = [fit, fitter.fit(_with_whole_passes(fit.state), iterations=LAST)] if _misled(fitter, fit) else [fit]
     bold = [one for each in begun if (one := _bold(fitter, each)) is not None]
     found = [one for each in bold if (one := as_believed(fitter, each)) is not None]
-    return min((fit, *found), key=lambda one: one.cost)
+    return _by_a_little(fitter, min((fit, *found), key=lambda one: one.cost))
 
 
 def _misled(fitter: Fitter, fit: WaveformFit) -> bool:
@@ -63,6 +64,29 @@ def _misled(fitter: Fitter, fit: WaveformFit) -> bool:
     if fit.mean_squares.max() < MISFIT or fit.variance >= NEARLY:
         return False
     return any(own.ends_in_arc(fitter.gradual) for own in fit.state.nuisances)
+
+
+def _by_a_little(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
+    """A fit that is nearly right, with ends of cuts a little beside a whole pass where that explains a record better.
+
+    A tooth that enters at its full chip a five-hundredth of a pass too late is a kick, in a valley between the places tried.
+    """
+    if fit.variance >= NEARLY:
+        return fit
+
+    def one(index: int) -> Nuisances:
+        now, record = fit.state.nuisances[index], fitter.records[index]
+        if record.cut is None or record.forces_only:
+            return now
+        cost, own = min((settled(fitter, index, fit.state, each) for each in beside_whole(fitter, index, fit.state)),
+                        key=lambda pair: pair[0], default=(math.inf, now))  # fmt: skip
+        return own if cost < fitter.cost(fit.state, [index]) - GAIN else now
+
+    nuisances = threaded(one, range(len(fitter.records)))
+    if nuisances == fit.state.nuisances:
+        return fit
+    moved = fitter.fit(replace(fit.state, nuisances=nuisances), iterations=LAST)
+    return moved if moved.cost < fit.cost - GAIN else fit
 
 
 def _with_whole_passes(state: State) -> State:
