@@ -41,14 +41,14 @@ def own_course(fitter: Fitter, place: int, state: State) -> State:
     begun = [replace(fresh, speed=speed) for speed in dict.fromkeys((own.speed, fresh.speed))]
     if record.first_mark is None:
         begun.append(begun_afresh(single, state, LACKING))
-    tried = [state, own_refit(single, state, [0], rounds=4)]
+    tried = [own_refit(single, state, [0], rounds=4)]  # never worse than it was
     for one in begun:
         seen, _ = settle_passes(single, replace(state, nuisances=(one,)), reach=2)
         tried.append(own_refit(single, seen, [0], rounds=4))
     found = min(tried, key=single.cost)
     if record.forces_only or single.cost(found) <= 0.5 * MISFIT * record.size:
         return found
-    ends = min((_with_ends(single, one) for one in tried[1:]), key=single.cost)
+    ends = min((_with_ends(single, one) for one in tried), key=single.cost)
     return ends if single.cost(ends) < single.cost(found) - GAIN else found
 
 

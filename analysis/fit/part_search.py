@@ -86,7 +86,7 @@ def beside_whole(fitter: Fitter, index: int, state: State) -> list[Nuisances]:
     """The nuisances of one record with one of its ends a little to either side of the whole passes next to it."""
     own, arc = state.nuisances[index], state.share_in_arc(fitter.records[index])
     tried = [end_moved_in_arc(whole, end, by, arc) for end in _movable(fitter, index, state, own)
-             for whole in whole_passes(own, (end,) if getattr(own, MISSING[end]) > 0.0 else ())
+             for whole in whole_passes(own, (end,) if end in own.ends_in_arc() else ())
              for by in (-LITTLE, LITTLE)]  # fmt: skip
     return [one for one in tried if one.entry < one.exit]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -354,11 +354,8 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2, goal: f
         if len(ratio) < 4 or ratio.max() < UNEVEN * float(np.median(ratio)):
             return fit
         kept = sorted(int(place) for place in np.argsort(ratio)[: (len(ratio) + 1) // 2])
-        found = polish(fitter.of_records(kept), fit.state.of_records(kept), rounds=2, iterations=12).state
-        nuisances = [found.nuisances[kept.index(place)] if place in kept
-                     else begun_afresh(fitter.of_records([place]), replace(found, nuisances=(one,)))
-                     for place, one in enumerate(fit.state.nuisances)]
-        state, _ = settle_passes(fitter, replace(found, nuisances=tuple(nuisances)), reach=2)
+        begun = _by_those_kept(fitter, fit, kept, lambda place, alone: begun_afresh(fitter.of_records([place]), alone))
+        state, _ = settle_passes(fitter, begun, reach=2)
         state = own_refit(fitter, state, [place for place in range(len(ratio)) if place not in kept])
         again = polish(fitter, state, goal=goal)
         if not again.cost < 0.999 * fit.cost:
@@ -377,9 +374,14 @@ def with_the_lost_found(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     kept = [int(place) for place in np.flatnonzero(left <= SOUND)]
     if not len(left) / 2.0 <= len(kept) < len(left) or len(kept) < FEWEST:
         return fit
-    found = polish(fitter.of_records(kept), fit.state.of_records(kept), rounds=2, iterations=12).state
-    nuisances = [found.nuisances[kept.index(place)] if place in kept
-                 else own_course(fitter, place, replace(found, nuisances=(one,))).nuisances[0]
-                 for place, one in enumerate(fit.state.nuisances)]
-    again = polish(fitter, replace(found, nuisances=tuple(nuisances)))
+    begun = _by_those_kept(fitter, fit, kept, lambda place, alone: own_course(fitter, place, alone).nuisances[0])
+    again = polish(fitter, begun)
     return with_courses(fitter, again) if again.cost < 0.999 * fit.cost else fit
+
+
+def _by_those_kept(fitter: Fitter, fit: WaveformFit, kept: Sequence[int], begin: Callable[[int, State], Nuisances]) -> State:
+    """The state of some records fitted alone, each other begun at their machine: begin(place, its state alone) -> nuisances."""
+    found = polish(fitter.of_records(kept), fit.state.of_records(kept), rounds=2, iterations=12).state
+    nuisances = [found.nuisances[kept.index(place)] if place in kept else begin(place, replace(found, nuisances=(own,)))
+                 for place, own in enumerate(fit.state.nuisances)]
+    return replace(found, nuisances=tuple(nuisances))
