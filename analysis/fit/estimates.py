@@ -10,6 +10,7 @@ import numpy as np
 from analysis.estimate import Estimate
 from analysis.fit.evidence import effective_size
 from analysis.fit.fit_state import Free, WaveformFit
+from analysis.fit.length_cut import moved_by_lengths
 from analysis.fit.waveform import Fitter
 from analysis.information import Z_95
 from testbed.effect import Effect
@@ -50,13 +51,13 @@ def unit_of(path: str, catalogue: Mapping[str, Effect]) -> str:
 def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> dict[str, Estimate]:
     """Every fitted machine parameter with its 95 % interval.
 
-    The interval is that of the linearised fit, widened for residuals that are larger than the noise and correlated, and to
-    hold what other states that explain as much would give, within what is possible. A strength whose direction is unknown
-    is at least what it is along the direction found.
+    The interval is that of the linearised fit, widened for residuals that are larger than the noise and correlated, for what
+    no record shows of the lengths cut, and to hold what other states that explain as much would give, within what is possible.
+    A strength whose direction is unknown is at least what it is along the direction found.
     """
     count = sum(rest.size for rest in fit.residuals)
     wider = math.sqrt(max(1.0, count / effective_size(fit)))
-    spread = Z_95 * wider * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    spread = Z_95 * np.hypot(wider * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0)), moved_by_lengths(fitter, fit))
     found = {}
     adrift = {one.path.partition(".")[0] for one, half in zip(fitter.free, spread, strict=False)
               if "." in one.path and unit_of(one.path, catalogue) == "rad" and half > DIRECTED}

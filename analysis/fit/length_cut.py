@@ -2,18 +2,25 @@
 
 What grows with the length cut (wear) goes on where the last record ended if the tool stayed the same and the campaign lists
 its cuts in their order; with a fresh edge every time, it begins anew. Both are tried, and the data choose.
+
+Where between two teeth a cut begins or ends, no record shows: the work comes to the cutter before a tooth is there, and stays
+after the last has left. Every length is uncertain by that, and all are the same way where all cuts are made the same way.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from analysis.fit.first_passes import first_nuisances
-from analysis.fit.fit_state import WaveformFit
+from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
 from analysis.fit.waveform import Fitter
+from analysis.threads import threaded
 from testbed.effect import Effect, arguments_of
 
 LENGTH = "length_cut"
@@ -51,9 +58,36 @@ def _summed(records: Sequence[Observed], nuisances: Sequence[Nuisances], angle: 
         if record.cut is None:
             found.append(record)
             continue
-        found.append(replace(record, cut=replace(record.cut, length_cut_before=before)))
+        found.append(replace(record, cut=replace(record.cut, length_cut_before=before), length_summed=True))
         passes = min(own.exit, record.last_pass(angle, own) + 1) - max(own.entry, record.first_pass)
         before += max(0, passes) * record.cut.feed_per_tooth
+    return found
+
+
+def moved_by_lengths(fitter: Fitter, fit: WaveformFit) -> np.ndarray:
+    """By how much the shared unknowns move (each in its unit) with all lengths longer by a standard deviation; else zeros."""
+    unseen = _unseen(fitter.records, fit.state)
+    if not any(unseen):
+        return np.zeros(len(fit.names))
+
+    def pulled(index: int) -> np.ndarray:
+        own, part = fit.state.nuisances[index], fit.parts[index]
+        longer = replace(own, length=own.length + unseen[index])
+        rests = fitter.residuals_of(index, [(fit.state.model, fit.state.angle, one) for one in (own, longer)])
+        return part.shared.T @ part.without_own(rests[1] - rests[0])
+
+    gradient = sum(threaded(pulled, range(len(unseen))))
+    return -fitter.covariance(fit.parts) @ (gradient / fitter.steps)
+
+
+def _unseen(records: Sequence[Observed], state: State) -> list[float]:
+    """Standard deviation (m) of every record's length cut before, where it was summed."""
+    found, before = [], 0.0
+    for record, own in zip(records, state.nuisances, strict=True):
+        found.append(before if record.length_summed else 0.0)
+        if record.cut is not None:
+            idle, ends = 1.0 - state.share_in_arc(record), 2 - len(own.ends_in_arc())
+            before += idle * math.sqrt(ends / 12.0) * record.cut.feed_per_tooth
     return found
 
 

@@ -15,7 +15,8 @@ from analysis.fit.length_cut import asks_length, carried_on, with_lengths_found
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant
 from analysis.fit.scale_hops import hopped
-from analysis.fit.starts import arrived, at_a_bound, base_fit, structure_start, with_courses, with_fronts_and_courses
+from analysis.fit.starts import arrived, at_a_bound, base_fit, with_courses, with_fronts_and_courses
+from analysis.fit.structure_start import structure_start
 from analysis.fit.swing_start import swung_fit
 from analysis.fit.taken import asked_again
 from analysis.fit.waveform import Fitter

@@ -72,13 +72,17 @@ def end_moved_in_arc(nuisances: Nuisances, end: str, by: float, arc: float) -> N
 
     arc: share of a pass in which a tooth is in the work.
     """
-    missing, idle = getattr(nuisances, MISSING[end]), 1.0 - arc
-    gone = min(missing / arc, 1.0) if end == "entry" else max(missing - idle, 0.0) / arc
-    moved = end_moved(nuisances.with_fields(**{MISSING[end]: 0.0}), end, gone + by)
+    moved = end_moved(nuisances.with_fields(**{MISSING[end]: 0.0}), end, arc_gone(nuisances, end, arc) + by)
     share = getattr(moved, MISSING[end])
     if end == "exit" and share > 0.0:
-        return replace(moved, early_exit=min(idle + share * arc, math.nextafter(1.0, 0.0)))
+        return replace(moved, early_exit=min(1.0 - arc + share * arc, math.nextafter(1.0, 0.0)))
     return moved.with_fields(**{MISSING[end]: share * arc})
+
+
+def arc_gone(nuisances: Nuisances, end: str, arc: float) -> float:
+    """How much of a tooth's arc the first or the last pass lacks, 0 to 1; `arc` as there."""
+    missing = getattr(nuisances, MISSING[end])
+    return float(min(missing / arc, 1.0) if end == "entry" else max(missing - (1.0 - arc), 0.0) / arc)
 
 
 def other_teeth(nuisances: Nuisances, flutes: int, every: int = 1) -> list[Nuisances]:

@@ -38,13 +38,12 @@ WARM_UP = 60  # revolutions simulated before a record that starts in the cut
 class Observed:
     """One record. data (channels, samples) in SI; noise (channels,) standard deviations; drift (samples, terms) orthonormal.
 
-    period: of one revolution (s); first_mark: time of the first mark, s. durations: measured time of every revolution
-    where the speed is not constant. clock_error: standard deviations of a record's own tooth angle (rad) and relative
-    speed, from the scatter of its marks. segments and conditions as read. force (samples,) drives an excited record.
+    period: of one revolution (s); first_mark: time of the first mark, s. clock_error: standard deviations of a record's own
+    tooth angle (rad) and relative speed, from the scatter of its marks. segments and conditions as read. force (samples,)
+    drives an excited record. length_summed: whether the length cut before is that of the records before, as nobody stated it.
     heard: whether it has a say in the fit. noise_doubt: standard error of the first channel's noise over itself. believed
     (samples,): those that count; all, where None. filled (samples,): those never measured, which never count. measured: the
-    record at the speed that its marks show, where those are left out here. slots: of how many slots of the spindle the marks
-    may be any; they do not tell its teeth apart.
+    record at the speed its marks show, left out here. slots: of how many slots of the spindle, all alike, the marks may be any.
     steady_marks: times (s) of all marks, where they show a constant speed. feed_basis: what the cut's feed a tooth comes from:
     it was written so ("tooth"), is what a table leaves that travels as stated ("travel"), or was taken so ("table", from what
     was written by feed_ratio); a table leaves less where the spindle turns faster than the period says. swung_front: see Cut.
@@ -80,6 +79,7 @@ class Observed:
     feed_ratio: float = 1.0
     filled: np.ndarray | None = None
     swung_front: bool = False
+    length_summed: bool = False
 
     @property
     def forces_only(self) -> bool:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.held_out import own_refit
-from analysis.fit.nuisances import MISSING, Nuisances, end_moved_in_arc
+from analysis.fit.nuisances import MISSING, Nuisances, arc_gone, end_moved_in_arc
 from analysis.fit.pass_search import left_at, squares_of
 from analysis.fit.waveform import Fitter
 
@@ -16,8 +17,12 @@ REACH = 2  # passes beside the entry and the exit that are tried
 PARTS = 8  # into which the arc is divided first,
 FEW = 2  # where it is only asked what any place could explain,
 FINE = 32  # and in the end: of a tooth that enters at its full chip a fiftieth of a pass is a kick
+PER_SWING = {PARTS: 4, FEW: 1, FINE: 4}  # or so many to each swing of the structure in an arc: a kick a swing too early or
+MOST_SWINGS = 16  # too late explains nearly as much; up to which they are counted
+MANY = 24  # parts from which one pass less to either side is tried
 VALLEYS = 3  # places that cost less than those beside them from which the best is looked for: an arc may hold several,
 HALVINGS = 6  # halving the step so often
+NEAR = 0.1  # of the arc: so near a whole pass an end may be at it
 LITTLE = 0.01  # of the arc, beside a whole pass: from there slopes lead on
 PLAIN = 2.0  # in minus the log likelihood: what a place within the arc must save against a whole pass; more would bend the rest
 ROUNDING = 1e-12  # share of the largest square below which a mixture of changes is none
@@ -38,7 +43,7 @@ def best_ends(fitter: Fitter, index: int, state: State, starts: list[Nuisances])
 
     From each start, and with either end first, coarse places are tried; the best of all is then made exact.
     """
-    arc = state.share_in_arc(fitter.records[index])
+    arc, parts = state.share_in_arc(fitter.records[index]), _parts(fitter, index, state, PARTS)
 
     def costs_of(tried: Sequence[Nuisances]) -> np.ndarray:
         return 0.5 * squares_of(fitter, index, state, tried)
@@ -49,11 +54,11 @@ def best_ends(fitter: Fitter, index: int, state: State, starts: list[Nuisances])
         for ends in (movable, movable[::-1]):
             found = float(cost), own
             for end in ends:
-                found = _placed(costs_of, found, arc, end, 0)
+                found = _placed(costs_of, found, arc, end, 0, parts)
             tried.append(found)
     found = min(tried, key=_cost)
     for end in _movable(fitter, index, state, found[1]):
-        found = _placed(costs_of, found, arc, end, VALLEYS)
+        found = _placed(costs_of, found, arc, end, VALLEYS, parts)
     return settled(fitter, index, state, found[1])
 
 
@@ -80,6 +85,15 @@ def whole_passes(own: Nuisances, ends: tuple[str, ...]) -> list[Nuisances]:
         beside = [0, 1] if end == "entry" else [0, -1]
         found = [one.with_fields(**{end: getattr(one, end) + by, MISSING[end]: 0.0}) for one in found for by in beside]
     return [one for one in found if one.entry < one.exit]
+
+
+def nearly_whole(own: Nuisances, ends: tuple[str, ...], arc: float) -> Nuisances:
+    """The nuisances with those of the ends at a whole pass that are within a tenth of an arc of it."""
+    for end in ends:
+        gone, outwards = arc_gone(own, end, arc), 1 if end == "entry" else -1
+        if min(gone, 1.0 - gone) < NEAR:
+            own = own.with_fields(**{end: getattr(own, end) + outwards * round(gone), MISSING[end]: 0.0})
+    return own
 
 
 def beside_whole(fitter: Fitter, index: int, state: State) -> list[Nuisances]:
@@ -109,7 +123,8 @@ def best_moved(fitter: Fitter, fit: WaveformFit, index: int) -> tuple[float, Nui
         squares = np.einsum("ij,ij->i", rests, rests)
         return fit.cost + 0.5 * (squares - now @ now - np.einsum("ij,ij->i", pulls, pulls @ followed))
 
-    places = [_placed(costs_of, (fit.cost, own), arc, end, VALLEYS, FINE) for end in _movable(fitter, index, fit.state, own)]
+    parts = _parts(fitter, index, fit.state, FINE)
+    places = [_placed(costs_of, (fit.cost, own), arc, end, VALLEYS, parts) for end in _movable(fitter, index, fit.state, own)]
     return min([(fit.cost, own), *places], key=_cost)
 
 
@@ -119,7 +134,8 @@ def reachable(fitter: Fitter, fit: WaveformFit, index: int) -> float:
     Of what is left, the part that any mixture of the changes by coarse moves makes up, the record's own unknowns following.
     """
     own, arc = fit.state.nuisances[index], fit.state.share_in_arc(fitter.records[index])
-    places = [place for end in _movable(fitter, index, fit.state, own) for place in _places(own, arc, end, FEW)
+    parts = _parts(fitter, index, fit.state, FEW)
+    places = [place for end in _movable(fitter, index, fit.state, own) for place in _places(own, arc, end, parts)
               if place.entry < place.exit]  # fmt: skip
     if not places:
         return 0.0
@@ -138,8 +154,15 @@ def _movable(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[
     return tuple(end for end in ENDS if not out[end])
 
 
+def _parts(fitter: Fitter, index: int, state: State, least: int) -> int:
+    """Into how many parts an arc is divided: so many at least, or as its swings ask for."""
+    record = fitter.records[index]
+    swings = state.model.structure.natural_frequency * record.period / record.flutes * state.share_in_arc(record)
+    return max(least, math.ceil(PER_SWING[least] * min(swings, MOST_SWINGS)))
+
+
 def _placed(
-    costs_of: CostsOf, found: tuple[float, Nuisances], arc: float, end: str, valleys: int, parts: int = PARTS
+    costs_of: CostsOf, found: tuple[float, Nuisances], arc: float, end: str, valleys: int, parts: int
 ) -> tuple[float, Nuisances]:
     """(cost, nuisances) of the best place of one end: where it was found, a place among so many `parts` of an arc, or the
     bottom of one of so many valleys that those show."""
@@ -173,6 +196,6 @@ def _valleys(costs: np.ndarray) -> list[int]:
 
 def _places(own: Nuisances, arc: float, end: str, parts: int) -> Iterator[Nuisances]:
     """Whole passes beside the one that begins or ends the cut, and each with a part of its arc."""
-    whole = own.with_fields(**{MISSING[end]: 0.0})
-    for part in range(-REACH * parts, (REACH + 1) * parts):
+    whole, reach = own.with_fields(**{MISSING[end]: 0.0}), REACH if parts < MANY else 1
+    for part in range(-reach * parts, (reach + 1) * parts):
         yield end_moved_in_arc(whole, end, part / parts, arc)

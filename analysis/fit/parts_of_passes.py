@@ -18,7 +18,17 @@ import numpy as np
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
-from analysis.fit.part_search import beside_whole, best_ends, best_moved, best_whole, plainer, reachable, settled
+from analysis.fit.part_search import (
+    PLAIN,
+    beside_whole,
+    best_ends,
+    best_moved,
+    best_whole,
+    nearly_whole,
+    plainer,
+    reachable,
+    settled,
+)
 from analysis.fit.pass_search import squares_of
 from analysis.fit.waveform import Fitter
 from analysis.threads import threaded
@@ -56,7 +66,7 @@ def with_parts_of_passes(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     begun = [fit, fitter.fit(_with_whole_passes(fit.state), iterations=LAST)] if _misled(fitter, fit) else [fit]
     bold = [one for each in begun if (one := _bold(fitter, each)) is not None]
     found = [one for each in bold if (one := as_believed(fitter, each)) is not None]
-    return _by_a_little(fitter, min((fit, *found), key=lambda one: one.cost))
+    return _by_a_little(fitter, _plain_together(fitter, min((fit, *found), key=lambda one: one.cost)))
 
 
 def _misled(fitter: Fitter, fit: WaveformFit) -> bool:
@@ -64,6 +74,21 @@ def _misled(fitter: Fitter, fit: WaveformFit) -> bool:
     if fit.mean_squares.max() < MISFIT or fit.variance >= NEARLY:
         return False
     return any(own.ends_in_arc(fitter.gradual) for own in fit.state.nuisances)
+
+
+def _plain_together(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
+    """The fit with all ends that are nearly at a whole pass put there at once, if that explains the records as well.
+
+    A tooth angle a hundredth of a pass off makes every sudden entry begin a little within the arc, and each of them holds the
+    angle there: one alone does not become whole.
+    """
+    state, gradual = fit.state, fitter.gradual
+    nuisances = tuple(nearly_whole(own, own.ends_in_arc(gradual), state.share_in_arc(record))
+                      for own, record in zip(state.nuisances, fitter.records, strict=True))
+    if nuisances == state.nuisances:
+        return fit
+    plain = fitter.fit(replace(state, nuisances=nuisances), iterations=LAST, goal=fit.cost + PLAIN)
+    return plain if plain.cost < fit.cost + PLAIN else fit
 
 
 def _by_a_little(fitter: Fitter, fit: WaveformFit) -> WaveformFit:

@@ -1,4 +1,4 @@
-"""Where a waveform fit starts: frequency and damping from free decays, cutting coefficients and tooth angle by a scan."""
+"""Where a waveform fit starts: the structure as free decays show it, cutting coefficients and tooth angle by a scan."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import csd
 
 from analysis.fit.entry_passes import entries_together
 from analysis.fit.first_front import with_front_found
@@ -22,8 +21,8 @@ from analysis.fit.parts_of_passes import with_parts_of_passes
 from analysis.fit.pass_count import cut_elsewhere, recounted
 from analysis.fit.pass_search import begun_otherwise, entered, place_entries, place_exits, settle_passes
 from analysis.fit.prediction import Plant, predict
+from analysis.fit.structure_start import decay_start, structure_start
 from analysis.fit.waveform import Fitter
-from analysis.records.free_decay import fit_free_decay, spectral_peak
 from analysis.threads import threaded
 from testbed.machine import Model
 
@@ -68,82 +67,6 @@ def free_parameters(records: Sequence[Observed], model: Model) -> list[Free]:
 def at_a_bound(free: Sequence[Free], model: Model) -> bool:
     """Whether a parameter of the machine itself ended where no machine is: a fit made up for something by it."""
     return any("." not in one.path and model.value(one.path) in one.bounds for one in free)
-
-
-def decay_start(records: Sequence[Observed], model: Model) -> Model:
-    """The model with frequency and damping of the records' free decays, weighted by how well each knows its decay."""
-    found = []
-    for record in records:
-        for segment in record.segments:
-            if segment.kind != "ring-down" or record.channels[0].startswith("force"):
-                continue
-            first = max(0, round((segment.start - record.start) * record.rate))
-            last = min(record.samples, round((segment.stop - record.start) * record.rate))
-            first += (last - first) // 3  # the later, smaller part is the more linear one
-            values = record.data[0, first:last]
-            if len(values) < 64 or np.std(values) < 2.0 * record.noise[0]:
-                continue
-            fit = fit_free_decay(values, first, spectral_peak(values - values.mean()), 1.0 / len(values))
-            if fit is None or fit.decay <= 0 or not fit.decay_error < fit.decay:
-                continue
-            damped, decay = 2 * math.pi * fit.frequency * record.rate, fit.decay * record.rate
-            natural = math.hypot(damped, decay)
-            found.append((natural / (2 * math.pi), decay / natural, (fit.decay / max(fit.decay_error, 1e-12)) ** 2))
-    if not found:
-        return model
-    frequency, damping, weight = np.array(found).T
-    near = np.abs(frequency / np.median(frequency) - 1) < 0.05
-    if not near.any():  # of two modes that ring, half of the decays each: the one that is believed in
-        believed = frequency[np.argmin(np.abs(frequency / model.structure.natural_frequency - 1))]
-        near = np.abs(frequency / believed - 1) < 0.05
-    weight = np.minimum(weight, 20 * np.median(weight)) * near
-    return model.with_values(
-        {
-            "natural_frequency": float(np.sum(frequency * weight) / weight.sum()),
-            "damping_ratio": float(np.sum(damping * weight) / weight.sum()),
-        }
-    )
-
-
-def excited_start(records: Sequence[Observed], model: Model) -> Model:
-    """The model with mass, frequency and damping of the receptance between a measured force and the response.
-
-    1 / H = k - m w^2 + i c w, fitted by least squares with the weights of Sanathanan and Koerner (1963, IEEE Trans.
-    Autom. Control 8, 56) around the highest peak, from Welch's averaged spectra.
-    """
-    driven = [record for record in records if record.force is not None and record.kind == "excited"]
-    if not driven:
-        return model
-    record = max(driven, key=lambda one: float(np.std(one.data[0])) * one.samples)
-    force = np.asarray(record.force, dtype=float)
-    length = min(record.samples, max(256, int(record.samples // 8)))
-    frequency, cross = csd(force, record.data[0], record.rate, nperseg=length)
-    _, power = csd(force, force, record.rate, nperseg=length)
-    omega = 2 * math.pi * frequency[2:]
-    response = cross[2:] / np.maximum(power[2:].real, 1e-300)
-    loud = power[2:].real > 1e-4 * power[2:].real.max()
-    order = {"displacement": 0, "velocity": 1, "acceleration": 2}[record.channels[0].split("_")[0]]
-    receptance = response / (1j * omega) ** order
-    strength = np.where(loud, np.abs(response), 0.0)
-    peak = int(np.argmax(strength))
-    near = loud & (omega > 0.3 * omega[peak]) & (omega < 1.7 * omega[peak])
-    w, h = omega[near], receptance[near]
-    if len(w) < 8:
-        return model
-    weight, mass, damping, stiffness = np.ones(len(w)), 0.0, 0.0, 0.0
-    for _ in range(8):
-        columns = np.stack([-(w**2) * h, 1j * w * h, h], axis=1) * weight[:, None]
-        scale = np.linalg.norm(columns, axis=0)
-        rows = np.vstack([(columns / scale).real, (columns / scale).imag])
-        right = np.concatenate([weight, np.zeros(len(w))])
-        mass, damping, stiffness = np.linalg.lstsq(rows, right, rcond=None)[0] / scale
-        weight = 1.0 / np.maximum(np.abs(stiffness - mass * w**2 + 1j * damping * w), 1e-300)
-        weight /= weight.max()
-    if not (mass > 0 and stiffness > 0 and damping > 0):
-        return model
-    natural = math.sqrt(stiffness / mass)
-    zeta = min(damping / (2 * mass * natural), 0.5)
-    return model.with_values({"mass": mass, "natural_frequency": natural / (2 * math.pi), "damping_ratio": zeta})
 
 
 def softened(record: Observed) -> Observed:
@@ -269,11 +192,6 @@ def opening_fit(plant: Plant, records: Sequence[Observed], model: Model, free: S
     return polish(opening, place_entries(opening, best.state), rounds=2, iterations=12)
 
 
-def structure_start(records: Sequence[Observed], model: Model) -> Model:
-    """The model with the structure as free decays and driven records show it, before any fit."""
-    return excited_start(records, decay_start(records, model))
-
-
 def base_fit(
     plant: Plant,
     records: Sequence[Observed],
@@ -353,8 +271,9 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2, goal: f
         ratio = fit.mean_squares
         if len(ratio) < 4 or ratio.max() < UNEVEN * float(np.median(ratio)):
             return fit
-        kept = sorted(int(place) for place in np.argsort(ratio)[: (len(ratio) + 1) // 2])
-        begun = _by_those_kept(fitter, fit, kept, lambda place, alone: begun_afresh(fitter.of_records([place]), alone))
+        kept = _better_half(ratio)
+        alone = _fitted_alone(fitter, fit, kept).state
+        begun = _begun_there(fit, kept, alone, lambda place, state: begun_afresh(fitter.of_records([place]), state))
         state, _ = settle_passes(fitter, begun, reach=2)
         state = own_refit(fitter, state, [place for place in range(len(ratio)) if place not in kept])
         again = polish(fitter, state, goal=goal)
@@ -365,23 +284,39 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2, goal: f
 
 
 def with_the_lost_found(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
-    """The fit with those records begun afresh that stand out while most agree down to their noise; kept if it costs less.
+    """The fit with those records begun afresh that stand out while others agree down to their noise; kept if it costs less.
 
     Near its stability limit a cut that begins or ends within an arc, fitted with whole passes, loses its course, and bends what
-    all share; at the machine that the others show, its course is found.
+    all share; at the machine that the others show, its course is found. Those others are the half or more that agree in the
+    fit, or the better half, if they agree once they are fitted alone.
     """
     left = fit.mean_squares
     kept = [int(place) for place in np.flatnonzero(left <= SOUND)]
-    if not len(left) / 2.0 <= len(kept) < len(left) or len(kept) < FEWEST:
+    if len(kept) == len(left):
         return fit
-    begun = _by_those_kept(fitter, fit, kept, lambda place, alone: own_course(fitter, place, alone).nuisances[0])
+    if len(kept) < len(left) / 2.0:
+        kept = _better_half(left)
+    if len(kept) < FEWEST or not (alone := _fitted_alone(fitter, fit, kept, SOUND)).mean_squares.max() <= SOUND:
+        return fit
+    begun = _begun_there(fit, kept, alone.state, lambda place, state: own_course(fitter, place, state).nuisances[0])
     again = polish(fitter, begun)
     return with_courses(fitter, again) if again.cost < 0.999 * fit.cost else fit
 
 
-def _by_those_kept(fitter: Fitter, fit: WaveformFit, kept: Sequence[int], begin: Callable[[int, State], Nuisances]) -> State:
+def _better_half(left: np.ndarray) -> list[int]:
+    """Places of the better half of the records, in their order, by the mean squares that are left of all."""
+    return sorted(int(place) for place in np.argsort(left)[: (len(left) + 1) // 2])
+
+
+def _fitted_alone(fitter: Fitter, fit: WaveformFit, kept: Sequence[int], worth: float = math.inf) -> WaveformFit:
+    """The fit of some records alone, from where the joint one ended; given up where their mean square stays above `worth`."""
+    alone = fitter.of_records(kept)
+    goal = 0.5 * worth * sum(record.size for record in alone.records)
+    return polish(alone, fit.state.of_records(kept), rounds=2, iterations=12, goal=goal)
+
+
+def _begun_there(fit: WaveformFit, kept: Sequence[int], found: State, begin: Callable[[int, State], Nuisances]) -> State:
     """The state of some records fitted alone, each other begun at their machine: begin(place, its state alone) -> nuisances."""
-    found = polish(fitter.of_records(kept), fit.state.of_records(kept), rounds=2, iterations=12).state
     nuisances = [found.nuisances[kept.index(place)] if place in kept else begin(place, replace(found, nuisances=(own,)))
                  for place, own in enumerate(fit.state.nuisances)]
     return replace(found, nuisances=tuple(nuisances))

@@ -11,6 +11,7 @@ import numpy as np
 
 _SAMPLES = 6000  # at most this many samples enter one fit
 _TURNS = (3, 4, 6, 8, 12, 16, 24, 32, 48, 64)  # revolutions that a decay is looked for in
+_FIRST = (1.5, 2)  # and those at a beginning: a cut with a single tooth shows one in each of them
 _DIED = 0.5  # logarithm by which a decay at a record's beginning must have fallen: slower, it may be no decay
 _OFFSET_LINES = 6  # first lines of a fourfold padded spectrum, in which what is left of offset and drift lies
 
@@ -124,7 +125,7 @@ def free_decay_start(values: np.ndarray, turn: float, noise: float) -> int | Non
 def free_decay_end(values: np.ndarray, turn: float, noise: float) -> int | None:
     """The sample up to which a free decay from the record's beginning explains everything; None where it begins with none."""
     best, last = None, 0
-    for turns in _TURNS:
+    for turns in (*_FIRST, *_TURNS):
         stop = int(turns * turn)
         if stop >= len(values):
             break

@@ -13,7 +13,8 @@ from functools import cached_property
 from analysis.fit.effect_start import all_free, applicable
 from analysis.fit.fit_state import Free
 from analysis.fit.held_out import pooled
-from analysis.fit.starts import glance, opening_fit, structure_start
+from analysis.fit.starts import glance, opening_fit
+from analysis.fit.structure_start import structure_start
 from analysis.search.begun_anew import explaining, from_believed, with_examples
 from analysis.search.diagnosis import COMPLETE, Candidate
 from analysis.search.first_looks import shifts_in_time

@@ -16,7 +16,8 @@ from analysis.fit.held_out import errors_in_fit, pooled
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import DERIVATIVES, Observed
 from analysis.fit.prediction import Plant
-from analysis.fit.starts import glance, structure_start
+from analysis.fit.starts import glance
+from analysis.fit.structure_start import structure_start
 from analysis.fit.waveform import Fitter
 from analysis.search.diagnosis import ADEQUATE, Candidate
 from testbed.effect import Effect

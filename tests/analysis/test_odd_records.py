@@ -15,7 +15,8 @@ from analysis.fit.fit_state import Free, State
 from analysis.fit.held_out import RecordError, pooled, pooled_doubt
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed, drift_basis, observe
-from analysis.fit.starts import base_fit, decay_start
+from analysis.fit.starts import base_fit
+from analysis.fit.structure_start import decay_start
 from analysis.fit.waveform import Fitter
 from analysis.multipliers.recorded_cut import at_measured_speed
 from analysis.search.diagnose import diagnose
