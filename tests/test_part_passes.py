@@ -14,7 +14,7 @@ from analysis.fit.model_fit import model_fit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import observe
 from analysis.fit.own_course import own_course
-from analysis.fit.part_search import FINE, VALLEYS, _placed, best_ends, reachable
+from analysis.fit.part_search import FINE, PARTS, VALLEYS, _parts, _placed, best_ends, nearly_whole, reachable
 from analysis.fit.parts_of_passes import with_parts_of_passes
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
@@ -22,7 +22,7 @@ from testbed.cut import Cut, Sampling, whole_cut_sampling
 from testbed.engines import fast, mujoco_engine
 
 TESTS = ((3810, 2.0), (2850, 2.5), (4300, 1.5))
-PARTS = ((0.07, 0.0), (0.0, 0.93), (0.0, 0.88))  # shares of a pass that are not cut; a tooth cuts 0.162 of one
+MISSING = ((0.07, 0.0), (0.0, 0.93), (0.0, 0.88))  # shares of a pass that are not cut; a tooth cuts 0.162 of one
 
 
 @pytest.mark.parametrize("general", [False, True])
@@ -62,7 +62,7 @@ def test_shares_of_a_pass_are_checked_and_mujoco_says_that_it_has_none():
 @pytest.fixture(scope="module")
 def observed():
     records = []
-    for number, ((rpm, depth), (late, early)) in enumerate(zip(TESTS, PARTS, strict=True)):
+    for number, ((rpm, depth), (late, early)) in enumerate(zip(TESTS, MISSING, strict=True)):
         def simulate(model, course, sampling, late=late, early=early):
             return fast.simulate(model, replace(course, late_entry=late, early_exit=early), sampling, steps=61)
 
@@ -77,7 +77,7 @@ FITTED = partial(model_fit, plant_of(catalogue()), model=BELIEVED, catalogue=cat
 def test_a_campaign_of_such_cuts_is_fitted_down_to_its_noise(observed, monkeypatch):
     _, fit = FITTED(records=observed)
     assert fit.mean_squares.max() < 1.03
-    for own, (late, early) in zip(fit.state.nuisances, PARTS, strict=True):
+    for own, (late, early) in zip(fit.state.nuisances, MISSING, strict=True):
         assert own.late_entry == pytest.approx(late, abs=0.01)
         assert own.early_exit == pytest.approx(early, abs=0.01) or early == 0.0
     found, true = fit.state.model, TRUE
@@ -144,9 +144,9 @@ def test_the_deepest_of_several_valleys_is_found_between_the_places_that_are_tri
         return 10.0 - 4.0 * np.exp(-(((places - 20.0) / 0.2) ** 2)) - 9.0 * np.exp(-(((places - 21.19) / 0.03) ** 2))
 
     own = Nuisances(entry=3, exit=20)
-    cost, coarse = _placed(costs_of, (float(costs_of([own])[0]), own), 1.0, "exit", 0)
+    cost, coarse = _placed(costs_of, (float(costs_of([own])[0]), own), 1.0, "exit", 0, PARTS)
     assert (coarse.exit, coarse.early_exit) == (20, 0.0) and cost == pytest.approx(6.0, abs=1e-3)
-    cost, found = _placed(costs_of, (cost, coarse), 1.0, "exit", VALLEYS)
+    cost, found = _placed(costs_of, (cost, coarse), 1.0, "exit", VALLEYS, PARTS)
     assert found.exit - found.early_exit == pytest.approx(21.19, abs=0.005) and cost < 1.5
 
 
@@ -157,7 +157,7 @@ def test_a_valley_narrower_than_the_coarse_parts_is_found_among_the_fine_ones():
 
     own = Nuisances(entry=3, exit=20)
     begun = float(costs_of([own])[0]), own
-    assert _placed(costs_of, begun, 1.0, "exit", VALLEYS)[0] > 5.0
+    assert _placed(costs_of, begun, 1.0, "exit", VALLEYS, PARTS)[0] > 5.0
     cost, found = _placed(costs_of, begun, 1.0, "exit", VALLEYS, FINE)
     assert found.exit - found.early_exit == pytest.approx(21.19, abs=0.002) and cost < 1.5
 
@@ -184,7 +184,7 @@ def test_a_course_that_is_lost_is_found_again_with_its_ends_within_arcs(observed
         lost = own.with_fields(angle=own.angle + 1.1, entry=own.entry + 4, exit=own.exit - 3, late_entry=0.0, early_exit=0.0)
         return own_course(fitter, index, fit.state.with_record(index, lost).of_records([index])).nuisances[0]
 
-    for index, (late, early) in enumerate(PARTS):
+    for index, (late, early) in enumerate(MISSING):
         assert fitter.cost(fit.state.with_record(index, found(index)), [index]) < 1.05 * fitter.cost(fit.state, [index])
         assert found(index).late_entry == pytest.approx(late, abs=0.01)
         assert found(index).early_exit == pytest.approx(early, abs=0.01) or early == 0.0
@@ -210,3 +210,21 @@ def test_a_last_tooth_that_lacks_a_little_of_its_full_chip_is_seen_beside_the_wh
     again = with_parts_of_passes(fitter, whole)
     assert again.cost < fit.cost + 1.0
     assert again.state.nuisances[1].early_exit == pytest.approx(0.84, abs=1e-3)
+
+
+def test_an_arc_that_holds_many_swings_is_divided_finer(observed):
+    fitter, fit = FITTED(records=observed)
+    assert _parts(fitter, 0, fit.state, PARTS) == PARTS  # half a swing
+    slow = fitter.on([replace(record, period=0.2) for record in observed])
+    swings = fit.state.model.structure.natural_frequency * 0.2 * fit.state.share_in_arc(observed[0])
+    assert swings > 4 and _parts(slow, 0, fit.state, PARTS) >= 4 * swings
+
+
+def test_ends_nearly_at_a_whole_pass_are_put_there_and_no_others():
+    ends, arc = ("entry", "exit"), 0.5
+    near = Nuisances(entry=3, late_entry=0.02, exit=20, early_exit=0.98)
+    assert nearly_whole(near, ends, arc) == Nuisances(entry=3, exit=19)
+    assert nearly_whole(replace(near, late_entry=0.47, early_exit=0.52), ends, arc) == Nuisances(entry=4, exit=20)
+    far = replace(near, late_entry=0.1, early_exit=0.6)
+    assert nearly_whole(far, ends, arc) == far
+    assert nearly_whole(near, ("exit",), arc) == replace(near, exit=19, early_exit=0.0)

@@ -118,6 +118,17 @@ def test_a_record_that_is_all_an_old_motion_dying_away_has_no_cut() -> None:
     assert _kinds(find_segments(recording)) == ["idle"]
 
 
+@pytest.mark.parametrize("idle", [2, 3])
+def test_a_cut_begins_where_an_old_motion_as_loud_is_no_decay_any_more(idle: int) -> None:
+    recording, truth = milling_record(idle=idle, rpm=1100.0, cut=30)
+    moved = recording.channels["displacement"]
+    time = np.arange(len(moved)) / recording.sampling_rate
+    ring = 1.2 * np.ptp(moved) * np.exp(-14.0 * time) * np.sin(2 * np.pi * FREQUENCY * time + 0.4)
+    loud = replace(recording, channels={"displacement": moved + ring})
+    segments = find_segments(loud)
+    assert segments[0].kind == "idle" and abs(segments[0].stop - truth.entry) < 0.1 * truth.period
+
+
 def test_a_tap_is_quiet_then_rings() -> None:
     random = np.random.default_rng(2)
     time = np.arange(25600) / 12800

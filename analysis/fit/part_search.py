@@ -13,13 +13,12 @@ from analysis.fit.nuisances import MISSING, Nuisances, arc_gone, end_moved_in_ar
 from analysis.fit.pass_search import left_at, squares_of
 from analysis.fit.waveform import Fitter
 
-REACH = 2  # passes beside the entry and the exit that are tried
+REACH = 2  # passes beside the entry and the exit that are tried, or one where the parts are more than FINE
 PARTS = 8  # into which the arc is divided first,
 FEW = 2  # where it is only asked what any place could explain,
 FINE = 32  # and in the end: of a tooth that enters at its full chip a fiftieth of a pass is a kick
 PER_SWING = {PARTS: 4, FEW: 1, FINE: 4}  # or so many to each swing of the structure in an arc: a kick a swing too early or
 MOST_SWINGS = 16  # too late explains nearly as much; up to which they are counted
-MANY = 24  # parts from which one pass less to either side is tried
 VALLEYS = 3  # places that cost less than those beside them from which the best is looked for: an arc may hold several,
 HALVINGS = 6  # halving the step so often
 NEAR = 0.1  # of the arc: so near a whole pass an end may be at it
@@ -196,6 +195,6 @@ def _valleys(costs: np.ndarray) -> list[int]:
 
 def _places(own: Nuisances, arc: float, end: str, parts: int) -> Iterator[Nuisances]:
     """Whole passes beside the one that begins or ends the cut, and each with a part of its arc."""
-    whole, reach = own.with_fields(**{MISSING[end]: 0.0}), REACH if parts < MANY else 1
+    whole, reach = own.with_fields(**{MISSING[end]: 0.0}), REACH if parts <= FINE else 1
     for part in range(-reach * parts, (reach + 1) * parts):
         yield end_moved_in_arc(whole, end, part / parts, arc)

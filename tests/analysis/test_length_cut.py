@@ -4,10 +4,13 @@ from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from analysis.fit.length_cut import asks_length, carried_on, length_note
+from analysis.fit.estimates import estimates
+from analysis.fit.length_cut import asks_length, carried_on, length_note, moved_by_lengths
 from analysis.fit.observed import observe
+from analysis.information import Z_95
 from analysis.search.begun_anew import from_believed
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
@@ -45,6 +48,28 @@ def test_the_rate_of_wear_is_found_whether_or_not_the_tool_was_changed(one_tool)
     assert bool(length_note(records, found.fitter.records)) is one_tool
     lengths = [record.cut.length_cut_before for record in found.fitter.records]
     assert lengths == pytest.approx([number * PASSES * FEED if one_tool else 0.0 for number in range(len(CUTS))], abs=1e-9)
+
+
+def test_what_no_record_shows_of_the_lengths_widens_the_interval_by_what_it_moves():
+    """Against a fit with every length longer by that: where between two teeth a cut ends, in the time of no tooth."""
+    found = from_believed(PLANT, campaign(True), BELIEVED, ["tool_wear"], KNOWN)
+    fitter, fit = found.fitter, found.fit
+    place = fit.names.index("tool_wear.rate")
+    unseen = (1.0 - fit.state.share_in_arc(fitter.records[0])) * (2.0 / 12.0) ** 0.5 * FEED
+    longer = fitter.on([replace(record, cut=replace(record.cut, length_cut_before=record.cut.length_cut_before + k * unseen))
+                        for k, record in enumerate(fitter.records)])
+    moved = longer.fit(fit.state).state.model.value("tool_wear.rate") - fit.state.model.value("tool_wear.rate")
+    assert moved_by_lengths(fitter, fit)[place] == pytest.approx(moved, rel=0.05) and moved < -1e-3 * RATE
+    rate = estimates(fitter, fit, KNOWN)["tool_wear.rate"]
+    half = 0.5 * (rate.high - rate.low)
+    told = fitter.on([replace(record, length_summed=False) for record in fitter.records])
+    assert half == pytest.approx(np.hypot(0.5 * np.subtract(*interval(told, fit)), Z_95 * moved), rel=0.02)
+
+
+def interval(fitter, fit):
+    """The ends of the rate's interval, the upper first."""
+    rate = estimates(fitter, fit, KNOWN)["tool_wear.rate"]
+    return rate.high, rate.low
 
 
 def begun_later(record, turns):

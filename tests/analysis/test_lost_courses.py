@@ -51,3 +51,25 @@ def test_parts_of_passes_that_made_up_for_an_effect_are_given_up_with_it(tmp_pat
     assert found.mean_squares.max() < 1.06
     assert within(found, {"immersion_error.error": plan.hidden["immersion_error"]["error"],
                           "tangential_coefficient": plan.base.kt, "normal_coefficient": plan.base.kn}, 4.0)  # fmt: skip
+
+
+def test_sudden_entries_a_little_late_do_not_hold_the_tooth_angle(tmp_path):
+    """Four entries at their full chip, each 2 % of a pass late by an angle that they hold: adequate, and 12 % off."""
+    plan, _, fit = base_fit_of(62, tmp_path)
+    assert fit.mean_squares.max() < 1.05
+    assert within(fit, {"natural_frequency": plan.base.omega / (2 * np.pi), "damping_ratio": plan.base.zeta,
+                        "tangential_coefficient": plan.base.kt, "normal_coefficient": plan.base.kn}, 4.0)  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", [57, 68], ids=["slow cuts that end within an arc", "half of the records three passes off"])
+def test_with_the_right_effects_the_records_come_to_their_noise(seed, tmp_path):
+    """A loud ring before the cut, and arcs that hold four swings; or ends further off than passes are looked for."""
+    plan = draw(seed)
+    write(plan, tmp_path)
+    model, records, _ = read_both(str(tmp_path / "campaign.yaml"), str(tmp_path / "model.yaml"), KNOWN)
+    for name, values in plan.hidden.items():
+        model = model.with_effect(name, **values)
+    _, fit = model_fit(plant_of(KNOWN), records, model, KNOWN)
+    assert fit.mean_squares.max() < 1.2
+    hidden = {f"{name}.{key}": value for name, values in plan.hidden.items() for key, value in values.items()}
+    assert within(fit, {"tangential_coefficient": plan.base.kt, "normal_coefficient": plan.base.kn, **hidden}, 4.0)
