@@ -40,7 +40,8 @@ def passing_gates(tried: Sequence[Candidate], current: Candidate, base: Candidat
 def worth_naming(candidate: Candidate, current: Candidate, base: Candidate, noise: float) -> bool:
     """Whether an effect is worth naming: by BIC, by what it takes of the present excess, and by its share of the whole one.
 
-    The last, so that where something unknown remains, no effect is named for nibbling at it; what completes the model passes.
+    The last, so that where something unknown remains, no effect is named for nibbling at it; what completes the model passes,
+    and what takes most of a rest that is itself less than such a share.
     Of the faint rest of a strong effect it must take away most, and where that is little above the noise all: no law is the
     machine's own to the last per cent. Of the little that two effects leave, a third must take half, or it would make a good
     answer doubtful.
@@ -48,7 +49,7 @@ def worth_naming(candidate: Candidate, current: Candidate, base: Candidate, nois
     before, after = excess(current.error_held_out, noise), excess(candidate.error_beside(noise), noise)
     gained = before - after
     whole = excess(min(base.error_held_out, base.error_fit), noise)  # extrapolated, a wrong law may look worse than it is
-    material = gained > MATERIAL * whole or candidate.error_beside(noise) <= FINAL * noise
+    material = gained > min(MATERIAL * whole, TAKEN * before) or candidate.error_beside(noise) <= FINAL * noise
     share = GAIN
     if current.effects and before < FAINT * whole:
         share = TAKEN
