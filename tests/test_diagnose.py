@@ -95,6 +95,8 @@ def test_three_effects_are_missing_only_where_they_leave_nothing(names, left, ve
     (9.0, 1.04, 1.005, True),  # but takes away what is left where it is the one that is missing
     (78.0, 1.113, 1.036, False),  # though not all of it where it makes up for the law's last per cent
     (1.5, 1.04, 1.025, True),  # of a weak first effect, the rest is no matter of its form
+    (9.24, 1.52, 1.09, True),  # less is left than the share asked of the whole: most of it is enough,
+    (9.24, 1.52, 1.30, False),  # half of it is not
 ])
 def test_of_the_faint_rest_of_a_strong_effect_another_must_take_most(before, first, second, worth):
     base, current, other = (Candidate(effects, {}, error, error, 75.0, True)

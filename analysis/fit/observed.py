@@ -372,7 +372,6 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
             anchor = float(kept[0])
     else:
         period = 2 * math.pi / (_heard_speed(base, cut.spindle_speed, flutes) or cut.spindle_speed)
-    kinds = {segment.kind for segment in base.segments}
     travels = record.feed is not None and record.feed.per == "second"
     if travels:  # as stated, whatever the spindle does
         cut = replace(cut, feed_per_tooth=record.feed.per_tooth(2 * math.pi / period, flutes))
@@ -387,7 +386,7 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
         clock_error=error,
         slots=slots if anchor is not None else 1,
         steady_marks=calm,
-        starts_in_cut="idle" not in kinds and "entry" not in kinds,
+        starts_in_cut=base.segments[0].kind in ("steady", "exit"),
     )
 
 

@@ -14,7 +14,7 @@ from analysis.fit.held_out import own_refit
 from analysis.fit.nuisances import Nuisances, end_moved_in_arc
 from analysis.fit.observed import Observed
 from analysis.fit.part_search import best_ends, plainer
-from analysis.fit.pass_search import settle_passes, squares_of
+from analysis.fit.pass_search import recently_entered, settle_passes, squares_of
 from analysis.fit.waveform import Fitter
 from testbed.machine import Model
 
@@ -43,7 +43,7 @@ def own_course(fitter: Fitter, place: int, state: State) -> State:
         begun.append(begun_afresh(single, state, LACKING))
     tried = [own_refit(single, state, [0], rounds=4)]  # never worse than it was
     for one in begun:
-        seen, _ = settle_passes(single, replace(state, nuisances=(one,)), reach=2)
+        seen, _ = settle_passes(single, recently_entered(single, replace(state, nuisances=(one,))), reach=2)
         tried.append(own_refit(single, seen, [0], rounds=4))
     found = min(tried, key=single.cost)
     if record.forces_only or single.cost(found) <= 0.5 * MISFIT * record.size:

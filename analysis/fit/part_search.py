@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from analysis.fit.first_passes import long_ago
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.held_out import own_refit
 from analysis.fit.nuisances import MISSING, Nuisances, arc_gone, end_moved_in_arc
@@ -147,9 +148,10 @@ def reachable(fitter: Fitter, fit: WaveformFit, index: int) -> float:
 
 
 def _movable(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[str, ...]:
-    """The ends that may be looked for: not a gradual entry's, which is fitted, nor one beyond the record."""
+    """The ends that may be looked for: not a gradual entry's, which is fitted, nor one long before the record or beyond it."""
     record = fitter.records[index]
-    out = {"entry": fitter.gradual or record.starts_in_cut, "exit": own.exit > record.last_pass(state.angle, own) + 1}
+    before = record.starts_in_cut and own.entry <= long_ago(record)
+    out = {"entry": fitter.gradual or before, "exit": own.exit > record.last_pass(state.angle, own) + 1}
     return tuple(end for end in ENDS if not out[end])
 
 

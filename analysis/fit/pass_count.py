@@ -15,7 +15,7 @@ import numpy as np
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.held_out import own_refit
 from analysis.fit.nuisances import Nuisances
-from analysis.fit.pass_search import entered, left_at, place_entries, place_exits, squares_of
+from analysis.fit.pass_search import entered, left_at, place_entries, place_exits, recently_entered, squares_of
 from analysis.fit.waveform import Fitter
 from analysis.threads import threaded
 
@@ -68,7 +68,8 @@ def _neighbours(fitter: Fitter, state: State, index: int) -> list[Nuisances]:
         found += [replace(own, exit=own.exit + by) for by in (-1, 1)]
     single = fitter.on([record])
     alone = replace(state, nuisances=(own,))
-    found += [one.nuisances[0] for one in (place_entries(single, alone), place_exits(single, alone))]
+    moved = (place_entries(single, alone), place_exits(single, alone), recently_entered(single, alone))
+    found += [one.nuisances[0] for one in moved]
     return [one for one in found if one.entry < one.exit and one != own]
 
 

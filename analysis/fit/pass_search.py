@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.first_passes import first_nuisances
+from analysis.fit.first_passes import first_nuisances, long_ago
 from analysis.fit.first_state import first_state
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.nuisances import Nuisances, other_teeth, turned_by
@@ -21,6 +21,8 @@ EARLIER = 5  # passes by which a gentle entry may precede what is seen of it
 TURNS = (0.0, -0.4, -0.25, -0.15, -0.07, 0.07, 0.15, 0.25, 0.4)  # rad: where the angle of a record without marks is tried;
 # and a swing of the structure to either side, where a kick comes to much the same
 SHORTEST = 0.25  # share of a cut that is seen which it lasts at the least, however wrong the model
+DIED_AWAY = 5.0  # logarithm by which a vibration has fallen when nothing is seen of it any more
+RECENT = 20.0  # in minus the log likelihood, by which a cut that began shortly before its record is the better
 ROUND = 8  # places round the circle at which a record's own phase is looked for
 
 
@@ -45,8 +47,10 @@ def settle_passes(fitter: Fitter, state: State, reach: int = 1, places: Sequence
             others = other_teeth(nuisances, record.flutes, record.flutes // record.slots)
             nuisances = _best(fitter, index, state, [nuisances, *others])
         last = record.last_pass(state.angle, nuisances)
-        held = record.starts_in_cut and nuisances.entry < record.first_pass
-        entries = range(0) if held else range(nuisances.entry - EARLIER, nuisances.entry + reach + 1)
+        entries = list(range(nuisances.entry - EARLIER, nuisances.entry + reach + 1))
+        if record.starts_in_cut:
+            since = long_ago(record)
+            entries = [] if nuisances.entry <= since else [since, *(one for one in entries if one > since)]
         exits = range(0) if nuisances.exit > last else range(nuisances.exit - reach, nuisances.exit + reach + 1)
         nuisances = _best_place(fitter, index, state, nuisances, "entry", entries)
         return _best_place(fitter, index, state, nuisances, "exit", exits)
@@ -96,6 +100,29 @@ def place_entries(fitter: Fitter, state: State, places: Sequence[int] | None = N
     vibration: of forces alone that cannot be.
     """
     return _placed(fitter, state, "entry", _asked(fitter, places))
+
+
+def recently_entered(fitter: Fitter, state: State) -> State:
+    """The state with cuts that began shortly before their record, so that it starts in the transient, begun there.
+
+    Of those that the records start in; any pass of as long as a vibration takes to die away is tried.
+    """
+    structure = state.model.structure
+    memory = DIED_AWAY / (structure.damping_ratio * structure.natural_frequency_rad)
+
+    def one(index: int) -> Nuisances:
+        record, own = fitter.records[index], state.nuisances[index]
+        if record.cut is None or not record.starts_in_cut or record.forces_only:
+            return own
+        since = max(long_ago(record) + 1, record.first_pass - math.ceil(memory / record.period * record.flutes))
+        tried = _tried(own, "entry", range(since, record.first_pass + 2 * record.flutes + 1))
+        if not tried:
+            return own
+        squares = squares_of(fitter, index, state, [own, *tried])
+        best = int(np.argmin(squares))
+        return [own, *tried][best] if squares[best] < squares[0] - 2.0 * RECENT else own
+
+    return replace(state, nuisances=threaded(one, range(len(fitter.records))))
 
 
 def entered(records: Sequence[Observed], state: State) -> list[Observed]:

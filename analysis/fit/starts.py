@@ -19,7 +19,7 @@ from analysis.fit.observed import Observed
 from analysis.fit.own_course import angles_tried, begun_afresh, own_course
 from analysis.fit.parts_of_passes import with_parts_of_passes
 from analysis.fit.pass_count import cut_elsewhere, recounted
-from analysis.fit.pass_search import begun_otherwise, entered, place_entries, place_exits, settle_passes
+from analysis.fit.pass_search import begun_otherwise, entered, place_entries, place_exits, recently_entered, settle_passes
 from analysis.fit.prediction import Plant, predict
 from analysis.fit.structure_start import decay_start, structure_start
 from analysis.fit.waveform import Fitter
@@ -213,7 +213,7 @@ def base_fit(
     soft = Fitter(plant, [softened(record) for record in records], free)
     best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
     fitter = Fitter(plant, entered(records, best.state), free)
-    fit = polish(fitter, place_exits(fitter, best.state), goal=goal)
+    fit = polish(fitter, recently_entered(fitter, place_exits(fitter, best.state)), goal=goal)
     if fit.cost > goal and not patient or arrived(fit, known):
         return fitter, fit
     fit = from_the_best_half(fitter, fit, goal=goal)

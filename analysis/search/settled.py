@@ -6,7 +6,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from analysis.fit.evidence import DELTA_BIC
+import numpy as np
+
+from analysis.fit.effect_start import is_required, refitted_without
+from analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from analysis.fit.fine_steps import finely, has_kinks
 from analysis.fit.fit_state import WaveformFit
 from analysis.fit.starts import to_its_end
@@ -15,11 +18,19 @@ from analysis.search.candidate_round import candidate_of
 from analysis.search.diagnosis import Candidate
 from testbed.effect import Effect
 
+CHANCE = 3.0  # standard errors that an effect may differ from none by chance
 WORSE = 1.02  # times the held-out error that the last fit with finer steps may have: beyond, it went astray
 
 
 def settled(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
-    """The last set of effects, followed to its end and with finer steps where a law has a kink: its parameters are told."""
+    """The last set of effects, followed to its end and with finer steps where a law has a kink: its parameters are told.
+
+    An effect that no longer differs from none is not kept beside others.
+    """
+    return _without_needless(_followed(one, catalogue), catalogue)
+
+
+def _followed(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
     assert one.fit is not None and one.fitter is not None
     if not has_kinks(list(one.fit.state.model.effects), catalogue):
         return fitted_anew(one, one.fitter, to_its_end(one.fitter, one.fit))  # a short one of a round may have ended anywhere
@@ -33,6 +44,31 @@ def settled(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
     effects = tuple(name for name in one.effects if name not in idle)
     found = candidate_of(fitter, fit, effects, None, 1.0)
     return replace(found, delta_bic=one.delta_bic) if found.error_held_out <= WORSE * one.error_held_out else one
+
+
+def _without_needless(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
+    """The set without those of its effects that end where they may as well be none, if the BIC is then no worse.
+
+    Found before the one that is missing, an effect may have stood for it, and for ends of cuts that were found after it.
+    """
+    for name in one.effects:
+        assert one.fit is not None and one.fitter is not None
+        if len(one.effects) < 2 or is_required(name, one.effects, catalogue) or not _may_be_none(one.fit, catalogue[name]):
+            continue
+        fitter, fit = refitted_without(one.fitter, one.fit.state, name, catalogue)
+        size = effective_size(one.fit)
+        if bic(fit, size) <= bic(one.fit, size) + DELTA_BIC:
+            effects = tuple(other for other in one.effects if other != name)
+            one = replace(candidate_of(fitter, fit, effects, None, 1.0), delta_bic=one.delta_bic)
+    return one
+
+
+def _may_be_none(fit: WaveformFit, effect: Effect) -> bool:
+    """Whether all that an effect's strength is told by is as near to nothing as noise may bring it."""
+    errors = dict(zip(fit.names, np.sqrt(np.maximum(np.diag(fit.covariance), 0.0)), strict=True))
+    none = {f"{effect.name}.{one.name}": one.neutral for one in effect.parameters if one.vanishes}
+    strengths = [path for path in none if path in errors]
+    return bool(strengths) and all(abs(fit.state.model.value(path) - none[path]) < CHANCE * errors[path] for path in strengths)
 
 
 def fitted_anew(one: Candidate, fitter: Fitter, fit: WaveformFit) -> Candidate:

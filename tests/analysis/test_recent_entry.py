@@ -1,0 +1,68 @@
+"""A record that starts shortly after its cut began, while the vibration of the entry still dies away."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from campaign_files import BELIEVED, TRUE
+from synthetic_campaign import synthetic_record
+
+from analysis.fit.first_passes import long_ago
+from analysis.fit.model_fit import model_fit
+from analysis.fit.observed import observe
+from analysis.fit.pass_search import recently_entered, settle_passes
+from testbed.catalogue import catalogue
+from testbed.cli._fitting import plant_of
+from testbed.engines import fast
+
+TESTS = ((3500, 0.8), (2850, 2.9), (3900, 2.2))
+IDLE, SINCE = 8, 7  # revolutions before the entry, and from the entry to the last record's start
+FITTED = partial(model_fit, plant_of(catalogue()), model=BELIEVED, catalogue=catalogue())
+
+
+def begun_later(record, turns):
+    """The record without its first revolutions, so many."""
+    recording = record.recording
+    later = round(turns * 60.0 / TESTS[-1][0] * recording.sampling_rate)
+    start = recording.start + later / recording.sampling_rate
+    return replace(record, recording=replace(
+        recording, channels={name: values[later:] for name, values in recording.channels.items()}, start=start,
+        marks=recording.marks[recording.marks > start]))
+
+
+@pytest.fixture(scope="module")
+def observed():
+    records = [synthetic_record(partial(fast.simulate, steps=61), TRUE, rpm, depth * 1e-3, 80 + number, course=(IDLE, 50, 15))
+               for number, (rpm, depth) in enumerate(TESTS)]
+    whole = observe(records[-1], BELIEVED)
+    return [*(observe(record, BELIEVED) for record in (*records[:-1], begun_later(records[-1], IDLE + SINCE))), whole]
+
+
+@pytest.fixture(scope="module")
+def fitted(observed):
+    return FITTED(records=observed[:-1])
+
+
+def test_its_cut_is_begun_where_it_began(observed, fitted, monkeypatch):
+    fitter, fit = fitted
+    record, own = fitter.records[-1], fit.state.nuisances[-1]
+    assert record.starts_in_cut and fit.mean_squares.max() < 1.05
+    began, entered = record.pass_start(own.entry, fit.state.angle, own), observed[-1].segments[0].stop
+    assert entered < record.start - 6 * record.period and began == pytest.approx(entered, abs=0.1 * record.period)
+    for name, error in zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True):
+        assert name == "mark_angle" or abs(fit.state.model.value(name) - TRUE.value(name)) < 4 * error
+    for module in ("starts", "own_course", "pass_count"):
+        monkeypatch.setattr(f"analysis.fit.{module}.recently_entered", lambda fitter, state: state)
+    assert FITTED(records=observed[:-1])[1].mean_squares.max() > 1.05
+
+
+def test_a_cut_that_was_steady_began_long_ago_again(fitted):
+    """Settling its passes, a beginning that explains nothing is given up; one that was never asked for is not looked for."""
+    fitter, fit = fitted
+    record, own = fitter.records[-1], fit.state.nuisances[-1]
+    late = fitter.on([*fitter.records[:-1], record.part(record.samples // 2, record.samples // 4)])
+    ended = own.with_fields(exit=own.exit + 10**6)
+    steady = fit.state.with_record(2, ended.with_fields(entry=long_ago(late.records[-1])))
+    assert settle_passes(late, steady)[0].nuisances[-1].entry == long_ago(late.records[-1])
+    assert recently_entered(fitter, fit.state).nuisances[-1].entry == own.entry
