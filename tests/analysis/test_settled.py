@@ -19,3 +19,13 @@ def test_a_set_that_has_not_converged_is_fitted_to_its_end():
     assert found.converged and found.fit.cost < 1.001 * ended.fit.cost
     assert found.effects == ("edge_force",) and found.delta_bic == 77.0
     assert found.error_held_out < given.error_held_out
+
+
+def test_an_effect_that_ends_at_nothing_is_not_kept_beside_others():
+    both = fitted("tool_wear", "edge_force")
+    place = both.fit.names.index("tool_wear.rate")
+    assert abs(both.fit.state.model.value("tool_wear.rate")) < 3.0 * both.fit.covariance[place, place] ** 0.5
+    found = settled(both, KNOWN)
+    assert found.effects == ("edge_force",) and set(found.parameters) == {"edge_force.tangential", "edge_force.normal"}
+    alone = fitted("edge_force")
+    assert settled(alone, KNOWN).effects == ("edge_force",)  # of one alone it is not asked
