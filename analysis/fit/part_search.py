@@ -18,8 +18,9 @@ REACH = 2  # passes beside the entry and the exit that are tried, or one where t
 PARTS = 8  # into which the arc is divided first,
 FEW = 2  # where it is only asked what any place could explain,
 FINE = 32  # and in the end: of a tooth that enters at its full chip a fiftieth of a pass is a kick
-PER_SWING = {PARTS: 4, FEW: 1, FINE: 4}  # or so many to each swing of the structure in an arc: a kick a swing too early or
-MOST_SWINGS = 16  # too late explains nearly as much; up to which they are counted
+# Or so many to each swing of the structure in an arc: a kick a swing too early or too late explains nearly as much.
+PER_SWING = {PARTS: 4, FEW: 1, FINE: 4}
+MOST_SWINGS = 16  # up to which they are counted
 VALLEYS = 3  # places that cost less than those beside them from which the best is looked for: an arc may hold several,
 HALVINGS = 6  # halving the step so often
 NEAR = 0.1  # of the arc: so near a whole pass an end may be at it

@@ -22,6 +22,7 @@ TURNS = (0.0, -0.4, -0.25, -0.15, -0.07, 0.07, 0.15, 0.25, 0.4)  # rad: where th
 # and a swing of the structure to either side, where a kick comes to much the same
 SHORTEST = 0.25  # share of a cut that is seen which it lasts at the least, however wrong the model
 DIED_AWAY = 5.0  # logarithm by which a vibration has fallen when nothing is seen of it any more
+UNDAMPED = 1e-6  # damping ratio below which no vibration dies away within any record
 RECENT = 20.0  # in minus the log likelihood, by which a cut that began shortly before its record is the better
 ROUND = 8  # places round the circle at which a record's own phase is looked for
 
@@ -108,7 +109,7 @@ def recently_entered(fitter: Fitter, state: State) -> State:
     Of those that the records start in; any pass of as long as a vibration takes to die away is tried.
     """
     structure = state.model.structure
-    memory = DIED_AWAY / (structure.damping_ratio * structure.natural_frequency_rad)
+    memory = DIED_AWAY / (max(structure.damping_ratio, UNDAMPED) * structure.natural_frequency_rad)
 
     def one(index: int) -> Nuisances:
         record, own = fitter.records[index], state.nuisances[index]

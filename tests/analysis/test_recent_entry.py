@@ -66,3 +66,5 @@ def test_a_cut_that_was_steady_began_long_ago_again(fitted):
     steady = fit.state.with_record(2, ended.with_fields(entry=long_ago(late.records[-1])))
     assert settle_passes(late, steady)[0].nuisances[-1].entry == long_ago(late.records[-1])
     assert recently_entered(fitter, fit.state).nuisances[-1].entry == own.entry
+    undamped = fit.state.with_value("damping_ratio", 0.0)  # as a model may believe
+    assert recently_entered(fitter, undamped).nuisances[-1].entry > long_ago(record)
