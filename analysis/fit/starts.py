@@ -33,6 +33,8 @@ GLANCE = 8  # iterations of a fit that only tells which models are worth another
 SOFT = 0.1  # of a record's own size: what the first rounds forgive, so that no record rules them alone
 SAME = 1e-4  # share of the cost by which two fits of one valley may differ
 SOUND = 1.2  # mean square residual, in noise, up to which a record counts as explained
+AGREED = 1.1  # the same of half of them, fitted alone,
+LOST = 2.0  # where another has more than this: a law that is a little wrong leaves a little more of all
 FEWEST = 3  # such records, that the course of others may be found again by them
 UNEVEN = 1.5  # mean square residual of the worst record over the median's, from which the worst are doubted
 _STRUCTURE_BOUNDS = {"natural_frequency": (1.0, 1e5), "damping_ratio": (1e-6, 0.9), "mass": (1e-12, 1e12)}
@@ -294,9 +296,13 @@ def with_the_lost_found(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     kept = [int(place) for place in np.flatnonzero(left <= SOUND)]
     if len(kept) == len(left):
         return fit
-    if len(kept) < len(left) / 2.0:
-        kept = _better_half(left)
-    if len(kept) < FEWEST or not (alone := _fitted_alone(fitter, fit, kept, SOUND)).mean_squares.max() <= SOUND:
+    most = SOUND
+    if len(kept) < len(left) / 2.0 and left.max() > LOST:
+        kept, most = _better_half(left), AGREED
+    if len(kept) < max(FEWEST, len(left) / 2.0):
+        return fit
+    alone = _fitted_alone(fitter, fit, kept, most)
+    if not alone.mean_squares.max() <= most:
         return fit
     begun = _begun_there(fit, kept, alone.state, lambda place, state: own_course(fitter, place, state).nuisances[0])
     again = polish(fitter, begun)
