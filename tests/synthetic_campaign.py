@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from testbed.campaign import Record
 from testbed.cut import Cut
@@ -36,3 +38,13 @@ def synthetic_campaign(simulate: Callable, model: Model, *, seed: int = 0, noise
     """All cuts of a campaign; tests: (rpm, mm)."""
     return [synthetic_record(simulate, model, rpm, depth * 1e-3, 100 * seed + number, noise=noise, **more)
             for number, (rpm, depth) in enumerate(tests)]
+
+
+def begun_later(record: Record, turns: float) -> Record:
+    """The record without its first revolutions, so many at the speed that is stated."""
+    recording = record.recording
+    later = round(turns * 2.0 * math.pi / record.conditions["spindle_speed"] * recording.sampling_rate)
+    start = recording.start + later / recording.sampling_rate
+    channels = {name: values[later:] for name, values in recording.channels.items()}
+    marks = recording.marks[recording.marks > start]
+    return replace(record, recording=replace(recording, channels=channels, start=start, marks=marks))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import WARM_UP, Observed
+from analysis.fit.observed import Observed
 from analysis.records.free_decay import spectral_peak
 
 
@@ -35,15 +35,10 @@ class FirstPasses:
         pitch, zero = observed.period / observed.flutes, observed.pass_start(0, angle, Nuisances())
         entry = round((self.enters - zero) / pitch)
         if observed.starts_in_cut:
-            entry = long_ago(observed)
+            entry = observed.first_simulated
         if self.leaves >= self.end - pitch:
             return Nuisances(entry=entry, exit=math.ceil((self.end - zero) / pitch) + observed.flutes + 1)
         return Nuisances(entry=entry, exit=math.ceil((self.leaves - zero) / pitch - 0.1))
-
-
-def long_ago(observed: Observed) -> int:
-    """Index of the pass with which a cut begins that is steady when its record starts."""
-    return observed.first_pass - WARM_UP * observed.flutes
 
 
 def first_nuisances(observed: Observed, angle: float) -> Nuisances:

@@ -72,11 +72,17 @@ def end_moved_in_arc(nuisances: Nuisances, end: str, by: float, arc: float) -> N
 
     arc: share of a pass in which a tooth is in the work.
     """
-    moved = end_moved(nuisances.with_fields(**{MISSING[end]: 0.0}), end, arc_gone(nuisances, end, arc) + by)
+    moved = end_moved(end_whole(nuisances, end), end, arc_gone(nuisances, end, arc) + by)
     share = getattr(moved, MISSING[end])
     if end == "exit" and share > 0.0:
         return replace(moved, early_exit=min(1.0 - arc + share * arc, math.nextafter(1.0, 0.0)))
     return moved.with_fields(**{MISSING[end]: share * arc})
+
+
+def end_whole(nuisances: Nuisances, end: str, passes: int = 0) -> Nuisances:
+    """The nuisances with the first or the last pass cut whole, so many `passes` of those there are left out."""
+    outwards = 1 if end == "entry" else -1
+    return nuisances.with_fields(**{end: getattr(nuisances, end) + outwards * passes, MISSING[end]: 0.0})
 
 
 def arc_gone(nuisances: Nuisances, end: str, arc: float) -> float:

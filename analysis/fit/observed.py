@@ -160,6 +160,11 @@ class Observed:
         """
         return (math.floor((self.start - self.anchor) / self.period) - 2) * self.flutes
 
+    @property
+    def first_simulated(self) -> int:
+        """Index of the pass a simulation begins with: long before a record that starts in the cut, so that it is steady."""
+        return self.first_pass - (WARM_UP * self.flutes if self.starts_in_cut else 0)
+
     def pass_start(self, index: float, angle: float, nuisances: Nuisances) -> float:
         """Time (s) of the start of a pass, or of a place within one; index 0 belongs to the anchor."""
         turns = (angle + nuisances.angle) / (2 * math.pi) + index / self.flutes
@@ -235,7 +240,7 @@ class Observed:
         """The cut and the sampling that simulate this record."""
         assert self.cut is not None
         pitch = self.period / nuisances.speed / self.flutes
-        index = self.first_pass - (WARM_UP * self.flutes if self.starts_in_cut else 0)
+        index = self.first_simulated
         first = self.pass_start(index, angle, nuisances)
         end = self.start + self.samples / self.rate
         total = math.ceil((end - self.pass_start(index, 0.0, Nuisances())) / pitch) + self.flutes
@@ -306,14 +311,10 @@ def observe(record: Any, model: Model) -> Observed:
         condition = (record.kind, record.name)
     filled = np.isin(np.arange(first, last), recording.filled) if len(recording.filled) else np.zeros(0, dtype=bool)
     base = Observed(
-        record.name,
-        record.kind,
-        names,
-        data,
+        record.name, record.kind, names, data,
         recording.sampling_rate,
         recording.start + first / recording.sampling_rate,
-        noise,
-        floors[0].basis,
+        noise, floors[0].basis,
         drift_basis(data.shape[1], _drift_order(data.shape[1] / recording.sampling_rate)),
         segments,
         condition,

@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from analysis.fit.first_passes import long_ago
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.held_out import own_refit
-from analysis.fit.nuisances import MISSING, Nuisances, arc_gone, end_moved_in_arc
+from analysis.fit.nuisances import MISSING, Nuisances, arc_gone, end_moved_in_arc, end_whole
 from analysis.fit.pass_search import left_at, squares_of
 from analysis.fit.waveform import Fitter
 
@@ -83,17 +82,16 @@ def whole_passes(own: Nuisances, ends: tuple[str, ...]) -> list[Nuisances]:
     """The nuisances with these ends, now within an arc, at the whole passes to either side."""
     found = [own]
     for end in ends:
-        beside = [0, 1] if end == "entry" else [0, -1]
-        found = [one.with_fields(**{end: getattr(one, end) + by, MISSING[end]: 0.0}) for one in found for by in beside]
+        found = [end_whole(one, end, passes) for one in found for passes in (0, 1)]
     return [one for one in found if one.entry < one.exit]
 
 
 def nearly_whole(own: Nuisances, ends: tuple[str, ...], arc: float) -> Nuisances:
     """The nuisances with those of the ends at a whole pass that are within a tenth of an arc of it."""
     for end in ends:
-        gone, outwards = arc_gone(own, end, arc), 1 if end == "entry" else -1
+        gone = arc_gone(own, end, arc)
         if min(gone, 1.0 - gone) < NEAR:
-            own = own.with_fields(**{end: getattr(own, end) + outwards * round(gone), MISSING[end]: 0.0})
+            own = end_whole(own, end, round(gone))
     return own
 
 
@@ -151,7 +149,7 @@ def reachable(fitter: Fitter, fit: WaveformFit, index: int) -> float:
 def _movable(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[str, ...]:
     """The ends that may be looked for: not a gradual entry's, which is fitted, nor one long before the record or beyond it."""
     record = fitter.records[index]
-    before = record.starts_in_cut and own.entry <= long_ago(record)
+    before = record.starts_in_cut and own.entry <= record.first_simulated
     out = {"entry": fitter.gradual or before, "exit": own.exit > record.last_pass(state.angle, own) + 1}
     return tuple(end for end in ENDS if not out[end])
 
@@ -198,6 +196,6 @@ def _valleys(costs: np.ndarray) -> list[int]:
 
 def _places(own: Nuisances, arc: float, end: str, parts: int) -> Iterator[Nuisances]:
     """Whole passes beside the one that begins or ends the cut, and each with a part of its arc."""
-    whole, reach = own.with_fields(**{MISSING[end]: 0.0}), REACH if parts <= FINE else 1
+    whole, reach = end_whole(own, end), REACH if parts <= FINE else 1
     for part in range(-reach * parts, (reach + 1) * parts):
         yield end_moved_in_arc(whole, end, part / parts, arc)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.nuisances import Nuisances
+from analysis.fit.nuisances import Nuisances, end_whole
 from analysis.fit.observed import Observed
 from analysis.fit.part_search import (
     PLAIN,
@@ -116,8 +116,8 @@ def _by_a_little(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
 
 def _with_whole_passes(state: State) -> State:
     """The state with every end of a cut at the whole pass next to it."""
-    whole = [own.with_fields(entry=own.entry + round(own.late_entry), exit=own.exit - round(own.early_exit),
-                             late_entry=0.0, early_exit=0.0) for own in state.nuisances]
+    entered = [end_whole(own, "entry", round(own.late_entry)) for own in state.nuisances]
+    whole = [end_whole(own, "exit", round(own.early_exit)) for own in entered]
     return replace(state, nuisances=tuple(one if one.entry < one.exit else own
                                           for one, own in zip(whole, state.nuisances, strict=True)))
 

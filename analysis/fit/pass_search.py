@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.first_passes import first_nuisances, long_ago
+from analysis.fit.first_passes import first_nuisances
 from analysis.fit.first_state import first_state
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.nuisances import Nuisances, other_teeth, turned_by
@@ -50,7 +50,7 @@ def settle_passes(fitter: Fitter, state: State, reach: int = 1, places: Sequence
         last = record.last_pass(state.angle, nuisances)
         entries = list(range(nuisances.entry - EARLIER, nuisances.entry + reach + 1))
         if record.starts_in_cut:
-            since = long_ago(record)
+            since = record.first_simulated
             entries = [] if nuisances.entry <= since else [since, *(one for one in entries if one > since)]
         exits = range(0) if nuisances.exit > last else range(nuisances.exit - reach, nuisances.exit + reach + 1)
         nuisances = _best_place(fitter, index, state, nuisances, "entry", entries)
@@ -115,7 +115,7 @@ def recently_entered(fitter: Fitter, state: State) -> State:
         record, own = fitter.records[index], state.nuisances[index]
         if record.cut is None or not record.starts_in_cut or record.forces_only:
             return own
-        since = max(long_ago(record) + 1, record.first_pass - math.ceil(memory / record.period * record.flutes))
+        since = max(record.first_simulated + 1, record.first_pass - math.ceil(memory / record.period * record.flutes))
         tried = _tried(own, "entry", range(since, record.first_pass + 2 * record.flutes + 1))
         if not tried:
             return own

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 
 from analysis.fit.fit_state import Free, State, WaveformFit
 from analysis.fit.nuisances import Nuisances, turned_by
-from analysis.fit.observed import WARM_UP, Observed
+from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant
 from analysis.fit.starts import base_fit, polish, with_courses
 from analysis.fit.waveform import Fitter
@@ -173,7 +173,7 @@ def _carried_over(
 
 def _by_clock(record: Observed, was: Observed, own: Nuisances, angle: float, clock: Clock, path: str) -> Nuisances:
     """One record's nuisances such that its passes begin when they did at the measured speed."""
-    first = record.first_pass - (WARM_UP * record.flutes if record.starts_in_cut else 0)
+    first = record.first_simulated
     entered = angle + own.angle  # spindle angle at which pass 0 of the measured record begins
     target = record.start + first / record.flutes * record.period
     turns = round((float(clock.angle_at(target)) - entered) / (2 * math.pi))

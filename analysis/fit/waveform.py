@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.first_passes import long_ago
 from analysis.fit.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit
 from analysis.fit.nuisances import MISSING, Nuisances, end_moved, end_moved_in_arc, turned_by
 from analysis.fit.observed import Observed
@@ -332,8 +331,8 @@ class Fitter:
             arc = state.share_in_arc(record)
             for change, amount in zip(self._own_steps(record, nuisances), move, strict=True):
                 nuisances = self._nudged(nuisances, change, float(amount), arc)
-            if record.starts_in_cut and nuisances.entry < long_ago(record):  # nothing is seen of it, and nothing holds it
-                nuisances = replace(nuisances, entry=long_ago(record), late_entry=0.0)
+            if record.starts_in_cut and nuisances.entry < record.first_simulated:  # nothing is seen of it, and nothing holds it
+                nuisances = replace(nuisances, entry=record.first_simulated, late_entry=0.0)
             changed.append(nuisances)
         return replace(state, nuisances=tuple(changed))
 

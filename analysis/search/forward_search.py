@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.fit.effect_start import ANCHOR, Origin, is_required, origins_of, refitted_without, state_without
-from analysis.fit.evidence import DELTA_BIC, bic, effective_size
+from analysis.fit.effect_start import ANCHOR, Origin, is_required, origins_of, state_without
+from analysis.fit.evidence import effective_size
 from analysis.fit.fine_steps import has_kinks
 from analysis.fit.fit_state import WaveformFit
 from analysis.fit.force_jumps import at_its_jumps
@@ -29,7 +29,7 @@ from analysis.search.exchanged import exchanged
 from analysis.search.gates import against, below_a_guess, certain_ones, passing_gates, vanishes
 from analysis.search.law_form import FormsAsked
 from analysis.search.mains import hum_of
-from analysis.search.settled import fitted_anew, settled
+from analysis.search.settled import fitted_anew, settled, without
 from analysis.search.ties import tied_with, with_rivals
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -143,15 +143,8 @@ def _backward(current: Candidate, catalogue: Mapping[str, Effect], say: Callable
     for name in current.effects[:-1]:
         if is_required(name, current.effects, catalogue):
             continue
-        assert current.fit is not None and current.fitter is not None
         say(f"is {name} still needed?")
-        fitter, fit = refitted_without(current.fitter, current.fit.state, name, catalogue)
-        size = effective_size(current.fit)
-        if 0.0 < bic(fit, size) - bic(current.fit, size) - DELTA_BIC < NEARLY:
-            fit = polish(fitter, fit.state)  # it may creep on
-        if bic(fit, size) <= bic(current.fit, size) + DELTA_BIC:
-            effects = tuple(other for other in current.effects if other != name)
-            current = replace(candidate_of(fitter, fit, effects, current.fit, size), delta_bic=current.delta_bic)
+        current = without(current, name, catalogue, NEARLY) or current
     return current
 
 

@@ -12,7 +12,7 @@ from analysis.fit.effect_start import is_required, refitted_without
 from analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from analysis.fit.fine_steps import finely, has_kinks
 from analysis.fit.fit_state import WaveformFit
-from analysis.fit.starts import to_its_end
+from analysis.fit.starts import polish, to_its_end
 from analysis.fit.waveform import Fitter
 from analysis.search.candidate_round import candidate_of
 from analysis.search.diagnosis import Candidate
@@ -52,15 +52,27 @@ def _without_needless(one: Candidate, catalogue: Mapping[str, Effect]) -> Candid
     Found before the one that is missing, an effect may have stood for it, and for ends of cuts that were found after it.
     """
     for name in one.effects:
-        assert one.fit is not None and one.fitter is not None
-        if len(one.effects) < 2 or is_required(name, one.effects, catalogue) or not _may_be_none(one.fit, catalogue[name]):
-            continue
-        fitter, fit = refitted_without(one.fitter, one.fit.state, name, catalogue)
-        size = effective_size(one.fit)
-        if bic(fit, size) <= bic(one.fit, size) + DELTA_BIC:
-            effects = tuple(other for other in one.effects if other != name)
-            one = replace(candidate_of(fitter, fit, effects, None, 1.0), delta_bic=one.delta_bic)
+        assert one.fit is not None
+        if len(one.effects) > 1 and not is_required(name, one.effects, catalogue) and _may_be_none(one.fit, catalogue[name]):
+            one = without(one, name, catalogue) or one
     return one
+
+
+def without(one: Candidate, name: str, catalogue: Mapping[str, Effect], near: float = 0.0) -> Candidate | None:
+    """The set refitted without one of its effects, its gain as it was; None where the BIC is then worse.
+
+    near: in BIC, by which a short fit may be too bad, to be followed to its end.
+    """
+    assert one.fit is not None and one.fitter is not None
+    fitter, fit = refitted_without(one.fitter, one.fit.state, name, catalogue)
+    size = effective_size(one.fit)
+    most = bic(one.fit, size) + DELTA_BIC
+    if 0.0 < bic(fit, size) - most < near:
+        fit = polish(fitter, fit.state)  # it may creep on
+    if bic(fit, size) > most:
+        return None
+    effects = tuple(other for other in one.effects if other != name)
+    return replace(candidate_of(fitter, fit, effects, None, 1.0), delta_bic=one.delta_bic)
 
 
 def _may_be_none(fit: WaveformFit, effect: Effect) -> bool:

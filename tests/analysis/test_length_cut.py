@@ -15,7 +15,7 @@ from analysis.search.begun_anew import from_believed
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import synthetic_record
+from tests.synthetic_campaign import begun_later, synthetic_record
 
 KNOWN = catalogue()
 PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
@@ -60,25 +60,14 @@ def test_what_no_record_shows_of_the_lengths_widens_the_interval_by_what_it_move
                         for k, record in enumerate(fitter.records)])
     moved = longer.fit(fit.state).state.model.value("tool_wear.rate") - fit.state.model.value("tool_wear.rate")
     assert moved_by_lengths(fitter, fit)[place] == pytest.approx(moved, rel=0.05) and moved < -1e-3 * RATE
-    rate = estimates(fitter, fit, KNOWN)["tool_wear.rate"]
-    half = 0.5 * (rate.high - rate.low)
     told = fitter.on([replace(record, length_summed=False) for record in fitter.records])
-    assert half == pytest.approx(np.hypot(0.5 * np.subtract(*interval(told, fit)), Z_95 * moved), rel=0.02)
+    assert half_interval(fitter, fit) == pytest.approx(np.hypot(half_interval(told, fit), Z_95 * moved), rel=0.02)
 
 
-def interval(fitter, fit):
-    """The ends of the rate's interval, the upper first."""
+def half_interval(fitter, fit):
+    """Half of the rate's interval."""
     rate = estimates(fitter, fit, KNOWN)["tool_wear.rate"]
-    return rate.high, rate.low
-
-
-def begun_later(record, turns):
-    """The record without its first revolutions, so many."""
-    recording, period = record.recording, 60.0 / CUTS[-1][0]
-    later = round(turns * period * recording.sampling_rate)
-    channels, start = {name: values[later:] for name, values in recording.channels.items()}, later / recording.sampling_rate
-    return replace(record, recording=replace(recording, channels=channels, start=recording.start + start,
-                                             marks=recording.marks[recording.marks > recording.start + start]))
+    return 0.5 * (rate.high - rate.low)
 
 
 def test_what_was_cut_before_a_record_that_begins_in_the_cut_is_its_own_unknown():

@@ -18,11 +18,13 @@ pytestmark = pytest.mark.long
 KNOWN = catalogue()
 
 
-def base_fit_of(seed, folder):
-    """(plan, fitter, fit) of the believed model to a campaign of the outside simulator."""
+def fit_of(seed, folder, known=False):
+    """(plan, fitter, fit) of the believed model to a campaign of the outside simulator; `known`: with what is hidden in it."""
     plan = draw(seed)
     write(plan, folder)
     model, records, _ = read_both(str(folder / "campaign.yaml"), str(folder / "model.yaml"), KNOWN)
+    for name, values in plan.hidden.items() if known else ():
+        model = model.with_effect(name, **values)
     return plan, *model_fit(plant_of(KNOWN), records, model, KNOWN)
 
 
@@ -34,7 +36,7 @@ def within(fit, true, sigmas):
 
 def test_cuts_near_their_limit_that_begin_within_an_arc_are_found_again(tmp_path):
     """No tachometer; one record begins with a ring near a line of the mains, four begin or end within an arc."""
-    plan, _, fit = base_fit_of(41, tmp_path)
+    plan, _, fit = fit_of(41, tmp_path)
     assert fit.mean_squares.max() < 1.1
     assert within(fit, {"natural_frequency": plan.base.omega / (2 * np.pi), "damping_ratio": plan.base.zeta,
                         "tangential_coefficient": plan.base.kt, "normal_coefficient": plan.base.kn}, 4.0)  # fmt: skip
@@ -42,7 +44,7 @@ def test_cuts_near_their_limit_that_begin_within_an_arc_are_found_again(tmp_path
 
 def test_parts_of_passes_that_made_up_for_an_effect_are_given_up_with_it(tmp_path):
     """An arc of engagement 4 % too long had two cuts begin and end elsewhere; with it, they held it at half its size."""
-    plan, fitter, fit = base_fit_of(48, tmp_path)
+    plan, fitter, fit = fit_of(48, tmp_path)
     wider = extended(fitter, KNOWN["immersion_error"])
     state = replace(fit.state, model=fit.state.model.with_effect("immersion_error", error=0.01))
     astray = polish(wider, state)
@@ -55,7 +57,7 @@ def test_parts_of_passes_that_made_up_for_an_effect_are_given_up_with_it(tmp_pat
 
 def test_sudden_entries_a_little_late_do_not_hold_the_tooth_angle(tmp_path):
     """Four entries at their full chip, each 2 % of a pass late by an angle that they hold: adequate, and 12 % off."""
-    plan, _, fit = base_fit_of(62, tmp_path)
+    plan, _, fit = fit_of(62, tmp_path)
     assert fit.mean_squares.max() < 1.05
     assert within(fit, {"natural_frequency": plan.base.omega / (2 * np.pi), "damping_ratio": plan.base.zeta,
                         "tangential_coefficient": plan.base.kt, "normal_coefficient": plan.base.kn}, 4.0)  # fmt: skip
@@ -64,12 +66,7 @@ def test_sudden_entries_a_little_late_do_not_hold_the_tooth_angle(tmp_path):
 @pytest.mark.parametrize("seed", [57, 68], ids=["slow cuts that end within an arc", "half of the records three passes off"])
 def test_with_the_right_effects_the_records_come_to_their_noise(seed, tmp_path):
     """A loud ring before the cut, and arcs that hold four swings; or ends further off than passes are looked for."""
-    plan = draw(seed)
-    write(plan, tmp_path)
-    model, records, _ = read_both(str(tmp_path / "campaign.yaml"), str(tmp_path / "model.yaml"), KNOWN)
-    for name, values in plan.hidden.items():
-        model = model.with_effect(name, **values)
-    _, fit = model_fit(plant_of(KNOWN), records, model, KNOWN)
+    plan, _, fit = fit_of(seed, tmp_path, known=True)
     assert fit.mean_squares.max() < 1.2
     hidden = {f"{name}.{key}": value for name, values in plan.hidden.items() for key, value in values.items()}
     assert within(fit, {"tangential_coefficient": plan.base.kt, "normal_coefficient": plan.base.kn, **hidden}, 4.0)

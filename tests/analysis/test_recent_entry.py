@@ -1,14 +1,12 @@
 """A record that starts shortly after its cut began, while the vibration of the entry still dies away."""
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 from campaign_files import BELIEVED, TRUE
-from synthetic_campaign import synthetic_record
+from synthetic_campaign import begun_later, synthetic_record
 
-from analysis.fit.first_passes import long_ago
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import observe
 from analysis.fit.pass_search import recently_entered, settle_passes
@@ -19,16 +17,6 @@ from testbed.engines import fast
 TESTS = ((3500, 0.8), (2850, 2.9), (3900, 2.2))
 IDLE, SINCE = 8, 7  # revolutions before the entry, and from the entry to the last record's start
 FITTED = partial(model_fit, plant_of(catalogue()), model=BELIEVED, catalogue=catalogue())
-
-
-def begun_later(record, turns):
-    """The record without its first revolutions, so many."""
-    recording = record.recording
-    later = round(turns * 60.0 / TESTS[-1][0] * recording.sampling_rate)
-    start = recording.start + later / recording.sampling_rate
-    return replace(record, recording=replace(
-        recording, channels={name: values[later:] for name, values in recording.channels.items()}, start=start,
-        marks=recording.marks[recording.marks > start]))
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +51,8 @@ def test_a_cut_that_was_steady_began_long_ago_again(fitted):
     record, own = fitter.records[-1], fit.state.nuisances[-1]
     late = fitter.on([*fitter.records[:-1], record.part(record.samples // 2, record.samples // 4)])
     ended = own.with_fields(exit=own.exit + 10**6)
-    steady = fit.state.with_record(2, ended.with_fields(entry=long_ago(late.records[-1])))
-    assert settle_passes(late, steady)[0].nuisances[-1].entry == long_ago(late.records[-1])
+    steady = fit.state.with_record(2, ended.with_fields(entry=late.records[-1].first_simulated))
+    assert settle_passes(late, steady)[0].nuisances[-1].entry == late.records[-1].first_simulated
     assert recently_entered(fitter, fit.state).nuisances[-1].entry == own.entry
     undamped = fit.state.with_value("damping_ratio", 0.0)  # as a model may believe
-    assert recently_entered(fitter, undamped).nuisances[-1].entry > long_ago(record)
+    assert recently_entered(fitter, undamped).nuisances[-1].entry > record.first_simulated
