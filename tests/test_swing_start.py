@@ -6,11 +6,12 @@ from functools import partial
 import numpy as np
 import pytest
 from campaign_files import BELIEVED, TRUE
-from synthetic_campaign import TESTS, synthetic_record
+from synthetic_campaign import TESTS, begun_later, synthetic_record
 
+from analysis.fit.effect_start import all_free
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import observe
-from analysis.fit.swing_start import Clock, marks_show, swing_clocks
+from analysis.fit.swing_start import Clock, marks_show, swing_clocks, swung_fit
 from analysis.search.add_effect import add_effect
 from analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
@@ -19,17 +20,20 @@ from testbed.engines import fast
 
 AMPLITUDE, FREQUENCY = 0.05, 4.0
 PHASES = (-2.0, 0.4)
+IDLE, SINCE = 12, 7  # revolutions before the entry, and from the entry to where a record starts that starts within its cut
 SWING = catalogue()["speed_variation"]
+
+
+def swung_record(number, rpm, depth, phase):
+    true = TRUE.with_effect("speed_variation", amplitude=AMPLITUDE, frequency=FREQUENCY, phase=phase)
+    return synthetic_record(partial(fast.simulate, steps=97), true, rpm, depth * 1e-3, 70 + number, course=(IDLE, 45, 20),
+                            rate=6400.0)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def records():
-    made = []
-    for number, ((rpm, depth), phase) in enumerate(zip(TESTS, PHASES, strict=False)):
-        true = TRUE.with_effect("speed_variation", amplitude=AMPLITUDE, frequency=FREQUENCY, phase=phase)
-        made.append(synthetic_record(partial(fast.simulate, steps=97), true, rpm, depth * 1e-3, 70 + number,
-                                     course=(12, 45, 20), rate=6400.0))
-    return [observe(record, BELIEVED) for record in made]
+    cuts = zip(TESTS, PHASES, strict=False)
+    return [observe(swung_record(number, *cut, phase), BELIEVED) for number, (cut, phase) in enumerate(cuts)]
 
 
 def test_a_clock_turns_at_its_own_speed():
@@ -57,6 +61,16 @@ def test_marks_that_follow_no_sinusoid_are_not_believed(count, time_constant):
             for number, (rpm, depth) in enumerate(TESTS[:count])]
     observed = [observe(record, BELIEVED).at_constant_speed() for record in made]
     assert observed[0].measured is not None and not marks_show(SWING, observed)
+
+
+@pytest.mark.long
+def test_a_cut_whose_entry_still_dies_away_keeps_its_beginning(records):
+    late = observe(begun_later(swung_record(2, 3900, 2.2, 1.0), IDLE + SINCE), BELIEVED)
+    opened = [record.at_constant_speed() for record in (*records, late)]
+    model = BELIEVED.with_effect("speed_variation", amplitude=0.03, frequency=5.0, phase=0.0)
+    _, fit = swung_fit(plant_of(catalogue()), opened, model, catalogue(), all_free(opened, model, catalogue()))
+    assert late.starts_in_cut and fit.state.nuisances[-1].entry > opened[-1].first_simulated
+    assert fit.mean_squares.max() < 1.05
 
 
 @pytest.mark.long

@@ -184,7 +184,7 @@ def _by_clock(record: Observed, was: Observed, own: Nuisances, angle: float, clo
         own,
         angle=2 * math.pi * ((start - record.start) * speed / record.period - first / record.flutes),
         speed=speed,
-        entry=first if record.starts_in_cut and own.entry < was.first_pass else own.entry + moved,
+        entry=first if record.starts_in_cut and own.entry <= was.first_simulated else own.entry + moved,
         exit=own.exit + moved,
     )
     return turned_by(found, path, clock.phase_at(start))
