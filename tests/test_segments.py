@@ -129,6 +129,19 @@ def test_a_cut_begins_where_an_old_motion_as_loud_is_no_decay_any_more(idle: int
     assert segments[0].kind == "idle" and abs(segments[0].stop - truth.entry) < 0.1 * truth.period
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_cut_begins_where_an_old_motion_in_the_noise_of_single_samples_is_no_decay_any_more(seed: int) -> None:
+    recording, truth = milling_record(idle=14, cut=60, noise=0.0, seed=seed)
+    moved = recording.channels["displacement"]
+    moved = 4.0 * (moved - moved[0]) / np.ptp(moved)  # both motions, and the noise that hides them, in units of the noise
+    time = np.arange(len(moved)) / recording.sampling_rate
+    ring = 2.0 * np.exp(-3.0 * time) * np.sin(2 * np.pi * FREQUENCY * time + 0.4)
+    noise = np.random.default_rng(seed).standard_normal(len(time))
+    segments = find_segments(replace(recording, channels={"displacement": 1e-6 * (moved + ring + noise)}))
+    assert segments[0].kind == "idle" and abs(segments[0].stop - truth.entry) < 2.0 * truth.period
+    assert segments[1].kind in ("entry", "steady")
+
+
 def test_a_tap_is_quiet_then_rings() -> None:
     random = np.random.default_rng(2)
     time = np.arange(25600) / 12800

@@ -13,6 +13,8 @@ _SAMPLES = 6000  # at most this many samples enter one fit
 _TURNS = (3, 4, 6, 8, 12, 16, 24, 32, 48, 64)  # revolutions that a decay is looked for in
 _FIRST = (1.5, 2)  # and those at a beginning: a cut with a single tooth shows one in each of them
 _DIED = 0.5  # logarithm by which a decay at a record's beginning must have fallen: slower, it may be no decay
+_PER_SWING = 16  # averages to a swing, where a decay is looked for that single samples hide in noise
+_SPAN = 12  # revolutions that show how fast it swings
 _OFFSET_LINES = 6  # first lines of a fourfold padded spectrum, in which what is left of offset and drift lies
 
 
@@ -123,7 +125,26 @@ def free_decay_start(values: np.ndarray, turn: float, noise: float) -> int | Non
 
 
 def free_decay_end(values: np.ndarray, turn: float, noise: float) -> int | None:
-    """The sample up to which a free decay from the record's beginning explains everything; None where it begins with none."""
+    """The sample up to which a free decay from the record's beginning explains everything; None where it begins with none.
+
+    What is lost in the noise of single samples is looked for in averages of a small part of a swing.
+    """
+    found = _first_decay(values, turn, noise)
+    width = 1 if found is not None else _part_of_swing(values[: int(_SPAN * turn)])
+    if width < 2:
+        return found
+    means = values[: len(values) // width * width].reshape(-1, width).mean(axis=1)
+    found = _first_decay(means, turn / width, noise / np.sqrt(width))
+    return None if found is None else found * width
+
+
+def _part_of_swing(values: np.ndarray) -> int:
+    """Samples of which several make a swing of the strongest motion."""
+    peak = spectral_peak(values)
+    return int(1.0 / (peak * _PER_SWING)) if peak else 1
+
+
+def _first_decay(values: np.ndarray, turn: float, noise: float) -> int | None:
     best, last = None, 0
     for turns in (*_FIRST, *_TURNS):
         stop = int(turns * turn)
