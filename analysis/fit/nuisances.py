@@ -14,7 +14,7 @@ MISSING = {"entry": "late_entry", "exit": "early_exit"}  # what a cut may lack o
 class Nuisances:
     """What belongs to one record: state at its first sample (m, m/s), entry and exit pass, relative speed, tooth angle.
 
-    Of a record that starts in the cut it is the state with which its simulation begins, long before.
+    Of a record that starts in the cut it is the state with which its simulation begins: long before, or at its first pass.
     entry: index of the pass that cuts first, counted from the anchor (see Observed.pass_start).
     exit: index of the first pass that cuts no more. late_entry, early_exit: shares of the first and the last pass that are not
     cut. angle (rad): a record's own share of the tooth angle.

@@ -14,7 +14,7 @@ from analysis.fit.held_out import own_refit
 from analysis.fit.nuisances import Nuisances, end_moved_in_arc
 from analysis.fit.observed import Observed
 from analysis.fit.part_search import best_ends, plainer
-from analysis.fit.pass_search import recently_entered, settle_passes, squares_of
+from analysis.fit.pass_search import recently_entered, settle_passes, squares_of, swung_entry
 from analysis.fit.waveform import Fitter
 from testbed.machine import Model
 
@@ -24,7 +24,8 @@ MOST_SWINGS = 40  # up to which they are counted
 LACKING = (0.0, 0.3, 0.6)  # of the first arc, that a cut begun afresh may lack
 TURNED = 5  # of those places, from which a record begun afresh is fitted
 MISFIT = 1.05  # mean square residual, in noise, above which the cut may have begun or ended within an arc,
-GAIN = 20.0  # and what that must save in minus the log likelihood
+SWUNG = 0.5  # share of what is left of a record that a swing at a recent entry must take,
+GAIN = 20.0  # and what ends must save in minus the log likelihood
 
 
 def own_course(fitter: Fitter, place: int, state: State) -> State:
@@ -46,10 +47,23 @@ def own_course(fitter: Fitter, place: int, state: State) -> State:
         seen, _ = settle_passes(single, recently_entered(single, replace(state, nuisances=(one,))), reach=2)
         tried.append(own_refit(single, seen, [0], rounds=4))
     found = min(tried, key=single.cost)
+    if record.starts_in_cut and not record.forces_only:
+        found = _with_swing(single, found)
+        tried.append(found)
     if record.forces_only or single.cost(found) <= 0.5 * MISFIT * record.size:
         return found
     ends = min((_with_ends(single, one) for one in tried), key=single.cost)
     return ends if single.cost(ends) < single.cost(found) - GAIN else found
+
+
+def _with_swing(single: Fitter, state: State) -> State:
+    """One record's state with a recent entry at which the structure swung, where only that explains most of what is left."""
+    noise = 0.5 * single.records[0].size
+    excess = single.cost(state) - noise
+    if excess <= (MISFIT - 1.0) * noise:
+        return state
+    swung = own_refit(single, swung_entry(single, state), [0], rounds=4)
+    return swung if single.cost(swung) - noise < SWUNG * excess else state
 
 
 def _with_ends(single: Fitter, state: State) -> State:

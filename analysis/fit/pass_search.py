@@ -15,6 +15,7 @@ from analysis.fit.nuisances import Nuisances, other_teeth, turned_by
 from analysis.fit.observed import Observed
 from analysis.fit.waveform import Fitter
 from analysis.threads import threaded
+from testbed.machine import Model
 
 COARSE = 24  # places over a record at which an exit is looked for first
 EARLIER = 5  # passes by which a gentle entry may precede what is seen of it
@@ -24,6 +25,7 @@ SHORTEST = 0.25  # share of a cut that is seen which it lasts at the least, howe
 DIED_AWAY = 5.0  # logarithm by which a vibration has fallen when nothing is seen of it any more
 UNDAMPED = 1e-6  # damping ratio below which no vibration dies away within any record
 RECENT = 20.0  # in minus the log likelihood, by which a cut that began shortly before its record is the better
+SMALL = 0.1  # of a record's motion, by which the swing at its entry is changed to see what comes of it
 ROUND = 8  # places round the circle at which a record's own phase is looked for
 
 
@@ -108,15 +110,10 @@ def recently_entered(fitter: Fitter, state: State) -> State:
 
     Of those that the records start in; any pass of as long as a vibration takes to die away is tried.
     """
-    structure = state.model.structure
-    memory = DIED_AWAY / (max(structure.damping_ratio, UNDAMPED) * structure.natural_frequency_rad)
 
     def one(index: int) -> Nuisances:
-        record, own = fitter.records[index], state.nuisances[index]
-        if record.cut is None or not record.starts_in_cut or record.forces_only:
-            return own
-        since = max(record.first_simulated + 1, record.first_pass - math.ceil(memory / record.period * record.flutes))
-        tried = _tried(own, "entry", range(since, record.first_pass + 2 * record.flutes + 1))
+        own = state.nuisances[index]
+        tried = _recent_entries(fitter.records[index], own, state.model)
         if not tried:
             return own
         squares = squares_of(fitter, index, state, [own, *tried])
@@ -124,6 +121,36 @@ def recently_entered(fitter: Fitter, state: State) -> State:
         return [own, *tried][best] if squares[best] < squares[0] - 2.0 * RECENT else own
 
     return replace(state, nuisances=threaded(one, range(len(fitter.records))))
+
+
+def swung_entry(single: Fitter, state: State) -> State:
+    """The state of one record that starts in its cut, begun shortly before, where the structure still swung as it entered.
+
+    At the pass, and with the swing, that explain the record best; as it was where it cannot be so.
+    """
+    own = state.nuisances[0]
+    tried = [_swung(single, state, each) for each in _recent_entries(single.records[0], own, state.model)]
+    return state.with_record(0, _best(single, 0, state, tried)) if tried else state
+
+
+def _recent_entries(record: Observed, own: Nuisances, model: Model) -> list[Nuisances]:
+    """The nuisances of a record that starts in its cut with every entry of which a vibration may not have died away."""
+    if record.cut is None or not record.starts_in_cut or record.forces_only:
+        return []
+    memory = DIED_AWAY / (max(model.structure.damping_ratio, UNDAMPED) * model.structure.natural_frequency_rad)
+    since = max(record.first_simulated + 1, record.first_pass - math.ceil(memory / record.period * record.flutes))
+    return _tried(own, "entry", range(since, record.first_pass + 2 * record.flutes + 1))
+
+
+def _swung(single: Fitter, state: State, own: Nuisances) -> Nuisances:
+    """The nuisances of one record with the state at its simulation's beginning that explains it best, to first order."""
+    size = SMALL * single.records[0].motion_size
+    unit = np.array([size, size * state.model.structure.natural_frequency_rad])
+    still = replace(own, displacement=0.0, velocity=0.0)
+    tried = [still, replace(still, displacement=unit[0]), replace(still, velocity=unit[1])]
+    rest = single.residuals_of(0, [(state.model, state.angle, one) for one in tried])
+    moved = unit * np.linalg.lstsq((rest[1:] - rest[0]).T, -rest[0], rcond=None)[0]
+    return replace(still, displacement=float(moved[0]), velocity=float(moved[1]))
 
 
 def entered(records: Sequence[Observed], state: State) -> list[Observed]:

@@ -127,7 +127,7 @@ class Fitter:
             elif one.by_length and record.begins_cutting(nuisances) and {"length": LENGTH_STEP} not in own:
                 own.append({"length": LENGTH_STEP})
         own += [{end: PART_STEP} for end in nuisances.ends_in_arc(self.gradual)]
-        if not record.starts_in_cut:
+        if not record.starts_in_cut or nuisances.displacement or nuisances.velocity:  # still swinging at a recent entry
             size = record.motion_size
             own += [{"displacement": size}, {"velocity": size * 2 * math.pi * 100.0}]
         if record.cut is not None and record.first_mark is None:
@@ -331,8 +331,8 @@ class Fitter:
             arc = state.share_in_arc(record)
             for change, amount in zip(self._own_steps(record, nuisances), move, strict=True):
                 nuisances = self._nudged(nuisances, change, float(amount), arc)
-            if record.starts_in_cut and nuisances.entry < record.first_simulated:  # nothing is seen of it, and nothing holds it
-                nuisances = replace(nuisances, entry=record.first_simulated, late_entry=0.0)
+            if record.starts_in_cut and nuisances.entry <= record.first_simulated:  # nothing is seen of it, nothing holds it
+                nuisances = replace(nuisances, entry=record.first_simulated, late_entry=0.0, displacement=0.0, velocity=0.0)
             changed.append(nuisances)
         return replace(state, nuisances=tuple(changed))
 

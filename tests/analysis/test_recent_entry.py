@@ -1,5 +1,6 @@
 """A record that starts shortly after its cut began, while the vibration of the entry still dies away."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -9,12 +10,14 @@ from synthetic_campaign import begun_later, synthetic_record
 
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import observe
+from analysis.fit.own_course import own_course
 from analysis.fit.pass_search import recently_entered, settle_passes
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 
 TESTS = ((3500, 0.8), (2850, 2.9), (3900, 2.2))
+LAST = TESTS[-1][0], TESTS[-1][1] * 1e-3  # rpm, m
 IDLE, SINCE = 8, 7  # revolutions before the entry, and from the entry to the last record's start
 FITTED = partial(model_fit, plant_of(catalogue()), model=BELIEVED, catalogue=catalogue())
 
@@ -43,6 +46,17 @@ def test_its_cut_is_begun_where_it_began(observed, fitted, monkeypatch):
     for module in ("starts", "own_course", "pass_count"):
         monkeypatch.setattr(f"analysis.fit.{module}.recently_entered", lambda fitter, state: state)
     assert FITTED(records=observed[:-1])[1].mean_squares.max() > 1.05
+
+
+def test_what_still_swung_at_its_entry_is_found_with_it(fitted):
+    """Loud before the entry, some of it is left where the record starts; a machine that other records show tells it."""
+    rung = synthetic_record(partial(fast.simulate, steps=61), TRUE, *LAST, 82, course=(IDLE, 50, 15), state=(3e-5, 0.0))
+    late = replace(observe(begun_later(rung, IDLE + SINCE), BELIEVED), starts_in_cut=True)  # as one seems whose cut is louder
+    fitter = fitted[0].on([*fitted[0].records[:-1], late])
+    state = own_course(fitter, 2, replace(fitted[1].state, nuisances=fitted[1].state.nuisances[-1:]))
+    single, own = fitter.of_records([2]), state.nuisances[0]
+    assert own.entry > late.first_simulated and 2.0 * single.cost(state) < 1.05 * late.size
+    assert 2.0 * single.cost(state.with_record(0, own.with_fields(displacement=0.0, velocity=0.0))) > 1.5 * late.size
 
 
 def test_a_cut_that_was_steady_began_long_ago_again(fitted):
