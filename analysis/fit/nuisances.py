@@ -37,6 +37,11 @@ class Nuisances:
         """The same with fields of these names at these values."""
         return Nuisances(**{**vars(self), **values})
 
+    @property
+    def swings(self) -> bool:
+        """Whether the structure is not at rest in that state."""
+        return self.displacement != 0.0 or self.velocity != 0.0
+
     def ends_in_arc(self, gradual: bool = False) -> tuple[str, ...]:
         """The ends of the cut that are within a tooth's arc; of an entry that is `gradual` the place is another unknown."""
         return tuple(end for end, name in MISSING.items() if getattr(self, name) > 0.0 and not (gradual and end == "entry"))

@@ -258,7 +258,7 @@ class Observed:
             initial_velocity=nuisances.velocity,
             late_entry=nuisances.late_entry if idle > 0 else 0.0,
             early_exit=nuisances.early_exit,
-            held_until=idle * pitch if self.starts_in_cut else max(self.start - first, 0.0),
+            held_until=(idle * pitch if nuisances.swings else 0.0) if self.starts_in_cut else max(self.start - first, 0.0),
             swung_front=self.swung_front and not self.starts_in_cut,
         )
         return cut, Sampling(self.rate, self.samples, self.start - first)

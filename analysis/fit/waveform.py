@@ -127,7 +127,7 @@ class Fitter:
             elif one.by_length and record.begins_cutting(nuisances) and {"length": LENGTH_STEP} not in own:
                 own.append({"length": LENGTH_STEP})
         own += [{end: PART_STEP} for end in nuisances.ends_in_arc(self.gradual)]
-        if not record.starts_in_cut or nuisances.displacement or nuisances.velocity:  # still swinging at a recent entry
+        if not record.starts_in_cut or nuisances.swings:  # still swinging at a recent entry
             size = record.motion_size
             own += [{"displacement": size}, {"velocity": size * 2 * math.pi * 100.0}]
         if record.cut is not None and record.first_mark is None:

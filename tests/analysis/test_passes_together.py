@@ -92,7 +92,7 @@ def test_a_quiet_record_that_was_taken_to_start_in_the_cut_idles(quiet):
     fitter, fit = quiet
     entry, record = fit.state.nuisances[2].entry, replace(fitter.records[2], starts_in_cut=True)
     begun = fitter.on([*fitter.records[:2], record])
-    wrong = _begun_wrong(begun, fit, entry=record.first_pass - 20)
+    wrong = _begun_wrong(begun, fit, entry=record.first_pass - 20, displacement=0.0, velocity=0.0)
     assert wrong.cost - GAIN > fit.cost
     found, again = cut_elsewhere(begun, wrong)
     assert not found.records[2].starts_in_cut and again.state.nuisances[2].entry == entry
