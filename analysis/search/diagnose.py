@@ -38,6 +38,7 @@ from testbed.machine import Model
 LONG = 16384  # samples of an excited record that are searched
 MOST_EFFECTS = 3
 SUSPECTS = 2  # records, the worst fitted, without which the others are asked whether they agree
+FEWEST = 3  # cuts whose entries are seen, from which the others may be left out
 CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
 
 
@@ -94,7 +95,9 @@ def _diagnosed(plant: Plant, records: Sequence[Observed], model: Model, catalogu
     if all(part is record for part, record in zip(parts, records, strict=True)):
         base = base or _as_believed(plant, records, model, catalogue, say)
         found, first = _without_irregular(base, plant, model, catalogue, most, say)
-        found = found or _search(base, plant, model, catalogue, most, say, first)
+        if found is None:
+            found = _search(base, plant, model, catalogue, most, say, first)
+            found = _without_late(found, base, plant, model, catalogue, most, say)
         return told_of_base(with_odd_records(_with_next_test(found, plant, records, say), plant, model, catalogue, say))
     found = _search(_as_believed(plant, parts, model, catalogue, say), plant, model, catalogue, most, say)
     say("fitting the whole records")
@@ -134,6 +137,36 @@ def _without_irregular(base: Candidate, plant: Plant, model: Model, catalogue: M
     if found.form is not None:
         return replace(found, sentence=f"{found.sentence} {_held_against(names, strange)}"), None
     return None, None if strange else against(candidate_of(seen.fitter, seen.fitted(), best.effects, None, 1.0), base)
+
+
+def _without_late(found: Diagnosis, base: Candidate, plant: Plant, model: Model, catalogue: Mapping[str, Effect], most: int,
+                  say: Callable[[str], None]) -> Diagnosis:  # fmt: skip
+    """The diagnosis begun with what those records say whose cutter's entry is seen, where the search on all leaves more.
+
+    With which pass, and with what swing, the others began is unknown: a model that lacks much cannot tell, and is bent by them.
+    """
+    assert base.fitter is not None
+    records = base.fitter.records
+    late = [place for place, record in enumerate(records) if record.starts_in_cut and not record.forces_only]
+    kept = [record for place, record in enumerate(records) if place not in late]
+    searched = found.verdict in ("missing_effect", "unexplained") and bool(found.candidates) and found.form is None
+    if not searched or _complete(found) or not late or sum(record.cut is not None for record in kept) < FEWEST:
+        return found
+    names = ", ".join(records[place].name for place in late)
+    say(f"without {names}: entered before its first sample")
+    seen = _search(_as_believed(plant, kept, model, catalogue, say), plant, model, catalogue, most, say)
+    if not (_complete(seen) or seen.verdict == "adequate"):
+        return found
+    best = by_noise(seen.best)
+    assert best.fitter is not None and best.fit is not None
+    say(f"holding what was found against {names}")
+    whole = followed(best.fitter, best.fit.state, records, late)
+    if whole.strange:
+        return found
+    begun = candidate_of(whole.fitter, whole.fitted(), best.effects, None, 1.0)
+    if not best.effects:
+        return _search(begun, plant, model, catalogue, most, say)
+    return _search(base, plant, model, catalogue, most, say, against(begun, base))
 
 
 def _held_against(names: Sequence[str], strange: Sequence[str]) -> str:

@@ -12,6 +12,7 @@ from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import observe
 from analysis.fit.own_course import own_course
 from analysis.fit.pass_search import recently_entered, settle_passes
+from analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast
@@ -70,3 +71,18 @@ def test_a_cut_that_was_steady_began_long_ago_again(fitted):
     assert recently_entered(fitter, fit.state).nuisances[-1].entry == own.entry
     undamped = fit.state.with_value("damping_ratio", 0.0)  # as a model may believe
     assert recently_entered(fitter, undamped).nuisances[-1].entry > record.first_simulated
+
+
+@pytest.mark.long
+def test_a_late_record_that_leads_the_search_astray_is_left_out_at_first():
+    """What swung at an entry that no record shows bends the fit of a wrong model; the others name what is missing."""
+    true = TRUE.with_values({"damping_ratio": 0.002}).with_effect("quadratic_damping", coefficient=50.0)
+    made, said = partial(synthetic_record, partial(fast.simulate, steps=61), true, course=(IDLE, 50, 15)), []
+    records = [observe(made(rpm, depth, number), BELIEVED)
+               for number, (rpm, depth) in enumerate([(3500, 0.8e-3), (2850, 2.9e-3), (2600, 0.8e-3)], 80)]
+    late = observe(begun_later(made(*LAST, 83, state=(1e-4, 0.0)), IDLE + SINCE), BELIEVED)
+    known = {name: catalogue()[name] for name in ("quadratic_damping", "process_damping", "sensor_lag")}
+    found = diagnose(plant_of(known), [*records, replace(late, starts_in_cut=True)], BELIEVED, known, say=said.append)
+    assert any(text.startswith("without ") for text in said)
+    assert found.verdict == "missing_effect" and found.effects == ("quadratic_damping",)
+    assert found.best.error_held_out < 1.02 * found.noise_floor and found.best.fit.mean_squares.max() < 1.15
