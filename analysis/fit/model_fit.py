@@ -23,7 +23,8 @@ from analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
 
-EXPLAINED = 1.1  # mean square residual up to which coefficients are believed, whatever they are
+EXPLAINED = 1.1  # mean square residual up to which coefficients are believed, whatever they are, and an arc of engagement
+BEYOND = 2.0  # times as far from the believed arc as the fitted one: where a fit begins that comes from the other side
 
 
 def model_fit(
@@ -46,10 +47,26 @@ def model_fit(
     if free is None and model.effects:
         free = all_free(records, model, catalogue)
     found = _fitted(plant, records, model, catalogue, free, goal, known)
+    if not (found[1].cost > goal or arrived(found[1], known)) and (beyond := _with_arc_beyond(found[1], model, catalogue)):
+        found = min(found, _fitted(plant, records, beyond, catalogue, free, math.inf, known), key=lambda one: one[1].cost)
     if asks_length(model.effects, catalogue) and (longer := carried_on(records)) is not None:
         worn = _fitted(plant, longer, model, catalogue, free, goal, known)
         found = with_lengths_found(*worn) if worn[1].cost < found[1].cost else found
     return found if found[1].cost > goal or arrived(found[1], known) else asked_again(*found)
+
+
+def _with_arc_beyond(fit: WaveformFit, model: Model, catalogue: Mapping[str, Effect]) -> Model | None:
+    """The model as believed with an arc of engagement beyond the one fitted; None where that explains the records.
+
+    Cuts whose first tooth met but a part of its arc hold a fit that comes from shorter arcs at one that makes them whole.
+    """
+    effect = next((catalogue[name] for name in model.effects if "immersion" in catalogue[name].hooks), None)
+    if effect is None or fit.mean_squares.max() <= EXPLAINED:
+        return None
+    (switch,) = (one for one in effect.parameters if one.vanishes)
+    found = fit.state.model.effects[effect.name][switch.name]
+    far = switch.neutral + BEYOND * (found - switch.neutral)
+    return model.with_effect(effect.name, **{switch.name: min(max(far, switch.bounds[0]), switch.bounds[1])})
 
 
 def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],

@@ -19,7 +19,7 @@ from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant
 from analysis.fit.starts import fitter_of_openings, polish, scan_starts, with_exits
 from analysis.fit.switched import switchable
-from analysis.search.candidate_round import CREEP, candidate_of
+from analysis.search.candidate_round import CREEP, by_noise, candidate_of
 from analysis.search.diagnosis import ADEQUATE, Candidate
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -66,6 +66,7 @@ def begun_anew(
 
     noise: the noise floor, as the errors. The effect that was found last starts at its example, the others as found. With
     laws that have kinks, what is left may be the error of the engine's steps; then only much calls for another fit of all.
+    What changes the arc of engagement is fitted to its end, by the noise: parts of arcs, found last, are most of what is left.
     """
     assert first.fit is not None and first.fitter is not None
     if first.error_held_out <= CLEAN * noise:
@@ -74,13 +75,16 @@ def begun_anew(
         return _cut_anew(first, model, say)
     say(f"fitting {first.effects[-1]} anew from the believed machine")
     believed = _believed_but_last(first, model, catalogue)
-    goal = FAR_OFF * first.fit.cost
-    plant, records, free = first.fitter.plant, first.fitter.records, first.fitter.unknowns
-    fitter, fit = model_fit(plant, records, believed, catalogue, free, goal, known=first.fit.cost)
+    moves_arc = "immersion" in catalogue[first.effects[-1]].hooks
+    now = by_noise(first) if moves_arc else first
+    assert now.fit is not None and now.fitter is not None
+    goal = math.inf if moves_arc else FAR_OFF * now.fit.cost
+    plant, records, free = now.fitter.plant, now.fitter.records, now.fitter.unknowns
+    fitter, fit = model_fit(plant, records, believed, catalogue, free, goal, known=now.fit.cost)
     if fit.cost > goal:
         return first
     found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
-    return found if _better(found, first.fit, fit, noise) and found.error_held_out < first.error_held_out else first
+    return found if _better(found, now.fit, fit, noise) and found.error_held_out < first.error_held_out else first
 
 
 def _cut_anew(first: Candidate, model: Model, say: Callable[[str], None]) -> Candidate:

@@ -72,6 +72,16 @@ def candidate_of(
     )
 
 
+def by_noise(one: Candidate) -> Candidate:
+    """A set of effects as it was fitted, with residuals and covariance in units of the noise again."""
+    assert one.fit is not None and one.fitter is not None
+    if all(record.weight is None for record in one.fitter.records):
+        return one
+    records = [replace(record, weight=None) for record in one.fitter.records]
+    fitter = one.fitter.on(records)
+    return replace(one, fitter=fitter, fit=replace(fitter.fit(one.fit.state, iterations=0), converged=one.fit.converged))
+
+
 def try_candidates(
     current: Candidate,
     catalogue: Mapping[str, Effect],

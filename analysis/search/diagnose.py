@@ -20,9 +20,9 @@ from analysis.fit.spindle_speed import at_modelled_speed, rules_the_speed, speed
 from analysis.fit.swing_start import marks_show
 from analysis.search.begun_anew import from_believed
 from analysis.search.believed_look import BelievedLook
-from analysis.search.candidate_round import candidate_of
+from analysis.search.candidate_round import by_noise, candidate_of
 from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, excess, told_of_base, verdict_of
-from analysis.search.forward_search import ROUGH, by_noise, forward
+from analysis.search.forward_search import ROUGH, forward
 from analysis.search.gates import against
 from analysis.search.irregular import followed, irregular
 from analysis.search.law_form import with_form_asked, with_other_form

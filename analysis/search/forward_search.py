@@ -23,7 +23,7 @@ from analysis.fit.taken import asked_again
 from analysis.fit.waveform import Fitter
 from analysis.search.begun_anew import begun_anew, switched_on_too
 from analysis.search.believed_look import BelievedLook
-from analysis.search.candidate_round import CERTAIN, candidate_of, certain_candidates, try_candidates
+from analysis.search.candidate_round import CERTAIN, by_noise, candidate_of, certain_candidates, try_candidates
 from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, OtherForm
 from analysis.search.exchanged import exchanged
 from analysis.search.gates import against, below_a_guess, certain_ones, passing_gates, vanishes
@@ -81,16 +81,6 @@ def _weighed(current: Candidate) -> Candidate:
     if not rough:
         fit = with_parts_of_passes(fitter, fit)  # such weights hid what a cut that begins within an arc leaves
     return replace(candidate_of(fitter, fit, current.effects, None, 1.0), delta_bic=current.delta_bic)
-
-
-def by_noise(one: Candidate) -> Candidate:
-    """A set of effects as it was fitted, with residuals and covariance in units of the noise again."""
-    assert one.fit is not None and one.fitter is not None
-    if all(record.weight is None for record in one.fitter.records):
-        return one
-    records = [replace(record, weight=None) for record in one.fitter.records]
-    fitter = one.fitter.on(records)
-    return replace(one, fitter=fitter, fit=replace(fitter.fit(one.fit.state, iterations=0), converged=one.fit.converged))
 
 
 def _at_its_jumps(one: Candidate) -> Candidate:

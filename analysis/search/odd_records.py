@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from analysis.fit.prediction import Plant
+from analysis.search.candidate_round import by_noise
 from analysis.search.diagnosis import Candidate, Diagnosis, verdict_of
 from analysis.search.each_alone import each_alone, said_apart
-from analysis.search.forward_search import by_noise
 from analysis.search.unheard import agreed
 from testbed.effect import Effect
 from testbed.machine import Model

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from analysis.search.believed_look import BelievedLook
+from analysis.search.candidate_round import by_noise
 from analysis.search.diagnosis import FAINT_REST, excess
-from analysis.search.forward_search import Path, by_noise, forward
+from analysis.search.forward_search import Path, forward
 from analysis.search.gates import against, worth_naming
 from analysis.search.law_form import steeper_form
 

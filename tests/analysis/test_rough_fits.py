@@ -16,9 +16,9 @@ from analysis.fit.nuisances import Nuisances, other_teeth
 from analysis.fit.observed import Observed, drift_basis, observe
 from analysis.fit.prediction import predict as predicted
 from analysis.fit.starts import base_fit
+from analysis.search.candidate_round import by_noise as in_noise
 from analysis.search.candidate_round import candidate_of
 from analysis.search.forward_search import ROUGH, _weighed
-from analysis.search.forward_search import by_noise as in_noise
 from testbed.catalogue import catalogue
 from testbed.cut import Cut
 from testbed.engines import fast, predict
