@@ -61,9 +61,9 @@ def _with_arc_beyond(fit: WaveformFit, model: Model, catalogue: Mapping[str, Eff
     Cuts whose first tooth met but a part of its arc hold a fit that comes from shorter arcs at one that makes them whole.
     """
     effect = next((catalogue[name] for name in model.effects if "immersion" in catalogue[name].hooks), None)
-    if effect is None or fit.mean_squares.max() <= EXPLAINED:
+    switch = None if effect is None else next((one for one in effect.parameters if one.vanishes), None)
+    if effect is None or switch is None or fit.mean_squares.max() <= EXPLAINED:
         return None
-    (switch,) = (one for one in effect.parameters if one.vanishes)
     found = fit.state.model.effects[effect.name][switch.name]
     far = switch.neutral + BEYOND * (found - switch.neutral)
     return model.with_effect(effect.name, **{switch.name: min(max(far, switch.bounds[0]), switch.bounds[1])})
