@@ -28,11 +28,11 @@ SWUNG = 0.5  # share of what is left of a record that a swing at a recent entry 
 GAIN = 20.0  # and what ends must save in minus the log likelihood
 
 
-def own_course(fitter: Fitter, place: int, state: State) -> State:
+def own_course(fitter: Fitter, place: int, state: State, within_arcs: bool = True) -> State:
     """The state of one record alone, its course as it was fitted or as its segments show it, whichever explains more.
 
-    Without a tachometer its tooth angle is looked for all round, too; where whole passes do not explain it, its ends within
-    an arc.
+    Without a tachometer its tooth angle is looked for all round, too; where whole passes do not explain it, its ends
+    `within_arcs`.
     """
     record, own = fitter.records[place], state.nuisances[0]
     single = fitter.of_records([place])
@@ -50,7 +50,7 @@ def own_course(fitter: Fitter, place: int, state: State) -> State:
     if record.starts_in_cut and not record.forces_only:
         found = _with_swing(single, found)
         tried.append(found)
-    if record.forces_only or single.cost(found) <= 0.5 * MISFIT * record.size:
+    if not within_arcs or record.forces_only or single.cost(found) <= 0.5 * MISFIT * record.size:
         return found
     ends = min((_with_ends(single, one) for one in tried), key=single.cost)
     return ends if single.cost(ends) < single.cost(found) - GAIN else found

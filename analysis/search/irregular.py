@@ -16,7 +16,7 @@ from scipy.interpolate import make_interp_spline
 from analysis.fit.first_passes import first_nuisances
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.observed import Observed
-from analysis.fit.own_course import own_course
+from analysis.fit.own_course import MISFIT, own_course
 from analysis.fit.prediction import predict
 from analysis.fit.starts import polish
 from analysis.fit.waveform import Fitter
@@ -31,6 +31,7 @@ FEWEST = 4  # records that must repeat
 NUDGE = 1e-6  # of the motion, by which a second one begins elsewhere
 ENTERED = 3  # revolutions after which the entry is over
 PARTED = 30.0  # times as far apart as at the end of the entry, from which two motions part
+FORGOTTEN = 0.1  # of the motion: so far apart, a cut has forgotten where it began, and no other beginning explains it
 
 
 def irregular(records: Sequence[Observed]) -> list[int]:
@@ -89,27 +90,47 @@ def followed(fitter: Fitter, state: State, records: Sequence[Observed], left_out
             own.append(nuisances)
             continue
         single = fitter.on([record])
-        course = own_course(single, 0, replace(state, nuisances=(first_nuisances(record, state.angle),)))
+        course = _course(single, replace(state, nuisances=(first_nuisances(record, state.angle),)))
         wider.append(record)
         own.append(course.nuisances[0])
-        if float(np.mean(single.residual_of(0, course) ** 2)) > LOUD:
+        if _loud(single, course):
             strange.append(place)
             if parts(single, course):
                 parting.append(place)
     return Followed(fitter.on(wider), replace(state, nuisances=tuple(own)), tuple(strange), tuple(parting))
 
 
+def _course(single: Fitter, state: State) -> State:
+    """The one record's course; its ends within an arc are looked for unless its motion forgets where it began."""
+    found = own_course(single, 0, state, within_arcs=False)
+    if single.cost(found) <= 0.5 * MISFIT * single.records[0].size:
+        return found
+    apart, size = _apart(single, found)
+    forgets = _loud(single, found) and apart.size > 0 and bool(apart.max() > FORGOTTEN * size.max())
+    return found if forgets else own_course(single, 0, state)
+
+
+def _loud(single: Fitter, state: State) -> bool:
+    """Whether more is left of the one record than the right machine leaves of any."""
+    return float(np.mean(single.residual_of(0, state) ** 2)) > LOUD
+
+
 def parts(single: Fitter, state: State) -> bool:
     """Whether two motions of the one record's cut that begin almost at the same place part, and more than the motion grows."""
-    record, own = single.records[0], state.nuisances[0]
-    moved = replace(own, displacement=own.displacement + NUDGE * record.motion_size)
-    motion, other = predict(single.plant, record, [(state.model, state.angle, one) for one in (own, moved)])
-    apart = _by_revolution(record, state, other - motion)
-    size = _by_revolution(record, state, motion - motion.mean(axis=1, keepdims=True))
+    apart, size = _apart(single, state)
     if apart.size <= ENTERED:
         return False
     grown = max(1.0, float(size[ENTERED:].max() / size[ENTERED]))
     return bool(apart[ENTERED:].max() > PARTED * apart[:ENTERED + 1].max() * grown)
+
+
+def _apart(single: Fitter, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """(how far two motions that begin almost at the same place are apart, size of the motion), both (revolutions,)."""
+    record, own = single.records[0], state.nuisances[0]
+    moved = replace(own, displacement=own.displacement + NUDGE * record.motion_size)
+    motion, other = predict(single.plant, record, [(state.model, state.angle, one) for one in (own, moved)])
+    swing = motion - motion.mean(axis=1, keepdims=True)
+    return _by_revolution(record, state, other - motion), _by_revolution(record, state, swing)
 
 
 def _by_revolution(record: Observed, state: State, values: np.ndarray) -> np.ndarray:
