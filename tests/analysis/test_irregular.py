@@ -60,6 +60,7 @@ def test_motions_part_where_the_machine_is_chaotic_and_nowhere_else(observed):
     fitter, fit = model_fit(PLANT, observed[:4], STIFF, KNOWN)
     seen = followed(fitter, fit.state, observed, [4])
     assert seen.strange == seen.parting == (4,)
+    assert not seen.state.nuisances[4].ends_in_arc()  # no beginning explains it: none within an arc was looked for
     for place in range(4):
         own = State(fit.state.model, fit.state.angle, (fit.state.nuisances[place],))
         assert not parts(fitter.of_records([place]), own)
