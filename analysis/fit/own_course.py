@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,11 +28,13 @@ SWUNG = 0.5  # share of what is left of a record that a swing at a recent entry 
 GAIN = 20.0  # and what ends must save in minus the log likelihood
 
 
-def own_course(fitter: Fitter, place: int, state: State, within_arcs: bool = True) -> State:
+def own_course(
+    fitter: Fitter, place: int, state: State, forgets: Callable[[Fitter, State], bool] = lambda single, state: False
+) -> State:
     """The state of one record alone, its course as it was fitted or as its segments show it, whichever explains more.
 
     Without a tachometer its tooth angle is looked for all round, too; where whole passes do not explain it, its ends
-    `within_arcs`.
+    within an arc. forgets: whether the motion of one record alone is such that no end explains it; asked before that.
     """
     record, own = fitter.records[place], state.nuisances[0]
     single = fitter.of_records([place])
@@ -50,7 +52,7 @@ def own_course(fitter: Fitter, place: int, state: State, within_arcs: bool = Tru
     if record.starts_in_cut and not record.forces_only:
         found = _with_swing(single, found)
         tried.append(found)
-    if not within_arcs or record.forces_only or single.cost(found) <= 0.5 * MISFIT * record.size:
+    if record.forces_only or single.cost(found) <= 0.5 * MISFIT * record.size or forgets(single, found):
         return found
     ends = min((_with_ends(single, one) for one in tried), key=single.cost)
     return ends if single.cost(ends) < single.cost(found) - GAIN else found

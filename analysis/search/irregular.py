@@ -16,11 +16,11 @@ from scipy.interpolate import make_interp_spline
 from analysis.fit.first_passes import first_nuisances
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.observed import Observed
-from analysis.fit.own_course import MISFIT, own_course
+from analysis.fit.own_course import own_course
 from analysis.fit.prediction import predict
 from analysis.fit.starts import polish
 from analysis.fit.waveform import Fitter
-from analysis.search.unheard import LOUD
+from analysis.search.unheard import still_loud
 
 BEYOND_NOISE = 10.0  # change from one revolution to the next at a cut's end, in units of the noise, from which it is irregular,
 BEYOND_OTHERS = 5.0  # times that of the median record,
@@ -90,29 +90,23 @@ def followed(fitter: Fitter, state: State, records: Sequence[Observed], left_out
             own.append(nuisances)
             continue
         single = fitter.on([record])
-        course = _course(single, replace(state, nuisances=(first_nuisances(record, state.angle),)))
+        begun = replace(state, nuisances=(first_nuisances(record, state.angle),))
+        course = own_course(single, 0, begun, _forgets)
         wider.append(record)
         own.append(course.nuisances[0])
-        if _loud(single, course):
+        if still_loud(single, 0, course):
             strange.append(place)
             if parts(single, course):
                 parting.append(place)
     return Followed(fitter.on(wider), replace(state, nuisances=tuple(own)), tuple(strange), tuple(parting))
 
 
-def _course(single: Fitter, state: State) -> State:
-    """The one record's course; its ends within an arc are looked for unless its motion forgets where it began."""
-    found = own_course(single, 0, state, within_arcs=False)
-    if single.cost(found) <= 0.5 * MISFIT * single.records[0].size:
-        return found
-    apart, size = _apart(single, found)
-    forgets = _loud(single, found) and apart.size > 0 and bool(apart.max() > FORGOTTEN * size.max())
-    return found if forgets else own_course(single, 0, state)
-
-
-def _loud(single: Fitter, state: State) -> bool:
-    """Whether more is left of the one record than the right machine leaves of any."""
-    return float(np.mean(single.residual_of(0, state) ** 2)) > LOUD
+def _forgets(single: Fitter, state: State) -> bool:
+    """Whether the one record's motion, which is not explained, forgets where it began."""
+    if not still_loud(single, 0, state):
+        return False
+    apart, size = _apart(single, state)
+    return apart.size > 0 and bool(apart.max() > FORGOTTEN * size.max())
 
 
 def parts(single: Fitter, state: State) -> bool:

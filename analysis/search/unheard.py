@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.fit_state import WaveformFit
+from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.held_out import errors_in_fit
 from analysis.fit.own_course import own_course
 from analysis.fit.starts import polish
@@ -45,7 +45,7 @@ def agreed(fitter: Fitter, fit: WaveformFit, suspect: int | None = None) -> tupl
     for place in doubted:
         nuisances[place] = own_course(fitter, place, replace(alone.state, nuisances=(nuisances[place],))).nuisances[0]
     state = replace(alone.state, nuisances=tuple(nuisances))
-    strange = [place for place in doubted if float(np.mean(fitter.residual_of(place, state) ** 2)) > LOUD]
+    strange = [place for place in doubted if still_loud(fitter, place, state)]
     if not strange:  # but its passes were wrong
         return fitter, min(fit, polish(fitter, state), key=lambda one: one.cost)
     records = list(fitter.records)
@@ -54,6 +54,11 @@ def agreed(fitter: Fitter, fit: WaveformFit, suspect: int | None = None) -> tupl
         records[place] = replace(records[place], weight=MUTE * size, heard=False)
     wider = fitter.on(records)
     return wider, wider.fit(state, iterations=4)
+
+
+def still_loud(fitter: Fitter, place: int, state: State) -> bool:
+    """Whether the record at `place` still has a mean square residual, in noise, above that from which it is doubted."""
+    return float(np.mean(fitter.residual_of(place, state) ** 2)) > LOUD
 
 
 def misfit(fitter: Fitter, fit: WaveformFit) -> tuple[float, float]:
