@@ -11,10 +11,10 @@ from direct import KN, KT, MODEL, WINDOW, cut, error, integrate
 from synthetic_campaign import synthetic_record
 
 from analysis.fit.model_fit import model_fit
-from analysis.fit.nuisances import Nuisances
+from analysis.fit.nuisances import Nuisances, nearly_whole
 from analysis.fit.observed import observe
 from analysis.fit.own_course import own_course
-from analysis.fit.part_search import FINE, PARTS, VALLEYS, _parts, _placed, best_ends, nearly_whole, reachable
+from analysis.fit.part_search import FINE, PARTS, VALLEYS, _parts, _placed, best_ends, reachable
 from analysis.fit.parts_of_passes import with_parts_of_passes
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
@@ -220,11 +220,23 @@ def test_an_arc_that_holds_many_swings_is_divided_finer(observed):
     assert swings > 4 and _parts(slow, 0, fit.state, PARTS) >= 4 * swings
 
 
+def test_an_end_that_came_to_the_edge_of_its_arc_holds_nothing(observed):
+    fitter, fit = FITTED(records=observed)
+    place = next(place for place, own in enumerate(fit.state.nuisances) if own.late_entry == 0.0)
+    own, arc = fit.state.nuisances[place], fit.state.share_in_arc(observed[place])
+    bent = fit.state.model.with_values({"natural_frequency": fit.state.model.structure.natural_frequency * 1.0002})
+    for late, entry in ((arc * (1.0 - 1e-5), own.entry - 1), (arc * 1e-5, own.entry)):
+        edge = replace(own, entry=entry, late_entry=late)
+        again = fitter.fit(replace(fit.state.with_record(place, edge), model=bent), iterations=60)
+        assert again.cost < fit.cost + 0.5
+        assert (again.state.nuisances[place].entry, again.state.nuisances[place].late_entry) == (own.entry, 0.0)
+
+
 def test_ends_nearly_at_a_whole_pass_are_put_there_and_no_others():
     ends, arc = ("entry", "exit"), 0.5
     near = Nuisances(entry=3, late_entry=0.02, exit=20, early_exit=0.98)
-    assert nearly_whole(near, ends, arc) == Nuisances(entry=3, exit=19)
-    assert nearly_whole(replace(near, late_entry=0.47, early_exit=0.52), ends, arc) == Nuisances(entry=4, exit=20)
+    assert nearly_whole(near, ends, arc, 0.1) == Nuisances(entry=3, exit=19)
+    assert nearly_whole(replace(near, late_entry=0.47, early_exit=0.52), ends, arc, 0.1) == Nuisances(entry=4, exit=20)
     far = replace(near, late_entry=0.1, early_exit=0.6)
-    assert nearly_whole(far, ends, arc) == far
-    assert nearly_whole(near, ("exit",), arc) == replace(near, exit=19, early_exit=0.0)
+    assert nearly_whole(far, ends, arc, 0.1) == far
+    assert nearly_whole(near, ("exit",), arc, 0.1) == replace(near, exit=19, early_exit=0.0)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from analysis.fit.nuisances import Nuisances, end_moved_in_arc
+from analysis.fit.nuisances import Nuisances, end_moved_in_arc, nearly_whole
 from analysis.fit.observed import Observed
 from testbed.machine import Model
 
@@ -76,6 +76,11 @@ class State:
         """The state with no first pass cut in part."""
         return replace(self, nuisances=tuple(replace(one, late_entry=0.0) for one in self.nuisances))
 
+    def with_nearly_whole(self, records: Sequence[Observed], gradual: bool, near: float) -> State:
+        """The state with every end of a cut that is within `near` of an arc of a whole pass at that pass."""
+        return replace(self, nuisances=tuple(nearly_whole(own, own.ends_in_arc(gradual), self.share_in_arc(record), near)
+                                             for own, record in zip(self.nuisances, records, strict=True)))
+
     def with_sudden_entries(self, records: Sequence[Observed]) -> State:
         """The state with first passes that begin where gradual ones first touch the work: within an arc, or with the next."""
         return replace(self, nuisances=tuple(end_moved_in_arc(own, "entry", 0.0, self.share_in_arc(record))
@@ -129,6 +134,27 @@ class Linearised:
     @cached_property
     def _own_basis(self) -> np.ndarray:
         return np.linalg.qr(self.own)[0] if self.own.shape[1] else self.own
+
+
+def padded(rows: np.ndarray, count: int) -> np.ndarray:
+    """The rows with `count` rows of zeros after them; themselves with none."""
+    return np.vstack([rows, np.zeros((count, rows.shape[1]))]) if count else rows
+
+
+def linearised(rest: np.ndarray, shared: np.ndarray, own: np.ndarray, held: np.ndarray,
+               steps: Sequence[Mapping[str, float]]) -> Linearised:  # fmt: skip
+    """A record about a state, its products summed at once: on the thread of the record, not in the step of them all.
+
+    held: what its marks say of it, which no shared unknown moves; `own` has rows for it. steps: of its own unknowns.
+    """
+    found = Linearised(np.append(rest, held), padded(shared, len(held)), own, names_of(steps))
+    _ = found.products
+    return found
+
+
+def names_of(steps: Sequence[Mapping[str, float]]) -> tuple[str, ...]:
+    """The names of a record's own unknowns, by their steps."""
+    return tuple(name for step in steps for name in step)
 
 
 @dataclass(frozen=True, kw_only=True)

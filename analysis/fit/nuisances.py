@@ -96,6 +96,16 @@ def arc_gone(nuisances: Nuisances, end: str, arc: float) -> float:
     return float(min(missing / arc, 1.0) if end == "entry" else max(missing - (1.0 - arc), 0.0) / arc)
 
 
+def nearly_whole(nuisances: Nuisances, ends: tuple[str, ...], arc: float, near: float) -> Nuisances:
+    """The nuisances with those of the ends at a whole pass that are within a share `near` of an arc of it."""
+    found = nuisances
+    for end in ends:
+        gone = arc_gone(found, end, arc)
+        if min(gone, 1.0 - gone) < near:
+            found = end_whole(found, end, round(gone))
+    return found if found.entry < found.exit else nuisances
+
+
 def other_teeth(nuisances: Nuisances, flutes: int, every: int = 1) -> list[Nuisances]:
     """The same course with another tooth (one in `every`) the first to cut: unequal teeth tell which it was.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.held_out import own_refit
-from analysis.fit.nuisances import MISSING, Nuisances, arc_gone, end_moved_in_arc, end_whole
+from analysis.fit.nuisances import MISSING, Nuisances, end_moved_in_arc, end_whole
 from analysis.fit.pass_search import left_at, squares_of
 from analysis.fit.waveform import Fitter
 
@@ -22,7 +22,6 @@ PER_SWING = {PARTS: 4, FEW: 1, FINE: 4}
 MOST_SWINGS = 16  # up to which they are counted
 VALLEYS = 3  # places that cost less than those beside them from which the best is looked for: an arc may hold several,
 HALVINGS = 6  # halving the step so often
-NEAR = 0.1  # of the arc: so near a whole pass an end may be at it
 LITTLE = 0.01  # of the arc, beside a whole pass: from there slopes lead on
 PLAIN = 2.0  # in minus the log likelihood: what a place within the arc must save against a whole pass; more would bend the rest
 ROUNDING = 1e-12  # share of the largest square below which a mixture of changes is none
@@ -84,15 +83,6 @@ def whole_passes(own: Nuisances, ends: tuple[str, ...]) -> list[Nuisances]:
     for end in ends:
         found = [end_whole(one, end, passes) for one in found for passes in (0, 1)]
     return [one for one in found if one.entry < one.exit]
-
-
-def nearly_whole(own: Nuisances, ends: tuple[str, ...], arc: float) -> Nuisances:
-    """The nuisances with those of the ends at a whole pass that are within a tenth of an arc of it."""
-    for end in ends:
-        gone = arc_gone(own, end, arc)
-        if min(gone, 1.0 - gone) < NEAR:
-            own = end_whole(own, end, round(gone))
-    return own
 
 
 def beside_whole(fitter: Fitter, index: int, state: State) -> list[Nuisances]:

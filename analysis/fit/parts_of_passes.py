@@ -24,7 +24,6 @@ from analysis.fit.part_search import (
     best_ends,
     best_moved,
     best_whole,
-    nearly_whole,
     plainer,
     reachable,
     settled,
@@ -48,6 +47,7 @@ SHARE = 0.6  # and of the record's that must be worth it in the end for the part
 USUAL = 0.5  # share of the cuts above which a weak first pass is no chance of where the work begins, but a slow entry,
 ALIKE = 0.15  # if what is missing of them is as much in all: standard deviation, in arcs,
 EXPLAINED = 0.05  # and leaves more than this share of their excess
+NEAR = 0.1  # of the arc: so near a whole pass an end may be at it
 NEARLY_WHOLE = 0.1  # of a pass before the next begins, where a tooth is always in the work: so little is no slow entry
 MOVES = 4  # of the end of one cut, with all unknowns following,
 MOVED = 0.02  # and share of all records' excess that must go with each: where much is left, small gains are no end
@@ -82,12 +82,10 @@ def _plain_together(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     A tooth angle a hundredth of a pass off makes every sudden entry begin a little within the arc, and each of them holds the
     angle there: one alone does not become whole.
     """
-    state, gradual = fit.state, fitter.gradual
-    nuisances = tuple(nearly_whole(own, own.ends_in_arc(gradual), state.share_in_arc(record))
-                      for own, record in zip(state.nuisances, fitter.records, strict=True))
-    if nuisances == state.nuisances:
+    whole = fit.state.with_nearly_whole(fitter.records, fitter.gradual, NEAR)
+    if whole == fit.state:
         return fit
-    plain = fitter.fit(replace(state, nuisances=nuisances), iterations=LAST, goal=fit.cost + PLAIN)
+    plain = fitter.fit(whole, iterations=LAST, goal=fit.cost + PLAIN)
     return plain if plain.cost < fit.cost + PLAIN else fit
 
 

@@ -35,6 +35,7 @@ SAME = 1e-4  # share of the cost by which two fits of one valley may differ
 SOUND = 1.2  # mean square residual, in noise, up to which a record counts as explained
 AGREED = 1.1  # the same of half of them, fitted alone,
 LOST = 2.0  # where another has more than this: a law that is a little wrong leaves a little more of all
+LATE = 4.0  # standard errors of a mean square, by which a record that starts in its cut is off
 FEWEST = 3  # such records, that the course of others may be found again by them
 UNEVEN = 1.5  # mean square residual of the worst record over the median's, from which the worst are doubted
 _STRUCTURE_BOUNDS = {"natural_frequency": (1.0, 1e5), "damping_ratio": (1e-6, 0.9), "mass": (1e-12, 1e12)}
@@ -293,7 +294,7 @@ def with_the_lost_found(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     fit, or the better half, if they agree once they are fitted alone.
     """
     left = fit.mean_squares
-    kept = [int(place) for place in np.flatnonzero(left <= SOUND)]
+    kept = [int(place) for place in np.flatnonzero(left <= SOUND) if not _late_and_off(fitter.records[place], left, int(place))]
     if len(kept) == len(left):
         return fit
     most = SOUND
@@ -307,6 +308,11 @@ def with_the_lost_found(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     begun = _begun_there(fit, kept, alone.state, lambda place, state: own_course(fitter, place, state).nuisances[0])
     again = polish(fitter, begun)
     return with_courses(fitter, again) if again.cost < 0.999 * fit.cost else fit
+
+
+def _late_and_off(record: Observed, left: np.ndarray, place: int) -> bool:
+    """Whether a record that starts in its cut leaves more of itself than the median record does, beyond chance."""
+    return record.starts_in_cut and left[place] > float(np.median(left)) * (1.0 + LATE * math.sqrt(2.0 / record.size))
 
 
 def _better_half(left: np.ndarray) -> list[int]:

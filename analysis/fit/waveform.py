@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit
+from analysis.fit.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit, linearised, names_of, padded
 from analysis.fit.nuisances import MISSING, Nuisances, end_moved, end_moved_in_arc, turned_by
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant, predict
@@ -33,28 +33,9 @@ LATE_STEP = 0.1  # of a pass: a natural step of the first touch
 PART_STEP = 0.1  # of an arc: a natural step of where a cut that begins or ends within one does so
 HELIX = "helix.angle"
 BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
+EDGE, LITTLE = 0.01, 0.5  # of an arc, from a whole pass: what an end so near it may save, in minus the log likelihood
 PACE = 4  # iterations over which the pace of a descent is measured,
 SPARE = 3.0  # and times that pace: what even so would not reach its goal in the iterations left is given up
-
-
-def _padded(rows: np.ndarray, count: int) -> np.ndarray:
-    """The rows with `count` rows of zeros after them; themselves with none."""
-    return np.vstack([rows, np.zeros((count, rows.shape[1]))]) if count else rows
-
-
-def _linearised(rest: np.ndarray, shared: np.ndarray, own: np.ndarray, held: np.ndarray,
-                steps: Sequence[Mapping[str, float]]) -> Linearised:  # fmt: skip
-    """A record about a state, its products summed at once: on the thread of the record, not in the step of them all.
-
-    held: what its marks say of it, which no shared unknown moves; `own` has rows for it. steps: of its own unknowns.
-    """
-    found = Linearised(np.append(rest, held), _padded(shared, len(held)), own, _names(steps))
-    _ = found.products
-    return found
-
-
-def _names(steps: Sequence[Mapping[str, float]]) -> tuple[str, ...]:
-    return tuple(name for step in steps for name in step)
 
 
 def _upright(model: Model, path: str, value: float) -> float:
@@ -203,7 +184,7 @@ class Fitter:
         by_shared, by_own = slopes[: len(self.names)].T, slopes[len(self.names) :].T
         if len(held):
             by_own = np.vstack([by_own, np.eye(len(own))[len(own) - len(held) :]])
-        return _linearised(rest[0], by_shared, by_own, held, own)
+        return linearised(rest[0], by_shared, by_own, held, own)
 
     def linearise_all(self, state: State, looked: Sequence[Looked] | None = None) -> tuple[Linearised, ...]:
         """Every record about a state, on threads (the engine lets go of the interpreter). looked: what is known of it there.
@@ -276,9 +257,9 @@ class Fitter:
             shared[:, list(places)] = (slopes[: len(signs)] * np.array(signs)[:, None]).T
             held = record.off_marks(nuisances)
             columns = dict(zip(part.known, part.own.T, strict=True))
-            columns |= dict(zip(_names(new), _padded(slopes[len(signs) :].T, len(held)).T, strict=True))
-            by_own = np.array([columns[name] for name in _names(own)]).reshape(-1, rest.shape[1] + len(held)).T
-            return _linearised(rest[0], shared, by_own, held, own)
+            columns |= dict(zip(names_of(new), padded(slopes[len(signs) :].T, len(held)).T, strict=True))
+            by_own = np.array([columns[name] for name in names_of(own)]).reshape(-1, rest.shape[1] + len(held)).T
+            return linearised(rest[0], shared, by_own, held, own)
 
         return threaded(one, range(len(self.records)))
 
@@ -359,8 +340,19 @@ class Fitter:
 
         Slopes are computed anew after every step: steps with kept slopes cost a tenth, but creep along the valley between
         the cutting coefficients, and need tens of times as many. goal: the cost from which its end is of any use; a descent
-        is given up once, at its late pace, it would not come to that.
+        is given up once, at its late pace, it would not come to that. An end of a cut that came to the edge of its arc stays
+        there and holds all else, as its slope beyond is another: it is made whole, and the descent goes on.
         """
+        found = self._descended(state, iterations, tolerance, near, goal)
+        whole = found.state.with_nearly_whole(self.records, self.gradual, EDGE)
+        left = iterations - found.iterations
+        if not found.converged or not left or whole == found.state or not self.cost(whole) < found.cost + LITTLE:
+            return found
+        again = self._descended(whole, left, tolerance, None, goal)
+        return replace(again, iterations=again.iterations + found.iterations) if again.cost < found.cost + LITTLE else found
+
+    def _descended(self, state: State, iterations: int, tolerance: float, near: Descent | None, goal: float) -> Descent:
+        """The same with the ends of cuts wherever the steps lead them."""
         parts, anew = self._first_slopes(state, near)
         cost = 0.5 * sum(float(part.residual @ part.residual) for part in parts)
         damping, converged, count, costs = 1e-3, False, 0, [cost]
@@ -388,7 +380,7 @@ class Fitter:
             return self.linearise_all(state), True
         if near.anew and near.state is state:
             return near.parts, True
-        own = [_names(self._own_steps(*each)) for each in zip(self.records, state.nuisances, strict=True)]
+        own = [names_of(self._own_steps(*each)) for each in zip(self.records, state.nuisances, strict=True)]
         if own != [part.known for part in near.parts]:
             return self.linearise_all(state), True
         held = [record.off_marks(own) for record, own in zip(self.records, state.nuisances, strict=True)]

@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.records.free_decay import FreeDecay, fit_free_decay, spectral_peak
 from analysis.records.hum import MAINS
-from analysis.records.periods import period_changes
+from analysis.records.periods import period_changes, revolutions
 from analysis.records.segments import Segment, main_channel, revolution_period, white_noise
 from testbed.recording import Recording
 
@@ -23,8 +23,11 @@ EARLY = 2 / 3  # of idling, that no tooth has entered
 TURNS = 3  # revolutions of idling that are enough,
 ENOUGH = 0.06  # or seconds: three periods of the mains, whose hum is noise
 LOUDER = 3.5  # standard errors of a ratio of two rms, by which that beginning is louder
-SURE = 4.0  # standard errors of a frequency within which it may be that of the mains,
+SURE = 4.0  # standard errors: of a frequency, within which it may be that of the mains,
 MAINS_DRIFT = 0.002  # which itself is so many parts off at the most
+TRANSIENTS = 4  # directions in which revolutions may differ while a transient dies or grows: two free vibrations
+LASTING = 0.01  # that a motion's size changes by in a revolution, at the least, to be a transient
+RESTS = 4  # revolutions more than directions, without which they tell no noise
 FOURTH = 2.63  # of fourth differences: the sum of their squared autocorrelations, (70, -56, 28, -8, 1) / 70
 Basis = Literal["idle", "ring-down", "repeated periods", "high-frequency residual"]
 
@@ -54,8 +57,9 @@ def noise_floor(recording: Recording, segments: Sequence[Segment], channel: str 
 
     idle: rms about a straight line, a revolution at a time, so that drift does not count. ring-down: rms of what free
     vibrations leave of it, taken only where that is white. repeated periods: rms of the change from one revolution to the
-    next over sqrt(2), median over steady cutting, taken only where the cut repeats itself (not in chatter). high-frequency
-    residual: fourth differences, which see white noise only.
+    next over sqrt(2), median over steady cutting, taken only where the cut repeats itself (not in chatter); or of what a
+    transient leaves that has not died yet, where that is white. high-frequency residual: fourth differences, which see white
+    noise only.
     """
     name = channel or main_channel(recording)
     values = np.asarray(recording.channels[name], dtype=float)
@@ -75,8 +79,9 @@ def noise_floor(recording: Recording, segments: Sequence[Segment], channel: str 
     white = white_noise(values)
     if period and len(longest) > 6 * turn:
         change, level = period_changes(longest, turn)
-        rms, used = _quietest(_of_changes(change, turn))
-        if rms < 0.25 * float(np.median(level)):
+        read = _of_changes(change, turn)
+        if _quietest(read)[0] < 0.25 * float(np.median(level)):
+            rms, used = _quietest([*read, *_beside_transients(longest, turn)])
             return Noise(rms, "repeated periods", name, _doubt(used, PAIRED))
     return Noise(white, "high-frequency residual", name, _doubt(len(values), FOURTH))
 
@@ -116,6 +121,37 @@ def _of_changes(change: np.ndarray, turn: float) -> list[tuple[float, int]]:
     """The same of what changes (rms) from one revolution to the next, of all and of later ones, when a transient has died."""
     counts = [count for count in (len(change), len(change) // 2, len(change) // 4) if count >= TURNS or count == len(change)]
     return [(float(np.median(change[-count:]) / math.sqrt(2.0)), round(count * turn)) for count in counts]
+
+
+def _beside_transients(values: np.ndarray, turn: float) -> list[tuple[float, int]]:
+    """The same of what a slow transient leaves of its revolutions, where that is white; nothing where there is none.
+
+    A linear machine's revolutions differ from their mean in a few directions only, along which they shrink or grow. What keeps
+    its size, hum or chatter, is left to the noise.
+    """
+    rows, gains = revolutions(values, turn)
+    rows = rows - rows.mean(axis=1, keepdims=True)
+    left, sizes, _ = np.linalg.svd(rows - rows.mean(axis=0), full_matrices=False)
+    count, length = rows.shape
+    freedom = np.array([(count - 1 - taken) * (length - taken) for taken in range(max(0, count - RESTS))])
+    power = np.cumsum(sizes[::-1] ** 2)[::-1][: len(freedom)]
+    rest = np.sqrt(power / (freedom * gains.mean()))
+    for taken in range(min(TRANSIENTS, len(rest) - 2) + 1):
+        if rest[taken] <= (1.0 + LOUDER / math.sqrt(freedom[taken])) * rest[taken + 1]:  # no further direction
+            white = rest[taken] <= 1.3 * white_noise(values)
+            if not white or not taken:
+                return []
+            known = SURE * rest[taken] / sizes[taken - 1]
+            changes = _least_change(left[:, :taken] * sizes[:taken]) > LASTING + known
+            return [(float(rest[taken]), int(freedom[taken]))] if changes else []
+    return []
+
+
+def _least_change(places: np.ndarray) -> float:
+    """Of the motions along places (revolutions, directions), the least change of a size in a revolution, over that size."""
+    from_one = np.column_stack([places[:-1], np.ones(len(places) - 1)])  # about a mean that is not where they die to
+    step = np.linalg.lstsq(from_one, places[1:], rcond=None)[0][:-1]
+    return float(np.abs(np.abs(np.linalg.eigvals(step)) - 1.0).min())
 
 
 def _quietest(read: Sequence[tuple[float, int]]) -> tuple[float, int]:

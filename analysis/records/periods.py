@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 
-def period_changes(values: np.ndarray, turn: float) -> tuple[np.ndarray, np.ndarray]:
-    """Each revolution's rms change against the one before, and its level (rms about its mean), both (revolutions,).
+def revolutions(values: np.ndarray, turn: float) -> tuple[np.ndarray, np.ndarray]:
+    """A record laid out by revolutions of `turn` samples: (rows (revolutions, int(turn)), gains (revolutions,)).
 
-    Samples between the grid are interpolated by four-point Lagrange weights, whose gain
-    on white noise is divided out.
+    Samples between the grid are interpolated by four-point Lagrange weights; gains are their effect on white noise's power.
     """
     count = max(0, int((len(values) - 3) // turn))  # none in the scrap of a cut
     length = int(turn)
@@ -20,10 +19,18 @@ def period_changes(values: np.ndarray, turn: float) -> tuple[np.ndarray, np.ndar
         weights = lagrange_weights(part)
         block = values[whole - 1 : whole + length + 2]
         if len(block) < length + 3:
-            rows, gains = rows[:index], gains[:index]
-            break
+            return rows[:index], gains[:index]
         rows[index] = np.convolve(block, weights[::-1], "valid")[:length]
         gains[index] = float(weights @ weights)
+    return rows, gains
+
+
+def period_changes(values: np.ndarray, turn: float) -> tuple[np.ndarray, np.ndarray]:
+    """Each revolution's rms change against the one before, and its level (rms about its mean), both (revolutions,).
+
+    The interpolation's gain on white noise is divided out.
+    """
+    rows, gains = revolutions(values, turn)
     level = rows.std(axis=1)
     change = (
         np.sqrt(((rows[1:] - rows[:-1]) ** 2).mean(axis=1) * 2 / (gains[1:] + gains[:-1]))
