@@ -57,7 +57,8 @@ def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect])
     """
     count = sum(rest.size for rest in fit.residuals)
     wider = math.sqrt(max(1.0, count / effective_size(fit)))
-    spread = Z_95 * np.hypot(wider * np.sqrt(np.maximum(np.diag(fit.covariance), 0.0)), moved_by_lengths(fitter, fit))
+    formal = wider**2 * np.maximum(np.diag(fit.covariance), 0.0)
+    spread = Z_95 * np.sqrt(formal + np.sum(moved_by_lengths(fitter, fit) ** 2, axis=0))
     found = {}
     adrift = {one.path.partition(".")[0] for one, half in zip(fitter.free, spread, strict=False)
               if "." in one.path and unit_of(one.path, catalogue) == "rad" and half > DIRECTED}

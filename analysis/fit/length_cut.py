@@ -24,6 +24,7 @@ from analysis.threads import threaded
 from testbed.effect import Effect, arguments_of
 
 LENGTH = "length_cut"
+LONGER = 1e-5  # m: a length by which slopes are taken
 AGAIN = 10  # iterations of a fit with other lengths
 
 
@@ -65,29 +66,33 @@ def _summed(records: Sequence[Observed], nuisances: Sequence[Nuisances], angle: 
 
 
 def moved_by_lengths(fitter: Fitter, fit: WaveformFit) -> np.ndarray:
-    """By how much the shared unknowns move (each in its unit) with all lengths longer by a standard deviation; else zeros."""
+    """By how much the shared unknowns move (ways, unknowns), each in its unit, where cuts are longer by a standard deviation.
+
+    First all of them, as where they are made alike, then each of them alone, by which every record after it changes.
+    """
     unseen = _unseen(fitter.records, fit.state)
-    if not any(unseen):
-        return np.zeros(len(fit.names))
+    places = [index for index, record in enumerate(fitter.records) if record.length_summed]
 
     def pulled(index: int) -> np.ndarray:
         own, part = fit.state.nuisances[index], fit.parts[index]
-        longer = replace(own, length=own.length + unseen[index])
+        longer = replace(own, length=own.length + LONGER)
         rests = fitter.residuals_of(index, [(fit.state.model, fit.state.angle, one) for one in (own, longer)])
-        return part.shared.T @ part.without_own(rests[1] - rests[0])
+        return part.shared.T @ part.without_own(rests[1] - rests[0]) / LONGER
 
-    gradient = sum(threaded(pulled, range(len(unseen))))
-    return -fitter.covariance(fit.parts) @ (gradient / fitter.steps)
+    by_length = np.zeros((len(unseen), len(fit.names)))
+    by_length[places] = np.reshape(threaded(pulled, places), (len(places), len(fit.names)))
+    later = np.cumsum(by_length[::-1], axis=0)[::-1]  # of a record and all after it
+    alone = np.array(unseen[:-1])[:, None] * later[1:]
+    ways = np.vstack([alone.sum(axis=0), alone])
+    return -(fitter.covariance(fit.parts) @ (ways / fitter.steps).T).T
 
 
 def _unseen(records: Sequence[Observed], state: State) -> list[float]:
-    """Standard deviation (m) of every record's length cut before, where it was summed."""
-    found, before = [], 0.0
+    """Standard deviation (m) of every cut's length, by what of its ends no tooth shows; 0 of other records."""
+    found = []
     for record, own in zip(records, state.nuisances, strict=True):
-        found.append(before if record.length_summed else 0.0)
-        if record.cut is not None:
-            idle, ends = 1.0 - state.share_in_arc(record), 2 - len(own.ends_in_arc())
-            before += idle * math.sqrt(ends / 12.0) * record.cut.feed_per_tooth
+        idle, ends = 1.0 - state.share_in_arc(record), 2 - len(own.ends_in_arc())
+        found.append(0.0 if record.cut is None else idle * math.sqrt(ends / 12.0) * record.cut.feed_per_tooth)
     return found
 
 
