@@ -130,6 +130,8 @@ def _beside_transients(values: np.ndarray, turn: float) -> list[tuple[float, int
     its size, hum or chatter, is left to the noise.
     """
     rows, gains = revolutions(values, turn)
+    if rows.shape[1] <= TRANSIENTS + 1:  # so few samples a revolution that such directions take them all
+        return []
     rows = rows - rows.mean(axis=1, keepdims=True)
     left, sizes, _ = np.linalg.svd(rows - rows.mean(axis=0), full_matrices=False)
     count, length = rows.shape

@@ -43,3 +43,11 @@ def test_hum_counts_as_noise_faint_or_loud() -> None:
 
 def test_without_a_transient_the_noise_is_read_as_ever() -> None:
     assert _noise(_steady(0.0, 0.0)) == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_revolution_of_few_samples_tells_a_noise_all_the_same() -> None:
+    values = np.tile([0.0, 30e-6, 10e-6, -20e-6], 200) + NOISE * np.random.default_rng(4).standard_normal(800)
+    marks = (np.arange(200) + 0.3) * 4.0 / RATE
+    recording = Recording({"displacement": values}, RATE, {"displacement": "m"}, "measured", marks=marks)
+    assert _noise(recording) == pytest.approx(1.0, abs=0.1)
