@@ -42,26 +42,39 @@ def carried_on(records: Sequence[Observed]) -> list[Observed] | None:
     cuts = [record.cut for record in records if record.cut is not None]
     if len(cuts) < 2 or any(cut.length_cut_before for cut in cuts):
         return None
-    return _summed(records, [first_nuisances(record, 0.0) for record in records], 0.0)
+    return _summed(records, [_passes(record, first_nuisances(record, 0.0), 0.0, 0.0) for record in records])
 
 
 def with_lengths_found(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
     """The fit to records that were `carried_on`, with the lengths from the entry to the exit that it found."""
-    records = _summed(fitter.records, fit.state.nuisances, fit.state.angle)
-    found = fitter.on(records)
-    return found, found.fit(fit.state, iterations=AGAIN)
+    state = fit.state
+    passes = [_passes(record, own, state.angle, 1.0 - state.share_in_arc(record))
+              for record, own in zip(fitter.records, state.nuisances, strict=True)]  # fmt: skip
+    found = fitter.on(_summed(fitter.records, passes))
+    return found, found.fit(state, iterations=AGAIN)
 
 
-def _summed(records: Sequence[Observed], nuisances: Sequence[Nuisances], angle: float) -> list[Observed]:
-    """The records with the lengths of all before, from these entries and exits."""
+def _passes(record: Observed, own: Nuisances, angle: float, idle: float) -> float:
+    """For how many passes a record cuts: from where in an arc it begins to where in one it ends.
+
+    Where either is in the time of no tooth, `idle` (of a pass), it is as likely anywhere there: in its middle.
+    """
+    if record.cut is None:
+        return 0.0
+    begins = own.entry + (own.late_entry or -0.5 * idle)
+    ends = own.exit - (own.early_exit or 0.5 * idle)
+    return max(0.0, min(ends, record.last_pass(angle, own) + 1) - max(begins, record.first_pass))
+
+
+def _summed(records: Sequence[Observed], passes: Sequence[float]) -> list[Observed]:
+    """The records with the lengths of all before, of which each cuts for so many passes."""
     found, before = [], 0.0
-    for record, own in zip(records, nuisances, strict=True):
+    for record, count in zip(records, passes, strict=True):
         if record.cut is None:
             found.append(record)
             continue
         found.append(replace(record, cut=replace(record.cut, length_cut_before=before), length_summed=True))
-        passes = min(own.exit, record.last_pass(angle, own) + 1) - max(own.entry, record.first_pass)
-        before += max(0, passes) * record.cut.feed_per_tooth
+        before += count * record.cut.feed_per_tooth
     return found
 
 

@@ -25,14 +25,14 @@ CUTS = ((3500, 0.8), (2850, 2.9), (3900, 2.2))
 PASSES, FEED = 40, 0.1016e-3
 
 
-def campaign(one_tool):
-    """Cuts of PASSES each by one tool, or by a fresh edge each, of which the records say nothing."""
+def campaign(one_tool, early_exit=0.0):
+    """Cuts of PASSES each, less a share of the last, by one tool or by a fresh edge each; the records say nothing of it."""
     records = []
     for number, (rpm, depth) in enumerate(CUTS):
-        before = number * PASSES * FEED if one_tool else 0.0
+        before = number * (PASSES - early_exit) * FEED if one_tool else 0.0
 
         def simulate(model, cut, sampling, before=before):
-            return fast.simulate(model, replace(cut, length_cut_before=before), sampling, steps=37)
+            return fast.simulate(model, replace(cut, length_cut_before=before, early_exit=early_exit), sampling, steps=37)
 
         record = synthetic_record(simulate, TRUE.with_effect("tool_wear", rate=RATE), rpm, depth * 1e-3, 40 + number,
                                   course=(8, PASSES, 12))
@@ -48,6 +48,16 @@ def test_the_rate_of_wear_is_found_whether_or_not_the_tool_was_changed(one_tool)
     assert bool(length_note(records, found.fitter.records)) is one_tool
     lengths = [record.cut.length_cut_before for record in found.fitter.records]
     assert lengths == pytest.approx([number * PASSES * FEED if one_tool else 0.0 for number in range(len(CUTS))], abs=1e-9)
+
+
+def test_a_cut_that_ends_within_an_arc_is_as_long_as_that_says():
+    found = from_believed(PLANT, campaign(True, early_exit=0.93), BELIEVED, ["tool_wear"], KNOWN)
+    records, own = found.fitter.records, found.fit.state.nuisances
+    assert [one.early_exit for one in own] == pytest.approx([0.93] * len(CUTS), abs=0.01)
+    idle = 1.0 - found.fit.state.share_in_arc(records[0])
+    begun = [number * 0.5 * idle for number in range(len(CUTS))]  # before each, in the middle of the time of no tooth
+    passes = [record.cut.length_cut_before / FEED - one for record, one in zip(records, begun, strict=True)]
+    assert passes == pytest.approx([number * (PASSES - 0.93) for number in range(len(CUTS))], abs=0.03)
 
 
 def test_what_no_record_shows_of_the_lengths_widens_the_interval_by_what_it_moves():
