@@ -48,13 +48,14 @@ def test_cuts_near_their_limit_that_begin_within_an_arc_are_found_again(tmp_path
 
 
 def test_parts_of_passes_that_made_up_for_an_effect_are_given_up_with_it(tmp_path):
-    """An arc of engagement 4 % too long had two cuts begin and end elsewhere; with it, they held it at half its size."""
+    """An arc of engagement 4 % too long had two cuts begin and end elsewhere; with it, they held it at half its size.
+
+    Where ends at the edge of their arc stay there, a record keeps 1.18.
+    """
     plan, fitter, fit = fit_of(48, tmp_path)
     wider = extended(fitter, KNOWN["immersion_error"])
     state = replace(fit.state, model=fit.state.model.with_effect("immersion_error", error=0.01))
-    astray = polish(wider, state)
-    assert astray.mean_squares.max() > 1.1
-    found = with_parts_of_passes(wider, astray)
+    found = with_parts_of_passes(wider, polish(wider, state))
     assert found.mean_squares.max() < 1.06
     assert within(found, {"immersion_error.error": plan.hidden["immersion_error"]["error"],
                           "tangential_coefficient": plan.base.kt, "normal_coefficient": plan.base.kn}, 4.0)  # fmt: skip

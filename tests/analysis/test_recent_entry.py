@@ -1,5 +1,6 @@
 """A record that starts shortly after its cut began, while the vibration of the entry still dies away."""
 
+import math
 from dataclasses import replace
 from functools import partial
 
@@ -8,6 +9,7 @@ import pytest
 from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import begun_later, synthetic_record
 
+from analysis.fit import starts
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import observe
 from analysis.fit.own_course import own_course
@@ -74,8 +76,14 @@ def test_a_cut_that_was_steady_began_long_ago_again(fitted):
 
 
 @pytest.mark.long
-def test_a_late_record_that_leads_the_search_astray_is_left_out_at_first():
-    """What swung at an entry that no record shows bends the fit of a wrong model; the others name what is missing."""
+@pytest.mark.parametrize("begun_anew", [True, False])
+def test_a_late_record_that_leads_the_search_astray_is_left_out_at_first(begun_anew, monkeypatch):
+    """What swung at an entry that no record shows bends the fit of a wrong model; the others name what is missing.
+
+    Here the record is found in the first fit, if it may be begun anew there.
+    """
+    if not begun_anew:
+        monkeypatch.setattr(starts, "LATE", math.inf)
     true = TRUE.with_values({"damping_ratio": 0.002}).with_effect("quadratic_damping", coefficient=50.0)
     made, said = partial(synthetic_record, partial(fast.simulate, steps=61), true, course=(IDLE, 50, 15)), []
     records = [observe(made(rpm, depth, number), BELIEVED)
@@ -83,6 +91,6 @@ def test_a_late_record_that_leads_the_search_astray_is_left_out_at_first():
     late = observe(begun_later(made(*LAST, 83, state=(1e-4, 0.0)), IDLE + SINCE), BELIEVED)
     known = {name: catalogue()[name] for name in ("quadratic_damping", "process_damping", "sensor_lag")}
     found = diagnose(plant_of(known), [*records, replace(late, starts_in_cut=True)], BELIEVED, known, say=said.append)
-    assert any(text.startswith("without ") for text in said)
+    assert any(text.startswith("without ") for text in said) is not begun_anew
     assert found.verdict == "missing_effect" and found.effects == ("quadratic_damping",)
     assert found.best.error_held_out < 1.02 * found.noise_floor and found.best.fit.mean_squares.max() < 1.15
