@@ -83,8 +83,10 @@ def moved_by_lengths(fitter: Fitter, fit: WaveformFit) -> np.ndarray:
 
     First all of them, as where they are made alike, then each of them alone, by which every record after it changes.
     """
-    unseen = _unseen(fitter.records, fit.state)
     places = [index for index, record in enumerate(fitter.records) if record.length_summed]
+    if not places:
+        return np.zeros((0, len(fit.names)))
+    unseen = _unseen(fitter.records, fit.state)
 
     def pulled(index: int) -> np.ndarray:
         own, part = fit.state.nuisances[index], fit.parts[index]

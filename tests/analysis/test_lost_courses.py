@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.fit import waveform
 from analysis.fit.effect_start import extended
 from analysis.fit.model_fit import model_fit
 from analysis.fit.parts_of_passes import with_parts_of_passes
@@ -47,7 +48,7 @@ def test_cuts_near_their_limit_that_begin_within_an_arc_are_found_again(tmp_path
                         "tangential_coefficient": plan.base.kt, "normal_coefficient": plan.base.kn}, 4.0)  # fmt: skip
 
 
-def test_parts_of_passes_that_made_up_for_an_effect_are_given_up_with_it(tmp_path):
+def test_parts_of_passes_that_made_up_for_an_effect_are_given_up_with_it(tmp_path, monkeypatch):
     """An arc of engagement 4 % too long had two cuts begin and end elsewhere; with it, they held it at half its size.
 
     Where ends at the edge of their arc stay there, a record keeps 1.18.
@@ -55,6 +56,9 @@ def test_parts_of_passes_that_made_up_for_an_effect_are_given_up_with_it(tmp_pat
     plan, fitter, fit = fit_of(48, tmp_path)
     wider = extended(fitter, KNOWN["immersion_error"])
     state = replace(fit.state, model=fit.state.model.with_effect("immersion_error", error=0.01))
+    with monkeypatch.context() as held:
+        held.setattr(waveform, "EDGE", 0.0)
+        assert polish(wider, state).mean_squares.max() > 1.1
     found = with_parts_of_passes(wider, polish(wider, state))
     assert found.mean_squares.max() < 1.06
     assert within(found, {"immersion_error.error": plan.hidden["immersion_error"]["error"],
