@@ -11,6 +11,7 @@ from analysis.estimate import Estimate
 from analysis.fit.evidence import effective_size
 from analysis.fit.fit_state import Free, WaveformFit
 from analysis.fit.length_cut import moved_by_lengths
+from analysis.fit.tooth_circles import at_least_strength, directed, unknown_directions
 from analysis.fit.waveform import Fitter
 from analysis.information import Z_95
 from testbed.effect import Effect
@@ -53,22 +54,49 @@ def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect])
 
     The interval is that of the linearised fit, widened for residuals that are larger than the noise and correlated, for what
     no record shows of the lengths cut, and to hold what other states that explain as much would give, within what is possible.
-    A strength whose direction is unknown is at least what it is along the direction found.
+    A strength whose direction is unknown is at least what it is along the direction found; of one that may be nothing, or that
+    two teeth alone show, the direction may be any.
     """
+    fitter, fit = at_least_strength(fitter, fit, catalogue)
     count = sum(rest.size for rest in fit.residuals)
     wider = math.sqrt(max(1.0, count / effective_size(fit)))
     formal = wider**2 * np.maximum(np.diag(fit.covariance), 0.0)
     spread = Z_95 * np.sqrt(formal + np.sum(moved_by_lengths(fitter, fit) ** 2, axis=0))
     found = {}
-    adrift = {one.path.partition(".")[0] for one, half in zip(fitter.free, spread, strict=False)
-              if "." in one.path and unit_of(one.path, catalogue) == "rad" and half > DIRECTED}
+    adrift = _adrift(fitter, fit, spread, catalogue)
     for one, half in zip(fitter.free, spread, strict=False):
         value, (least, most) = fit.state.model.value(one.path), one.bounds
         others = [state.model.value(one.path) for state in fit.alike]
         low, high = min([value, *others]) - float(half), max([value, *others]) + float(half)
-        name, _, parameter = one.path.partition(".")
-        if name in adrift and catalogue[name].parameter(parameter).vanishes:
-            high = max(high, most)
+        if one.path in adrift.values():
+            high = most
+        if one.path in adrift:
+            low, high = least, most
         low, high = min(max(low, least), value), max(min(high, most), value)
         found[one.path] = Estimate(value, low, high, unit_of(one.path, catalogue))
+    for direction, strength in adrift.items():
+        if direction not in found and strength in found:
+            effect, _, parameter = direction.partition(".")
+            known = catalogue[effect].parameter(parameter)
+            found[direction] = Estimate(fit.state.model.value(direction), *known.bounds, known.unit)
+    return found
+
+
+def _adrift(fitter: Fitter, fit: WaveformFit, spread: np.ndarray, catalogue: Mapping[str, Effect]) -> dict[str, str]:
+    """The strength, by its direction, of every direction that is unknown; both are paths, free or not.
+
+    "" for the strength where the direction alone is unknown, because there may be nothing that it is the direction of.
+    """
+    model, half = fit.state.model, dict(zip((one.path for one in fitter.free), spread, strict=False))
+    cannot, found = unknown_directions(model, catalogue), {}
+    for name in model.effects:
+        if (pair := directed(catalogue[name])) is None:
+            continue
+        strength, direction = (f"{name}.{one}" for one in pair)
+        size, turn = half.get(strength), half.get(direction)
+        away = abs(model.value(strength) - catalogue[name].parameter(pair[0]).neutral)
+        if name in cannot or turn is not None and turn > DIRECTED:
+            found[direction] = strength
+        elif turn is not None and size is not None and away < size:
+            found[direction] = ""
     return found

@@ -23,6 +23,7 @@ from analysis.fit.starts import at_a_bound, polish, to_its_end
 from analysis.fit.swing_start import marks_show
 from analysis.fit.switched import switch_note
 from analysis.fit.taken import asked_again, taken_notes
+from analysis.fit.tooth_circles import at_least_strength, direction_notes
 from analysis.fit.waveform import Fitter
 from analysis.search.begun_anew import with_examples
 from analysis.search.candidate_round import candidate_of, with_effect
@@ -134,6 +135,7 @@ def _with_one_more(plant: Plant, records: Sequence[Observed], model: Model, effe
 def _told(names: tuple[str, ...], records: Sequence[Observed], before: _Step, fitter: Fitter, fit: WaveformFit,
           catalogue: Mapping[str, Effect]) -> Addition:
     """What the effects of these names did to the fit without them, which is that of the step `before`."""
+    fitter, fit = at_least_strength(fitter, fit, catalogue)
     after, found = held_out_errors(fitter, fit), estimates(fitter, fit, catalogue)
     result = Addition(names, fit.state.model, pooled(before.errors)[0], pooled(after)[0], pooled(after)[1], before.errors,
                       tuple(after), holds_out(records), found, fit.converged, (), fit, before.bare,
@@ -207,8 +209,11 @@ def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect])
     if after > before * (1 - 1e-3):
         does, them = ("does", "it") if len(result.effects) == 1 else ("do", "them")
         said.append(f"{result.effect} {does} not lower the error {judged_on(result.held_out)}: nothing speaks for {them}")
+    said += direction_notes(fitter, result.fit.state.model, catalogue)
     bounds = {one.path: one.bounds for one in fitter.free}
     for path, one in result.parameters.items():
+        if path not in bounds:  # a direction held
+            continue
         name, _, parameter = path.partition(".")
         low, high = bounds[path]
         half = 0.5 * (one.high - one.low)

@@ -7,7 +7,7 @@ Tooth 0 is the one that stands at its entry angle at time 0, or, in a measured r
 A tooth on a larger circle takes a thicker chip and leaves a deeper surface; the next one finds less. The chip changes
 by R_i - R_(i-1); over a revolution the changes add up to nothing, so without contact loss the mean force stays. The
 motion then repeats once a revolution, not once a tooth. **With one flute the offset is constant and has no effect on
-the chip.**
+the chip.** Two teeth have one difference between them: of both parameters they show e cos(lambda) alone.
 
 Source: W. A. Kline and R. E. DeVor (1983), The effect of runout on cutting geometry and forces in end milling, Int.
 J. Machine Tool Design and Research 23, 123-140; T. L. Schmitz, J. Couey, E. Marsh, N. Mauntler and D. Hughes (2007),
