@@ -54,8 +54,8 @@ def direction_notes(fitter: Fitter, model: Model, catalogue: Mapping[str, Effect
             continue
         strength, direction = (f"{name}.{one}" for one in pair)
         if name in cannot:
-            said.append(f"{strength} and {direction} are one number to {model.cutter.flutes} teeth: given is the least "
-                        "strength that explains it; in another direction it is larger")
+            said.append(f"{strength} and {direction} are one number with so few flutes ({model.cutter.flutes}): given is the "
+                        "least strength that explains it; in another direction it is larger")
         elif not marked:
             said.append(f"{direction} counts from the tooth taken for the first: without a tachometer any may be that, and "
                         f"from another it is whole pitches of {math.degrees(model.cutter.pitch):g} deg more or less")
@@ -83,9 +83,8 @@ def circles(effect: Effect, values: Mapping[str, float], cutter: Cutter) -> np.n
 
 
 def _is_one_number(effect: Effect, pair: tuple[str, str], cutter: Cutter) -> bool:
-    strength, direction = pair
-    values = effect.example()
-    seen = [circles(effect, {**values, direction: turned}, cutter) / abs(values[strength]) for turned in APART]
+    _, direction = pair
+    seen = [circles(effect, {**effect.example(), direction: turned}, cutter) for turned in APART]
     sizes = np.linalg.svd(np.array(seen), compute_uv=False)
     return len(sizes) < 2 or bool(sizes[1] <= ONE_NUMBER * max(sizes[0], 1e-300))
 

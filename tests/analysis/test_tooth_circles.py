@@ -55,7 +55,7 @@ def test_two_teeth_are_given_the_least_offset_to_the_longer_one_and_any_directio
     assert offset.value == pytest.approx(along, rel=0.01) and offset.low <= along and offset.high == 5.0e-4
     assert offset.value - offset.low < 0.01 * along  # the number itself is well known
     assert angle.value == to and (angle.low, angle.high) == (-2 * math.pi, 2 * math.pi)
-    assert "are one number to 2 teeth" in direction_notes(held, least.state.model, KNOWN)[0]
+    assert "are one number with so few flutes (2)" in direction_notes(held, least.state.model, KNOWN)[0]
 
 
 def test_three_teeth_tell_both_and_without_a_tachometer_not_from_which():
