@@ -25,11 +25,8 @@ APART = (0.3, 1.1)  # rad: directions at which it is asked what moves the teeth;
 
 def unknown_directions(model: Model, catalogue: Mapping[str, Effect]) -> dict[str, tuple[str, str]]:
     """(strength, direction) by name of the model's effects whose direction and strength these teeth cannot tell apart."""
-    cutter = model.cutter
-    if cutter is None:
-        return {}
-    pairs = {name: directed(catalogue[name]) for name in model.effects if _on_circles(catalogue[name])}
-    return {name: pair for name, pair in pairs.items() if pair and _is_one_number(catalogue[name], pair, cutter)}
+    return {name: pair for name, pair in _on_circles(model, catalogue).items()
+            if model.cutter is not None and _is_one_number(catalogue[name], pair, model.cutter)}
 
 
 def at_least_strength(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> tuple[Fitter, WaveformFit]:
@@ -39,7 +36,7 @@ def at_least_strength(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, 
         assert model.cutter is not None
         weaker = weaker.with_effect(name, **_least(catalogue[name], pair, model.effects[name], model.cutter))
         fitter = fitter.without(f"{name}.{pair[1]}")
-    if weaker == model:
+    if weaker == model and fitter.names == fit.names:
         return fitter, fit
     moved = fitter.fit(replace(fit.state, model=weaker))
     return fitter, replace(moved, alike=fit.alike, converged=fit.converged or moved.converged)
@@ -49,9 +46,8 @@ def direction_notes(fitter: Fitter, model: Model, catalogue: Mapping[str, Effect
     """What of a direction no tooth tells, in sentences."""
     marked = any(record.cut is not None and record.first_mark is not None for record in fitter.records)
     cannot, said = unknown_directions(model, catalogue), []
-    for name in model.effects:
-        if not _on_circles(catalogue[name]) or (pair := directed(catalogue[name])) is None or model.cutter is None:
-            continue
+    for name, pair in _on_circles(model, catalogue).items():
+        assert model.cutter is not None
         strength, direction = (f"{name}.{one}" for one in pair)
         if name in cannot:
             said.append(f"{strength} and {direction} are one number with so few flutes ({model.cutter.flutes}): given is the "
@@ -69,13 +65,18 @@ def directed(effect: Effect) -> tuple[str, str] | None:
     return (strengths[0], directions[0]) if len(strengths) == len(directions) == 1 else None
 
 
-def _on_circles(effect: Effect) -> bool:
-    """Whether an effect of a strength and a direction does nothing but set the teeth on circles."""
-    asked = set(arguments_of(effect, "edge_position")) - {one.name for one in effect.every_parameter}
-    return set(effect.hooks) == {"edge_position"} and len(effect.parameters) == 2 and not {"angle", "time"} & asked
+def _on_circles(model: Model, catalogue: Mapping[str, Effect]) -> dict[str, tuple[str, str]]:
+    """(strength, direction) by name of the model's effects that do nothing but set the cutter's teeth on circles."""
+    found = {}
+    for name in model.effects if model.cutter is not None else ():
+        effect, pair = catalogue[name], directed(catalogue[name])
+        asked = set(arguments_of(effect, "edge_position")) - {one.name for one in effect.every_parameter}
+        if pair and set(effect.hooks) == {"edge_position"} and len(effect.parameters) == 2 and not {"angle", "time"} & asked:
+            found[name] = pair
+    return found
 
 
-def circles(effect: Effect, values: Mapping[str, float], cutter: Cutter) -> np.ndarray:
+def _circles(effect: Effect, values: Mapping[str, float], cutter: Cutter) -> np.ndarray:
     """Radii (flutes,) of the teeth's circles beyond the nominal one, m."""
     flutes, radius = int(cutter.flutes), 0.5 * cutter.diameter
     return np.array([hook_value(effect, "edge_position", values, tooth=float(tooth), flutes=float(flutes), radius=radius)
@@ -84,7 +85,7 @@ def circles(effect: Effect, values: Mapping[str, float], cutter: Cutter) -> np.n
 
 def _is_one_number(effect: Effect, pair: tuple[str, str], cutter: Cutter) -> bool:
     _, direction = pair
-    seen = [circles(effect, {**effect.example(), direction: turned}, cutter) for turned in APART]
+    seen = [_circles(effect, {**effect.example(), direction: turned}, cutter) for turned in APART]
     sizes = np.linalg.svd(np.array(seen), compute_uv=False)
     return len(sizes) < 2 or bool(sizes[1] <= ONE_NUMBER * max(sizes[0], 1e-300))
 
@@ -92,11 +93,11 @@ def _is_one_number(effect: Effect, pair: tuple[str, str], cutter: Cutter) -> boo
 def _least(effect: Effect, pair: tuple[str, str], values: Mapping[str, float], cutter: Cutter) -> dict[str, float]:
     """The least strength, with its direction, that sets the teeth on the circles that these values do."""
     strength, direction = pair
-    wanted, one = circles(effect, values, cutter), effect.parameter(strength)
+    wanted, one = _circles(effect, values, cutter), effect.parameter(strength)
     turns = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
     found = []
     for turn in np.where(turns > math.pi, turns - 2.0 * math.pi, turns):
-        per_unit = circles(effect, {strength: 1.0, direction: float(turn)}, cutter)
+        per_unit = _circles(effect, {strength: 1.0, direction: float(turn)}, cutter)
         amount = float(per_unit @ wanted) / max(float(per_unit @ per_unit), 1e-300)
         if np.abs(wanted - amount * per_unit).max() <= ONE_NUMBER * np.abs(wanted).max():
             found.append((abs(amount), amount, float(turn)))

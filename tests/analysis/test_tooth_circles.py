@@ -58,6 +58,17 @@ def test_two_teeth_are_given_the_least_offset_to_the_longer_one_and_any_directio
     assert "are one number with so few flutes (2)" in direction_notes(held, least.state.model, KNOWN)[0]
 
 
+def test_a_fit_that_begins_at_the_least_offset_has_its_interval_too():
+    """As of the model that `add` wrote; the direction, free in that fit, is none of the parameters that it tells."""
+    along = OFFSET * math.cos(ANGLE)
+    fitter, fit = model_fit(plant_of(KNOWN), measured(2), machine(2, offset=along, angle=0.0), KNOWN)
+    held, least = at_least_strength(fitter, replace(fit, state=replace(fit.state, model=machine(2, offset=along, angle=0.0))),
+                                    KNOWN)
+    assert held.names == least.names and "runout.angle" in fit.names and "runout.angle" not in least.names
+    offset = estimates(fitter, fit, KNOWN)["runout.offset"]
+    assert offset.low <= along and offset.value - offset.low < 0.01 * along
+
+
 def test_three_teeth_tell_both_and_without_a_tachometer_not_from_which():
     records, start = measured(3), machine(3, **BELIEVED)
     result = compare(plant_of(KNOWN), records, start, KNOWN)
