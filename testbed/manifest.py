@@ -11,7 +11,8 @@ from pydantic import BeforeValidator, ConfigDict, Field
 from testbed.machine import MOST_FLUTES
 from testbed.readers.source import Source, base_name
 from testbed.recording import CHANNEL_UNITS
-from testbed.units import UnitProblem, channel_unit, parse_quantity, refuse_decimal_comma, spelled
+from testbed.channel_units import channel_unit
+from testbed.units import UnitProblem, parse_quantity, refuse_decimal_comma, spelled
 from testbed.yaml_text import SAMPLING_RATE, Document, Strict, above_zero, at_least_zero, did_you_mean, quantity
 
 Kind = Literal["cut", "ring-down", "excited", "idle"]
@@ -179,7 +180,7 @@ def check_channels(document: Document, manifest: ManifestEntry) -> None:
                 raise document.problem((*path, name), f"unknown channel '{name}'", did_you_mean(name, CHANNELS))
             if isinstance(entry, ChannelEntry) and entry.unit is not None:
                 try:
-                    channel_unit(entry.unit)
+                    channel_unit(entry.unit, CHANNEL_UNITS.get(base_name(name), "s"))
                 except UnitProblem as problem:
                     raise document.problem((*path, name, "unit"), problem.what, problem.do) from None
             if name != "tachometer" and isinstance(entry, ChannelEntry) and (entry.pulses_per_revolution or entry.edge):
