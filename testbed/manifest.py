@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, ConfigDict, Field
 
 from testbed.machine import MOST_FLUTES
 from testbed.readers.source import Source, base_name
+from testbed.readers.table import NO_SPECTRA
 from testbed.recording import CHANNEL_UNITS
 from testbed.channel_units import channel_unit
 from testbed.units import UnitProblem, parse_quantity, refuse_decimal_comma, spelled
@@ -97,6 +98,11 @@ def _column(value: object) -> int | str | None:
     return value
 
 
+def _key(value: object) -> object:
+    """A key; the number of a capture may stand without quotes."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
 def _scale(value: object) -> float:
     """A factor; of 0 no channel would be left. Raises UnitProblem."""
     number = isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 < abs(value) < 1e300
@@ -137,7 +143,7 @@ class _Conditions(Strict):
     length_cut_before: quantity("m", at_least_zero) | None = None  # type: ignore[valid-type]
     skip_rows: Annotated[int, BeforeValidator(_rows)] | None = None
     delimiter: str | None = None
-    key: str | None = None
+    key: Annotated[str | None, BeforeValidator(_key)] = None
 
 
 class RecordEntry(_Conditions):
@@ -176,6 +182,8 @@ def check_channels(document: Document, manifest: ManifestEntry) -> None:
     places += [(("records", index, "channels"), record.channels) for index, record in enumerate(manifest.records)]
     for path, channels in places:
         for name, entry in channels.items():
+            if name in ("frequency", "real", "imaginary"):
+                raise document.problem((*path, name), f"'{name}' is no channel of a record: {NO_SPECTRA}", "give the time record")
             if base_name(name) not in CHANNELS:
                 raise document.problem((*path, name), f"unknown channel '{name}'", did_you_mean(name, CHANNELS))
             if isinstance(entry, ChannelEntry) and entry.unit is not None:

@@ -113,10 +113,19 @@ def _channels(
     return channels, units, wrong
 
 
+def _no_spectra(table: Table, wanted: list[str]) -> None:
+    """Raises InputProblem where a wanted column, or all that the file holds, is no function of time."""
+    every = [name for name in table.columns if name in table.spectra]
+    named = [name for name in wanted if name in table.spectra] or (every[:1] if len(every) == len(table.columns) else [])
+    if named:
+        raise InputProblem(table.path, f"'{named[0]}' is {table.spectra[named[0]]}: {NO_SPECTRA}", "give the time record of the blow")
+
+
 def _columns(
     table: Table, sources: Mapping[str, Source], optional: tuple[str, ...], notes: list[str]
 ) -> tuple[dict[str, np.ndarray], dict[str, Source]]:
     columns, kept = {}, {}
+    _no_spectra(table, [str(source.column).strip() for source in sources.values()])
     for name, source in sources.items():
         try:
             columns[name] = table.columns[table.find(source.column)]
@@ -126,10 +135,6 @@ def _columns(
             notes.append(f"channel {name}: {problem.what}, left out")
             continue
         kept[name] = source
-    for source in kept.values():
-        label = table.find(source.column)
-        if label in table.spectra:
-            raise InputProblem(table.path, f"'{label}' is {table.spectra[label]}, and {NO_SPECTRA}", "give the time record")
     if not columns:
         raise InputProblem(
             table.path, "none of the channels is in the file", f"the file has {listed(table.columns)}"

@@ -38,7 +38,7 @@ class Table:
     converter saturates, where the format knows it. misfit: names that a header gives, where they are more or fewer
     than the `fields` of a line, whose columns are named by number then. unread: names of what else is in the file, and why
     it is no column, such as `has 100 values against 8459`. commas: whether commas stand between the fields of a line.
-    spectra: names of columns over frequency, and what each is. clocks: names of columns that were written as times of day.
+    spectra: names of columns over frequency, and what each is. clocks: names of columns that were written as times of day. order: names of all columns as they stand in the file, also of those left out.
     """
 
     path: Path
@@ -54,6 +54,7 @@ class Table:
     commas: bool = False
     spectra: Mapping[str, str] = field(default_factory=dict)
     clocks: tuple[str, ...] = ()
+    order: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.columns or all(len(values) == 0 for values in self.columns.values()):
@@ -72,8 +73,11 @@ class Table:
             hits = [column for column in names if same(column) == same(wanted)]
             if len(hits) == 1:
                 return hits[0]
-        if wanted.isdigit() and 1 <= int(wanted) <= len(names):
-            return names[int(wanted) - 1]
+        order = self.order or tuple(names)
+        if wanted.isdigit() and 1 <= int(wanted) <= len(order):
+            if order[int(wanted) - 1] in self.columns:
+                return order[int(wanted) - 1]
+            wanted = order[int(wanted) - 1]
         for other, why in self.unread.items():
             if bare_name(other).lower() == bare_name(wanted).lower():
                 raise InputProblem(self.path, f"'{other}' is there, but {why}", "save columns of numbers of one length")

@@ -7,15 +7,20 @@ it. Anything in the body that is not a number is an error that names the line, n
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from testbed.problem import InputProblem
+from testbed.readers import lvm
+from testbed.readers.clock import is_clock, seconds
 from testbed.readers.header import Body, read_header
 from testbed.readers.layout import Layout, find_layout, first_row
-from testbed.readers.table import DECIMAL_COMMAS, Table
+from testbed.readers.table import DECIMAL_COMMAS, Table, is_frequency, listed
+from testbed.readers.timebase import looks_like_time
 
+_COMMENTS = ("#", "%", "//", "!")
 _SIZE_LIMIT = 2 * 1024**3
 _OVERLOADS = {"ovl", "overload", "ovr", "over", "ovld", "ol", "clip", "overflow", "saturated"}
 
@@ -51,11 +56,15 @@ def decode(path: Path, raw: bytes) -> str:
 
 def _body(lines: list[str], first: int, layout: Layout, notes: list[str]) -> tuple[list[str], list[int]]:
     """The lines of the body and their numbers in the file, without blank ones; a cut-off last line is dropped."""
-    body, numbers = [], []
+    body, numbers, comments = [], [], 0
     for number, line in enumerate(lines[first:], first + 1):
-        if line.strip():
+        if line.lstrip().startswith(_COMMENTS):
+            comments += 1
+        elif line.strip():
             body.append(line)
             numbers.append(number)
+    if comments:
+        notes.append(f"{comments} comment line{'s' * (comments > 1)} amid the numbers {'were' if comments > 1 else 'was'} passed over")
     if len(body) > 1 and _is_cut(layout, *body[-2:]):
         notes.append(f"line {numbers[-1]}, the last, is cut off and was dropped: the file may be incomplete")
         body.pop()
@@ -137,8 +146,9 @@ def _ending_notes(text: str, body: list[str], layout: Layout) -> list[str]:
     return []
 
 
-def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None) -> Table:
-    """A text table. `skip_rows` lines at the top are ignored; `delimiter` overrides the one found.
+def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None, key: str | None = None) -> Table:
+    """A text table. `skip_rows` lines at the top are ignored; `delimiter` overrides the one found; `key` picks a capture of
+    LabVIEW's files.
 
     Raises InputProblem with the line for anything in the body that is not a number.
     """
@@ -149,10 +159,11 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None) -
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if not delimiter and lines and re.match(r"sep=.$", lines[0].strip()):
         delimiter, skip_rows = lines[0].strip()[-1], max(1, skip_rows)
-    notes: list[str] = []
     if skip_rows and any(line.strip() for line in lines) and not any(line.strip() for line in lines[skip_rows:]):
         there = len(text.splitlines())
         raise InputProblem(path, f"skip_rows: {skip_rows} leaves nothing of {there} lines", "skip fewer lines")
+    labview = lvm.choose(path, lines, key) if lines[0].startswith(lvm.FIRST_LINE) else lvm.Chosen(lines, [], False, ())
+    lines, notes = labview.lines, list(labview.notes)
     layout = find_layout(path, lines[skip_rows:], _spelled(delimiter))
     first = first_row(path, lines, layout, skip_rows)
     body, numbers = _body(lines, first, layout, notes)
@@ -164,29 +175,53 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None) -
     if values is None:
         values = _parse_slowly(path, body, numbers, layout, names, header.misfit)
     notes += _ending_notes(text, body, layout)
-    columns, units = {}, {}
-    for position, index in enumerate(used):
-        if len(body) > 1 and np.isnan(values[:, position]).all():
-            continue  # the empty column behind a trailing delimiter
-        columns[header.names[index]] = values[:, position]
-        units[header.names[index]] = header.units[index]
-    dropped = [header.names[index] for index in range(layout.fields) if not layout.numeric[index]]
+    columns = {header.names[index]: values[:, position] for position, index in enumerate(used)
+               if len(body) == 1 or not np.isnan(values[:, position]).all()}  # not the empty one behind a trailing delimiter
+    clocks = _clocks(header.names, body, layout)
+    columns = {name: (columns | clocks)[name] for name in header.names if name in columns or name in clocks}
+    units = dict(zip(header.names, header.units, strict=True)) | dict.fromkeys(clocks, "s")
+    units |= {name: unit for name, unit in zip(header.names, labview.units, strict=False) if unit}
+    dropped = [header.names[index] for index in range(layout.fields)
+               if not layout.numeric[index] and header.names[index] not in clocks]
     if dropped:
-        notes.append(f"column {', '.join(repr(name) for name in dropped)} holds text and was left out")
+        notes.append(f"column {listed(dropped)} holds text and was left out")
     if layout.decimal_comma:
         notes.append("numbers are written with a decimal comma")
-    rate, said = (header.sampling_rate, header.rate_tolerance), (*notes, *header.notes)
-    return Table(
+    table = Table(
         path,
         columns,
         units,
-        *rate,
-        said,
+        header.sampling_rate,
+        header.rate_tolerance,
+        (*notes, *header.notes),
         misfit=header.misfit,
         fields=layout.fields,
-        unread=dict.fromkeys(dropped, "holds text"),
+        unread=dict.fromkeys(header.names, "is empty") | dict.fromkeys(dropped, "holds text"),
         commas=layout.delimiter == ",",
+        clocks=tuple(clocks),
+        order=tuple(header.names),
     )
+    return replace(table, spectra=_spectra(table, labview.over_frequency))
+
+
+def _clocks(names: list[str], body: list[str], layout: Layout) -> dict[str, np.ndarray]:
+    """Columns of words that are dates and times of day, as seconds since their first."""
+    first, found = layout.split(body[0]), {}
+    for index, numeric in enumerate(layout.numeric):
+        if not numeric and is_clock(first[index]):
+            moments = seconds([layout.split(line)[index] for line in body])
+            if moments is not None:
+                found[names[index]] = moments
+    return found
+
+
+def _spectra(table: Table, over_frequency: bool) -> dict[str, str]:
+    """Columns over frequency and what they are: all, where the header says so or the first column is a rising frequency."""
+    first = next(iter(table.columns))
+    rising = len(table.columns) > 1 and looks_like_time(table.columns[first]) is not None
+    if not over_frequency and (table.time_column() is not None or not (rising and is_frequency(first, table.units[first]))):
+        return {}
+    return dict.fromkeys(table.columns, f"part of a frequency response or a spectrum (over '{first}')")
 
 
 def _spelled(delimiter: str | None) -> str | None:
