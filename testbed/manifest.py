@@ -119,6 +119,8 @@ class ChannelEntry(Strict):
     scale: Annotated[float, BeforeValidator(_scale)] | None = None
     pulses_per_revolution: Annotated[int, BeforeValidator(_whole)] | None = None
     edge: Literal["rising", "falling"] | None = None
+    file: str | None = None
+    key: Annotated[str | None, BeforeValidator(_key)] = None
 
 
 def _unless_none(value: object) -> object:
