@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from functools import lru_cache
 
 from testbed.units import TABLE, Unit, UnitProblem, known_units, nearest, spelled, unit_named
 
@@ -82,6 +83,7 @@ def unit_suffix(name: str, wanted: str) -> str:
     return ""
 
 
+@lru_cache(maxsize=1024)
 def _recognised(text: str) -> str | None:
     """The table's spelling of a unit, or None."""
     bare = unicodedata.normalize("NFKC", text).replace("−", "-").strip()

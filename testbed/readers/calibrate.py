@@ -57,8 +57,8 @@ def unit_of(table: Table, name: str, source: Source, notes: list[str]) -> tuple[
     try:
         unit = channel_unit(text, wanted)
     except UnitProblem as problem:
-        said = f"channel {name}: {problem.what}" + (f" of column '{label}'" if source.unit is None else "")
-        raise InputProblem(table.path, said, f"give `unit` in campaign.yaml: {problem.do}" if source.unit is None else problem.do) from None
+        said = f"channel {name}: {problem.what}" + (f" (column '{label}')" if source.unit is None else "")
+        raise InputProblem(table.path, said, problem.do) from None
     if source.unit is not None and in_file:
         _compare_units(name, source, in_file, unit.si, unit.factor, notes)
     if unit.si in _UNCALIBRATED and unit.si != wanted and base != "tachometer":

@@ -18,7 +18,7 @@ DECIMAL_COMMAS = "if its commas are decimal ones, write decimals with a point, o
 NO_SPECTRA = "no command takes a frequency response or a spectrum yet"
 _MOST_LISTED = 12  # names in a message
 _BRACKETS = re.compile(r"\s*[\[(<{]([^\[\]()<>{}]*(?:\([^()]*\))?)[\])>}]\s*")
-_BEHIND = re.compile(r"(.*\S)\s*(?:[,;:/]|\bin\b)\s*(\S+)")  # `Force, N`, `Kraft / N`, `Zeit in s`
+_BEHIND = re.compile(r"\s*[,;:/]\s*|\s+in\s+")  # `Force, N`, `Kraft / N`, `Zeit in s`
 _TIME_NAMES = {
     "time", "t", "zeit", "temps", "tiempo", "tempo", "tid", "x_value", "x_values", "timestamp", "time_stamp", "elapsed",
     "elapsed time", "relative time", "rel time", "absolute time", "abs time", "time_axis", "date_time", "datetime", "date",
@@ -126,9 +126,9 @@ def named(text: str) -> tuple[str, str]:
         rest = f"{text[: match.start()]} {text[match.end() :]}".strip()
         if is_channel_unit(match[1]) and rest:
             return rest, match[1].strip()
-    behind = _BEHIND.fullmatch(text)
-    if behind and is_channel_unit(behind[2]) and not is_channel_unit(text):
-        return behind[1].strip(" ,;:/"), behind[2]
+    for match in () if found or is_channel_unit(text) else _BEHIND.finditer(text):
+        if match.start() and is_channel_unit(text[match.end() :]):
+            return text[: match.start()], text[match.end() :]
     if found and found[-1].end() == len(text) and text[: found[-1].start()].strip():
         return text[: found[-1].start()].strip(), found[-1][1].strip()
     return text, ""
