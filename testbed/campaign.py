@@ -194,17 +194,18 @@ def _record(
         )
     folder = home / (manifest.folder or "")
     file = folder / entry.file
-    table = _table(document, (*place, "file"), folder, entry.file, home, shared, shared["key"])
+    tables: dict[tuple[str, str | None], Table] = {}
+    of: dict[str, tuple[str, str | None]] = {}
+    for channel, source in channels.items():
+        of[channel] = (source.file or entry.file, source.key or shared["key"])
+        at = place if source.file is None else (*place, "channels", channel) if channel in entry.channels else ("channels", channel)
+        if of[channel] not in tables:
+            tables[of[channel]] = _table(document, (*at, "file"), folder, *of[channel], home, shared)
     if entry.key is not None and not has_variables(file):
         raise document.problem((*place, "key"), f"{entry.file} has no variables that a key could name", "remove `key`")
-    others: dict[str, Table] = {}
-    for channel, source in channels.items():
-        if source.file is not None or source.key is not None:
-            at = (*place, "channels", channel) if channel in entry.channels else ("channels", channel)
-            other = source.file or entry.file
-            others[channel] = _table(document, (*at, "file"), folder, other, home, shared, source.key or shared["key"])
-    if others:
-        table, channels = joined(table, channels, others, time)
+    table = tables.get((entry.file, shared["key"]), next(iter(tables.values())))
+    if len(tables) > 1:
+        table, channels = joined(table, channels, {channel: tables[of[channel]] for channel in channels}, time)
     optional: tuple[str, ...] = () if entry.kind == "cut" else ("tachometer",)
     if entry.kind == "ring-down":
         optional += tuple(channel for channel in channels if channel.startswith("force"))
@@ -231,9 +232,9 @@ def _table(
     place: tuple[str | int, ...],
     folder: Path,
     name: str,
+    key: str | None,
     home: Path,
     shared: dict[str, Any],
-    key: str | None,
 ) -> Table:
     """The table of a file that the manifest names at `place`. Raises InputProblem."""
     file = folder / name

@@ -13,7 +13,8 @@ from functools import lru_cache
 from testbed.units import TABLE, Unit, UnitProblem, known_units, nearest, spelled, unit_named
 
 UNCALIBRATED = ("counts", "count", "fs", "a.u.", "au", "arbitrary", "arb", "arb.", "arbitrary units", "adc", "lsb", "digits",
-                "raw", "bits", "cts", "eu", "none", "n/a", "unitless", "dimensionless", "%fs", "amps", "strain", "ohms")  # fmt: skip
+                "raw", "bits", "cts", "eu", "none", "n/a", "unitless", "dimensionless", "%fs", "amps", "strain",
+                "ohms")  # fmt: skip
 # A transducer's own output: no motion and no force until its calibration is known.
 _RAW_OUTPUT = ("mV/V", "V/V", "A", "mA", "uA", "nC", "pC", "ohm", "ue", "um/m")
 _MEASURED = ("m", "m/s", "m/s^2", "N", "rad", "rad/s", "s", "Hz", "V", "1")  # dimensions that a channel of a record has
@@ -21,12 +22,14 @@ _WORDS = {
     "m": "m meter meters metre metres", "mm": "mm millimeter millimeters millimetre millimetres",
     "um": "um micron microns micrometer micrometers micrometre micrometres", "nm": "nanometer nanometers nanometre nanometres",
     "cm": "centimeter centimeters centimetre centimetres", "in": "inch inches in.", "ft": "foot feet ft.",
-    "mil": "mil mils thou", "s": "s sec secs second seconds sec. sek sekunden", "ms": "ms msec msecs millisec millisecond milliseconds",
+    "mil": "mil mils thou", "s": "s sec secs second seconds sec. sek sekunden",
+    "ms": "ms msec msecs millisec millisecond milliseconds",
     "us": "us usec usecs microsec microsecond microseconds", "min": "minute minutes mins", "h": "hr hrs hour hours",
     "N": "newton newtons", "kN": "kilonewton kilonewtons", "lbf": "lb lbs pound pounds lb_f lb-f pound-force lb.",
     "kgf": "kp kilopond", "V": "volt volts", "mV": "millivolt millivolts", "uV": "microvolt microvolts",
     "g": "g's gs gee gees g-force gravity g_n gn g0", "mg": "milli-g millig", "rad": "rad radian radians rads",
-    "deg": "deg degree degrees degs", "mrad": "milliradian milliradians", "Hz": "hz hertz cps", "kHz": "khz kilohertz", "%": "percent pct",
+    "deg": "deg degree degrees degs", "mrad": "milliradian milliradians", "Hz": "hz hertz cps", "kHz": "khz kilohertz",
+    "%": "percent pct",
     "rpm": "rpm r.p.m. r/min rev/min u/min 1/min min^-1 min-1 tr/min revs/min turns/min rev./min", "m/s": "mps", "in/s": "ips",
     "m/s^2": "mps2 mps^2 mpss", "cm/s^2": "gal gals", "rev": "revs turn turns",
 }  # fmt: skip
@@ -87,7 +90,7 @@ def unit_suffix(name: str, wanted: str) -> str:
 def _recognised(text: str) -> str | None:
     """The table's spelling of a unit, or None."""
     bare = unicodedata.normalize("NFKC", text).replace("−", "-").strip()
-    bare = bare.strip("[]{}<>\"") if not re.fullmatch(r"\(.*\)", bare) else bare[1:-1]
+    bare = bare.strip('[]{}<>"') if not re.fullmatch(r"\(.*\)", bare) else bare[1:-1]
     bare = " ".join(bare.split())
     lower = bare.casefold()
     if lower in UNCALIBRATED or spelled(bare) in _RAW_OUTPUT:

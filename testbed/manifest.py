@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
+from testbed.channel_units import channel_unit
 from testbed.machine import MOST_FLUTES
 from testbed.readers.source import Source, base_name
 from testbed.readers.table import NO_SPECTRA
 from testbed.recording import CHANNEL_UNITS
-from testbed.channel_units import channel_unit
 from testbed.units import UnitProblem, parse_quantity, refuse_decimal_comma, spelled
 from testbed.yaml_text import SAMPLING_RATE, Document, Strict, above_zero, at_least_zero, did_you_mean, quantity
 
@@ -185,7 +185,8 @@ def check_channels(document: Document, manifest: ManifestEntry) -> None:
     for path, channels in places:
         for name, entry in channels.items():
             if name in ("frequency", "real", "imaginary"):
-                raise document.problem((*path, name), f"'{name}' is no channel of a record: {NO_SPECTRA}", "give the time record")
+                what = f"'{name}' is no channel of a record: {NO_SPECTRA}"
+                raise document.problem((*path, name), what, "give the time record")
             if base_name(name) not in CHANNELS:
                 raise document.problem((*path, name), f"unknown channel '{name}'", did_you_mean(name, CHANNELS))
             if isinstance(entry, ChannelEntry) and entry.unit is not None:
@@ -193,6 +194,8 @@ def check_channels(document: Document, manifest: ManifestEntry) -> None:
                     channel_unit(entry.unit, CHANNEL_UNITS.get(base_name(name), "s"))
                 except UnitProblem as problem:
                     raise document.problem((*path, name, "unit"), problem.what, problem.do) from None
+            if name == "time" and isinstance(entry, ChannelEntry) and (entry.file or entry.key):
+                raise document.problem((*path, name), "'time' has file or key", "every file has its own time column: remove them")
             if name != "tachometer" and isinstance(entry, ChannelEntry) and (entry.pulses_per_revolution or entry.edge):
                 raise document.problem(
                     (*path, name), f"'{name}' has pulses_per_revolution or edge", "these belong to the tachometer"

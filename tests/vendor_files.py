@@ -1,267 +1,19 @@
 """Files as measuring software writes them, made here with known contents: two channels, a hammer's force and the response.
 
-`KINDS` names every kind; `write(kind, draw, folder)` writes one and says what is in it. The forms follow files of LabVIEW,
-DynoWare, catman, DEWESoft, PULSE, Testlab, PicoScope, oscilloscopes, MATLAB and Excel.
+`KINDS` names every kind; `KINDS[kind](Draw(seed, folder))` writes one and says what is in it.
 """
 
 from __future__ import annotations
 
+import inspect
 import wave
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from pathlib import Path
 
 import h5py
 import numpy as np
 import scipy.io
-
-GRAVITY = 9.80665
-RATES = (1000.0, 2048.0, 4000.0, 5000.0, 6400.0, 10000.0, 12800.0)
-
-
-@dataclass
-class Made:
-    """A file's record for campaign.yaml (without its file), what it holds in SI (None: it must be refused), and its rate."""
-
-    name: str
-    channels: dict
-    force: np.ndarray | None
-    response: np.ndarray | None
-    rate: float
-    unit: str = "m/s^2"  # of the response as it must be told
-    more: dict = field(default_factory=dict)
-    told: str = ""  # what a note must hold
-    rate_error: float = 1e-6
-    drive: str = "force"
-
-
-class Draw:
-    """One draw: rate, length, force (N) and response (m/s^2), numbers as printed with nine digits."""
-
-    def __init__(self, seed: int, folder: Path) -> None:
-        self.random = np.random.default_rng([53, seed])
-        self.folder, self.rate = folder, float(self.random.choice(RATES))
-        self.rows = int(self.random.integers(700, 2500))
-        self.time = np.arange(self.rows) / self.rate
-        start, width = int(self.random.integers(20, 60)), int(self.random.integers(5, 12))
-        force = np.zeros(self.rows)
-        force[start : start + width] = 80 * np.sin(np.pi * np.arange(width) / width)
-        since = np.maximum(self.time - start / self.rate, 0.0)
-        turn = 2 * np.pi * self.rate * self.random.uniform(0.02, 0.06)
-        ringing = 30 * np.exp(-0.01 * turn * since) * np.sin(turn * since)
-        self.force = np.round(force + 0.05 * self.random.standard_normal(self.rows), 6)
-        self.response = np.round(ringing + 0.02 * self.random.standard_normal(self.rows), 6)
-
-    def rows_of(self, *columns: np.ndarray, fmt: str = "%.9g", sep: str = "\t", time: str = "%.9f", end: str = "\n", tail: str = "") -> str:
-        """Lines of the time and columns."""
-        return "".join(sep.join([time % t, *(fmt % value for value in row)]) + tail + end
-                       for t, *row in zip(self.time, *columns, strict=True))
-
-    def file(self, name: str, text: str | bytes, encoding: str = "utf-8") -> str:
-        """Write it; the name again."""
-        (self.folder / name).write_bytes(text if isinstance(text, bytes) else text.encode(encoding))
-        return name
-
-    def made(self, name: str, force: str | int = "F", response: str | int = "a", **more) -> Made:
-        """The usual case: both channels by name, units from the file, numbers as drawn."""
-        channels = {"force": {"column": force}, "acceleration": {"column": response}}
-        return Made(name, channels, self.force, self.response, self.rate, **more)
-
-
-def _lvm(draw: Draw, columns: str, units: tuple[str, str], samples: int, separator: str = "\t") -> str:
-    head = ("LabVIEW Measurement", "Writer_Version\t2", "Reader_Version\t2", "Separator\tTab", "Decimal_Separator\t.",
-            f"Multi_Headings\t{'Yes' if columns == 'Multi' else 'No'}", f"X_Columns\t{columns}", "Time_Pref\tRelative",
-            "***End_of_Header***\t", "\t")  # fmt: skip
-    return "\n".join(head) + "\n" + _segment(draw, columns, units, samples)
-
-
-def _segment(draw: Draw, columns: str, units: tuple[str, str], samples: int) -> str:
-    gap = "\t\t" if columns == "Multi" else "\t"
-    facts = [("Samples", samples, samples), ("Date", "2020/01/01", "2020/01/01"), ("Y_Unit_Label", *units),
-             ("X_Dimension", "Time", "Time"), ("X0", "0.0E+0", "0.0E+0"), ("Delta_X", f"{1 / draw.rate:.6E}", f"{1 / draw.rate:.6E}")]  # fmt: skip
-    names = ["X_Value", "Hammer (Trigger)", "Sensor (Trigger)", "Comment"]
-    if columns == "Multi":
-        names.insert(2, "X_Value")
-    return "".join(["Channels\t2\n", *(f"{name}\t{one}{gap}{two}\n" for name, one, two in facts), "***End_of_Header***\t\t\n",
-                    "\t".join(names) + "\n"])  # fmt: skip
-
-
-def _plain_rows(draw: Draw) -> str:
-    return "".join(f"\t{force:.9g}\t{response:.9g}\n" for force, response in zip(draw.force, draw.response, strict=True))
-
-
-def _labview(draw: Draw, **more) -> Made:
-    return draw.made(draw.file("record.lvm", more.pop("text")), "Hammer (Trigger)", "Sensor (Trigger)", **more)
-
-
-def lvm_unit_words(draw: Draw) -> Made:
-    units = draw.random.choice([("Newtons", "m/s^2"), ("newton", "m/s2"), ("N", "meters/sec^2")])
-    return _labview(draw, text=_lvm(draw, "No", tuple(units), draw.rows) + _plain_rows(draw), rate_error=1e-5)
-
-
-def lvm_x_column_decimal_comma(draw: Draw) -> Made:
-    text = (_lvm(draw, "One", ("N", "m/s^2"), draw.rows) + draw.rows_of(draw.force, draw.response)).replace(".", ",")
-    return _labview(draw, text=text)
-
-
-def lvm_x_columns_multi(draw: Draw) -> Made:
-    rows = "".join(f"{t:.6f}\t{f:.9g}\t{t:.6f}\t{a:.9g}\n" for t, f, a in zip(draw.time, draw.force, draw.response, strict=True))
-    return _labview(draw, text=_lvm(draw, "Multi", ("N", "m/s^2"), draw.rows) + rows, rate_error=1e-5)
-
-
-def lvm_two_captures(draw: Draw) -> Made:
-    text = _lvm(draw, "No", ("N", "m/s^2"), draw.rows) + _plain_rows(draw) * 2
-    return _labview(draw, text=text, told="2 captures", rate_error=1e-5)
-
-
-def lvm_two_headers(draw: Draw) -> Made:
-    first = _plain_rows(Draw(int(draw.random.integers(1, 999)), draw.folder))
-    text = _lvm(draw, "No", ("N", "m/s^2"), first.count("\n")) + first + "\n" + _segment(draw, "No", ("N", "m/s^2"), draw.rows)
-    return _labview(draw, text=text + _plain_rows(draw), told="2 captures", more={"key": 2}, rate_error=1e-5)
-
-
-def dynoware(draw: Draw) -> Made:
-    head = f"DynoWare,Version 2.5.1.2\nPath:,C:\\data\nFilename:,a.dwd\nDate:, \nSampling rate [Hz]:,{draw.rate:g}\nCycles:,1\n"
-    return draw.made(draw.file("a.csv", head + "Time,F,a\ns,N,m/s^2\n" + draw.rows_of(draw.force, draw.response, sep=",")))
-
-
-def dewesoft(draw: Draw) -> Made:
-    unit, factor = [("g", GRAVITY), ("m/s2", 1.0)][int(draw.random.integers(2))]
-    head = f"File name: D:\\tap.dxd\nStore type: always fast\nSample rate: {draw.rate:g}\n\nTime (s)\tHammer/F (N)\tTool/a ({unit})\n"
-    made = draw.made(draw.file("a.txt", head + draw.rows_of(draw.force, draw.response)), "Hammer/F", "Tool/a")
-    made.response = draw.response * factor
-    return made
-
-
-def catman_german(draw: Draw) -> Made:
-    head = "HBM_CATMAN_ASCII\r\nErstellt: 01.02.2020\r\nZeit [s]\tKraft [N]\tBeschleunigung [m/s²]\r\n"
-    text = head + draw.rows_of(draw.force, draw.response, end="\r\n").replace(".", ",")
-    encoding = str(draw.random.choice(["cp1252", "utf-16", "utf-8-sig"]))
-    return draw.made(draw.file("a.asc", text, encoding), "Kraft", "Beschleunigung")
-
-
-def din_units(draw: Draw) -> Made:
-    head = str(draw.random.choice(["Zeit / s;Kraft / N;Beschl. / m/s²\n", '"Zeit, s";"Kraft, N";"Beschl., m/s²"\n']))
-    return draw.made(draw.file("a.csv", head + draw.rows_of(draw.force, draw.response, sep=";").replace(".", ",")), "Kraft", 3)
-
-
-def testlab_unit_row(draw: Draw) -> Made:
-    head = 'Test section: "tap"\nPoint\tTool:1:+X\n"Time"\t"F"\t"a"\n"s"\t"N"\t"m/s2"\n'
-    return draw.made(draw.file("a.txt", head + draw.rows_of(draw.force, draw.response)))
-
-
-def units_in_brackets_row(draw: Draw) -> Made:
-    row = str(draw.random.choice(["[s],[N],[m/s^2]\n", "(s),(Newtons),(m/s²)\n", "sec,Newtons,m/s/s\n"]))
-    return draw.made(draw.file("a.csv", "t,F,a\n" + row + draw.rows_of(draw.force, draw.response, sep=",")))
-
-
-def matlab_table_suffixes(draw: Draw) -> Made:
-    made = draw.made(draw.file("a.csv", "time_s,force_N,acc_g\n" + draw.rows_of(draw.force, draw.response, sep=",")), "force_N", "acc_g")
-    made.response, made.told = draw.response * GRAVITY, "was read from the column's name"
-    return made
-
-
-def excel_semicolons(draw: Draw) -> Made:
-    body = draw.rows_of(draw.force, draw.response, sep=";", tail=";", end="\r\n").replace(".", ",")
-    head = str(draw.random.choice(["sep=;\r\n", ""])) + '"Time [s]";"F [N]";"a [m/s^2]";\r\n'
-    return draw.made(draw.file("a.csv", head + body, "utf-8-sig" if head[0] == '"' else "utf-8"))
-
-
-def quoted_decimal_commas(draw: Draw) -> Made:
-    rows = "".join(f'"{t:.9f}","{f:.6f}","{a:.6f}"\n' for t, f, a in zip(draw.time, draw.force, draw.response, strict=True))
-    return draw.made(draw.file("a.csv", '"Time (s)","F (N)","a (m/s^2)"\n' + rows.replace(".", ",")))
-
-
-def few_digits(draw: Draw) -> Made:
-    form = str(draw.random.choice(["%.2E", "%.3E", "%.4g", "%.3f", "%.4e"]))
-    made = draw.made(draw.file("a.txt", draw.rows_of(draw.force, draw.response, time=form)), 2, 3, rate_error=4e-3)
-    made.channels = {"force": {"column": 2, "unit": "N"}, "acceleration": {"column": 3, "unit": "m/s^2"}, "time": {"column": 1, "unit": "s"}}
-    return made
-
-
-def narrow_cells(draw: Draw) -> Made:
-    rows = "".join(f"{(f'{t:.2E}' if t < 0.1 else f'{t:.6g}')}\t{f:.9g}\t{a:.9g}\n"
-                   for t, f, a in zip(draw.time, draw.force, draw.response, strict=True))
-    return draw.made(draw.file("a.txt", "Time\tF [N]\ta [m/s^2]\n" + rows), rate_error=2e-4)
-
-
-def clock_times(draw: Draw) -> Made:
-    milli = draw.rate == 1000.0
-    rows, day = [], draw.random.choice(["", "2020-01-31 ", "31.01.2020 "])
-    for t, f, a in zip(draw.time + 36000.5, draw.force, draw.response, strict=True):
-        minute, second = divmod(t, 60.0)
-        stamp = f"{day}{int(minute // 60):02d}:{int(minute % 60):02d}:{second:0{6 if milli else 9}.{3 if milli else 6}f}"
-        rows.append(f"{stamp};{f:.9g};{a:.9g}\n")
-    return draw.made(draw.file("a.csv", "Timestamp;F [N];a [m/s^2]\n" + "".join(rows)), rate_error=1e-4)
-
-
-def fortran(draw: Draw) -> Made:
-    rows = "".join(f"{t:18.9E}{f:18.9E}{a:18.9E}\n" for t, f, a in zip(draw.time, draw.force, draw.response, strict=True))
-    return draw.made(draw.file("fort.dat", "     TIME (S)        F (N)        A (M/S2)\n" + rows.replace("E", "D")), "F", "A")
-
-
-def fixed_width_spaces(draw: Draw) -> Made:
-    rows = "".join(f"{t:14.9f}{f:16.6f}{a:16.6f}\n" for t, f, a in zip(draw.time, draw.force, draw.response, strict=True))
-    return draw.made(draw.file("a.prn", "  Elapsed Time (s)   Hammer Force (N)   Tool Acc (m/s^2)\n" + rows), "Hammer Force", "Tool Acc")
-
-
-def one_column(draw: Draw) -> Made:
-    head = str(draw.random.choice(["x [um]\n", "x (µm)\n", "Displacement (microns)\n", '"x, um"\n']))
-    made = draw.made(draw.file("a.txt", head + "".join(f"{value:.9g}\n" for value in draw.response)))
-    made.channels, made.unit = {"displacement": {"column": 1}}, "m"
-    made.force, made.response, made.more = None, draw.response * 1e-6, {"sampling_rate": f"{draw.rate!r} Hz", "kind": "ring-down"}
-    return made
-
-
-def comments(draw: Draw) -> Made:
-    sign = str(draw.random.choice(["#", "%", "//"]))
-    rows = draw.rows_of(draw.force, draw.response, sep=" ").splitlines(keepends=True)
-    rows.insert(len(rows) // 2, f"{sign} second half\n")
-    head = f"{sign} hammer test\n{sign} fs = {draw.rate:g}\n{sign} t[s] F[N] a[m/s^2]\n"
-    return draw.made(draw.file("a.dat", head + "".join(rows) + f"{sign} end\n"))
-
-
-def oscilloscope(draw: Draw) -> Made:
-    head = f"Model,TPS2024\nFirmware,3.1\nSample Interval,{1 / draw.rate:.6e},s\nRecord Length,{draw.rows}\n\nTIME,CH1,CH2\n"
-    made = draw.made(draw.file("a.csv", head + draw.rows_of(draw.force, draw.response, sep=",")))
-    made.channels = {"force": {"column": "CH1", "unit": "V"}, "acceleration": {"column": "CH2", "unit": "Volts", "scale": 1}}
-    made.unit, made.told = "V", "uncalibrated"
-    return made
-
-
-def unit_row_of_words(draw: Draw) -> Made:
-    text = "X,CH1,CH2,\nSecond,Volt,Volt,\n" + draw.rows_of(draw.force, draw.response, sep=",", tail=",")
-    made = draw.made(draw.file("a.csv", text), "CH1", "CH2", unit="V", told="uncalibrated")
-    made.channels["time"] = {"column": "X"}
-    return made
-
-
-def picoscope(draw: Draw) -> Made:
-    rows = "".join(f"{1e3 * t:.8f},{1e3 * f:.6f},{a:.6f}\n" for t, f, a in zip(draw.time, draw.force, draw.response, strict=True))
-    text = "Time,Channel A,Channel B\n(ms),(mV),(V)\n\n" + rows
-    return draw.made(draw.file("a.csv", text), "Channel A", "Channel B", unit="V", told="uncalibrated")
-
-
-def paired_times(draw: Draw) -> Made:
-    rows = "".join(f"{t:.9f},{f:.9g},{t:.9f},{a:.9g}\n" for t, f, a in zip(draw.time, draw.force, draw.response, strict=True))
-    return draw.made(draw.file("a.csv", "Time1 [s],F [N],Time2 [s],a [m/s^2]\n" + rows))
-
-
-def capitals(draw: Draw) -> Made:
-    made = draw.made(draw.file("A.CSV", "TIME (MS),FORCE (KN),ACC (M/S2)\n" + "".join(
-        f"{1e3 * t:.9f},{1e-3 * f:.9f},{a:.9g}\n" for t, f, a in zip(draw.time, draw.force, draw.response, strict=True))), "FORCE", "ACC")  # fmt: skip
-    return made
-
-
-def index_and_rate(draw: Draw) -> Made:
-    rows = "".join(f"{number},{f:.9g},{a:.9g}\n" for number, (f, a) in enumerate(zip(draw.force, draw.response, strict=True)))
-    return draw.made(draw.file("a.csv", f"Sample rate (Hz),{draw.rate:g}\nIndex,F (N),a (m/s^2)\n" + rows))
-
-
-def brackets_no_unit(draw: Draw) -> Made:
-    made = draw.made(draw.file("a.csv", "Time (s),Response (Trigger),Force (Ref)\n" + draw.rows_of(draw.response, draw.force, sep=",")))
-    made.channels = {"force": {"column": "Force (Ref)", "unit": "N"}, "acceleration": {"column": "Response", "unit": "m/s^2"}}
-    return made
+import vendor_text
+from vendor_draws import Draw, Made
 
 
 def two_files(draw: Draw) -> Made:
@@ -284,9 +36,10 @@ def tdms(draw: Draw) -> Made:
 
     words = (("Newtons", "Volts"), ("N", "V"), ("newton", "volt"))[int(draw.random.integers(3))]
     name = str(draw.random.choice(["unit_string", "NI_UnitDescription"]))
+    both = (("F", draw.force, words[0]), ("a", draw.response, words[1]))
     with TdmsWriter(str(draw.folder / "a.tdms")) as writer:
         writer.write_segment([ChannelObject("Log", label, values, {"wf_increment": 1 / draw.rate, name: unit})
-                              for label, values, unit in (("F", draw.force, words[0]), ("a", draw.response, words[1]))])  # fmt: skip
+                              for label, values, unit in both])  # fmt: skip
     return draw.made("a.tdms", unit="V", told="uncalibrated")
 
 
@@ -298,14 +51,16 @@ def _uff(draw: Draw, labels: tuple[str, str], over_frequency: bool) -> str:
     for number, (name, values, label) in enumerate((("F", draw.force, labels[0]), ("a", draw.response, labels[1])), 1):
         file._write_set({
             "type": 58, "binary": 0, "id1": name, "id2": "NONE", "id3": "NONE", "id4": "NONE", "id5": "NONE",
-            "func_type": 4 if over_frequency else 1, "ver_num": 0, "load_case_id": 0, "rsp_ent_name": "NONE", "rsp_node": number,
+            "func_type": 4 if over_frequency else 1, "ver_num": 0, "load_case_id": 0, "rsp_ent_name": "NONE",
+            "rsp_node": number,
             "rsp_dir": 1, "ref_ent_name": "NONE", "ref_node": 1, "ref_dir": 1, "ord_data_type": 6 if over_frequency else 4,
             "num_pts": draw.rows, "abscissa_spacing": 1, "abscissa_min": 0.0, "abscissa_inc": axis[1], "z_axis_value": 0.0,
             "abscissa_spec_data_type": 18 if over_frequency else 17, "abscissa_len_unit_exp": 0, "abscissa_force_unit_exp": 0,
             "abscissa_temp_unit_exp": 0, "abscissa_axis_units_lab": "s", "ordinate_spec_data_type": 13 if number == 1 else 12,
             "ordinate_axis_units_lab": label, "ordinate_len_unit_exp": 0, "ordinate_force_unit_exp": 0,
             "ordinate_temp_unit_exp": 0, "orddenom_spec_data_type": 0, "orddenom_axis_units_lab": "NONE",
-            "orddenom_len_unit_exp": 0, "orddenom_force_unit_exp": 0, "orddenom_temp_unit_exp": 0, "z_axis_axis_units_lab": "NONE",
+            "orddenom_len_unit_exp": 0, "orddenom_force_unit_exp": 0, "orddenom_temp_unit_exp": 0,
+            "z_axis_axis_units_lab": "NONE",
             "z_axis_spec_data_type": 0, "z_axis_len_unit_exp": 0, "z_axis_force_unit_exp": 0, "z_axis_temp_unit_exp": 0,
             "abscissa_axis_lab": "X", "ordinate_axis_lab": "Y", "orddenom_axis_lab": "NONE", "z_axis_axis_lab": "NONE",
             "x": axis, "data": values * (1 + 1j) if over_frequency else values}, "add")  # fmt: skip
@@ -318,13 +73,29 @@ def uff_time(draw: Draw) -> Made:
 
 
 def uff_frequency_response(draw: Draw) -> Made:
-    return Made(_uff(draw, ("N", "m/s^2"), over_frequency=True), {"force": {"column": "F re"}, "acceleration": {"column": "a"}}, None, None, 1)
+    return Made(
+        _uff(draw, ("N", "m/s^2"), over_frequency=True),
+        {"force": {"column": "F re"}, "acceleration": {"column": "a"}},
+        None,
+        None,
+        1,
+    )
 
 
 def text_frequency_response(draw: Draw) -> Made:
-    head = str(draw.random.choice(["Frequency [Hz]\tReal [m/N]\tImag [m/N]\n", "freq\tRe\tIm\n", "f (Hz)\tmagnitude\tphase (deg)\n"]))
-    rows = "".join(f"{number * 0.5:.1f}\t{f:.6e}\t{a:.6e}\n" for number, (f, a) in enumerate(zip(draw.force, draw.response, strict=True)))
-    return Made(draw.file("frf.txt", head + rows), {"force": {"column": 2, "unit": "N"}, "acceleration": {"column": 3, "unit": "m/s^2"}}, None, None, 1)
+    head = str(
+        draw.random.choice(["Frequency [Hz]\tReal [m/N]\tImag [m/N]\n", "freq\tRe\tIm\n", "f (Hz)\tmagnitude\tphase (deg)\n"])
+    )
+    rows = "".join(
+        f"{number * 0.5:.1f}\t{f:.6e}\t{a:.6e}\n" for number, (f, a) in enumerate(zip(draw.force, draw.response, strict=True))
+    )
+    return Made(
+        draw.file("frf.txt", head + rows),
+        {"force": {"column": 2, "unit": "N"}, "acceleration": {"column": 3, "unit": "m/s^2"}},
+        None,
+        None,
+        1,
+    )
 
 
 def sensitivity(draw: Draw) -> Made:
@@ -343,7 +114,11 @@ def wav(draw: Draw) -> Made:
         file.setframerate(int(draw.rate))
         file.writeframes(counts.view("u1").reshape(-1, 4)[:, : bits // 8].tobytes())
     made = draw.made("a.wav")
-    made.channels = {"force": {"column": 1, "unit": "N", "scale": 100}, "acceleration": {"column": 2, "unit": "m/s^2", "scale": 50}}
+    made.force, made.response = (counts * [100.0, 50.0] / 2.0 ** (bits - 1)).T  # rounded to the converter's steps
+    made.channels = {
+        "force": {"column": 1, "unit": "N", "scale": 100},
+        "acceleration": {"column": 2, "unit": "m/s^2", "scale": 50},
+    }
     return made
 
 
@@ -351,7 +126,11 @@ def matlab(draw: Draw) -> Made:
     data = np.column_stack([draw.time, draw.force, draw.response])
     scipy.io.savemat(draw.folder / "a.mat", {"run": {"signals": data, "fs": draw.rate}})
     made = draw.made("a.mat", more={"key": "run.signals"})
-    made.channels = {"time": {"column": 1, "unit": "s"}, "force": {"column": 2, "unit": "N"}, "acceleration": {"column": 3, "unit": "m/s^2"}}
+    made.channels = {
+        "time": {"column": 1, "unit": "s"},
+        "force": {"column": 2, "unit": "N"},
+        "acceleration": {"column": 3, "unit": "m/s^2"},
+    }
     return made
 
 
@@ -365,22 +144,11 @@ def hdf5(draw: Draw) -> Made:
     return draw.made("a.h5")
 
 
-def _numeric_units(draw: Draw, force: tuple[str, float], response: tuple[str, float]) -> Made:
-    text = f"Time [s]\tF [{force[0]}]\ta [{response[0]}]\n" + draw.rows_of(draw.force, draw.response)
-    made = draw.made(draw.file("a.txt", text))
-    made.force, made.response = draw.force * force[1], draw.response * response[1]
-    return made
+def _kinds(module) -> dict[str, Callable[[Draw], Made]]:
+    named = inspect.getmembers(module, inspect.isfunction)
+    return {name: maker for name, maker in named if not name.startswith("_") and maker.__module__ == module.__name__}
 
 
-def units_of_all_makers(draw: Draw) -> Made:
-    forces = (("Pounds", 4.4482216152605), ("lbf", 4.4482216152605), ("kN", 1e3), ("daN", 10.0), ("kgf", GRAVITY), ("Newton", 1.0))
-    responses = (("g's", GRAVITY), ("G", GRAVITY), ("mm/s²", 1e-3), ("in/s^2", 0.0254), ("ft/s^2", 0.3048), ("m·s⁻²", 1.0), ("mg", GRAVITY * 1e-3))
-    return _numeric_units(draw, forces[int(draw.random.integers(len(forces)))], responses[int(draw.random.integers(len(responses)))])
-
-
-KINDS: dict[str, Callable[[Draw], Made]] = {kind.__name__: kind for kind in (
-    lvm_unit_words, lvm_x_column_decimal_comma, lvm_x_columns_multi, lvm_two_captures, lvm_two_headers, dynoware, dewesoft,
-    catman_german, din_units, testlab_unit_row, units_in_brackets_row, matlab_table_suffixes, excel_semicolons,
-    quoted_decimal_commas, few_digits, narrow_cells, clock_times, fortran, fixed_width_spaces, one_column, comments, oscilloscope,
-    unit_row_of_words, picoscope, paired_times, capitals, index_and_rate, brackets_no_unit, two_files, two_files_of_two_rates,
-    tdms, uff_time, uff_frequency_response, text_frequency_response, sensitivity, wav, matlab, hdf5, units_of_all_makers)}  # fmt: skip
+KINDS = _kinds(vendor_text) | {maker.__name__: maker for maker in (
+    two_files, two_files_of_two_rates, tdms, uff_time, uff_frequency_response, text_frequency_response, sensitivity, wav,
+    matlab, hdf5)}  # fmt: skip

@@ -118,7 +118,8 @@ def _no_spectra(table: Table, wanted: list[str]) -> None:
     every = [name for name in table.columns if name in table.spectra]
     named = [name for name in wanted if name in table.spectra] or (every[:1] if len(every) == len(table.columns) else [])
     if named:
-        raise InputProblem(table.path, f"'{named[0]}' is {table.spectra[named[0]]}: {NO_SPECTRA}", "give the time record of the blow")
+        what = f"'{named[0]}' is {table.spectra[named[0]]}: {NO_SPECTRA}"
+        raise InputProblem(table.path, what, "give the time record of the blow")
 
 
 def _columns(

@@ -15,6 +15,12 @@ _UNCALIBRATED = ("V", "rad", "1")
 def time_factor(table: Table, label: str, source: Source | None, notes: list[str]) -> float:
     """Seconds per unit of the time column. Raises InputProblem for a unit that is no time."""
     text = (source.unit if source and source.unit else None) or table.units.get(label, "")
+    if not text and _day_numbers(table, label):
+        raise InputProblem(
+            table.path,
+            f"time column '{label}' begins at {table.columns[label][0]:.10g}, as the day numbers of a spreadsheet do",
+            "if it counts days give `unit: h` and `scale: 24` for `time`, else its unit",
+        )
     if not text:
         suffix = label.rpartition("_")[2]
         text = suffix if suffix in ("ms", "us", "s", "min") else "s"
@@ -23,9 +29,7 @@ def time_factor(table: Table, label: str, source: Source | None, notes: list[str
     try:
         unit = channel_unit(text, "s")
     except UnitProblem as problem:
-        raise InputProblem(
-            table.path, f"time column '{label}': {problem.what}", "give its unit as s, ms or us"
-        ) from None
+        raise InputProblem(table.path, f"time column '{label}': {problem.what}", "give its unit as s, ms or us") from None
     if unit.si != "s":
         frequency = unit.si == "Hz"
         raise InputProblem(
@@ -34,6 +38,12 @@ def time_factor(table: Table, label: str, source: Source | None, notes: list[str
             f"{NO_SPECTRA}: give the time record" if frequency else "name the right column, or `time: none`",
         )
     return unit.factor * (source.scale if source else 1.0)
+
+
+def _day_numbers(table: Table, label: str) -> bool:
+    """Whether a column holds days since 1900 with their fractions, of one day between 1955 and 2120."""
+    values = table.columns[label]
+    return bool(len(values) > 1 and 20e3 < values[0] <= values[-1] < 80e3 and values[-1] - values[0] < 0.5 and values[0] % 1)
 
 
 def unit_of(table: Table, name: str, source: Source, notes: list[str]) -> tuple[float, str]:
@@ -68,7 +78,7 @@ def unit_of(table: Table, name: str, source: Source, notes: list[str]) -> tuple[
         return unit.factor * source.scale, unit.si
     raise InputProblem(
         table.path,
-        f"channel {name}: a {base} cannot be in {text}",
+        f"channel {name}: {'an' if base[0] == 'a' else 'a'} {base} cannot be in {text}",
         f"give a unit of {wanted}, or V or rad for an uncalibrated channel",
     )
 
@@ -79,6 +89,4 @@ def _compare_units(name: str, source: Source, in_file: str, si: str, factor: flo
         return
     theirs = channel_unit(in_file)
     if source.scale == 1.0 and (theirs.si, theirs.factor) != (si, factor):
-        notes.append(
-            f"channel {name}: campaign.yaml says {source.unit}, the file {in_file}; that of campaign.yaml was taken"
-        )
+        notes.append(f"channel {name}: campaign.yaml says {source.unit}, the file {in_file}; that of campaign.yaml was taken")

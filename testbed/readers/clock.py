@@ -1,4 +1,4 @@
-"""Times written as dates and times of day: `2020-01-31 10:15:30.125`, `10:15:30,125`, `1:05:07 PM`."""
+"""Times written as dates and times of day: `2020-01-31 10:15:30.125`, `10:15:30,125`, `1:05:07 PM`, `05:07.1`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 
 _DATE = r"(?P<date>\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4})"
 _CLOCK = re.compile(
-    rf"(?:{_DATE}[T ]\s*)?(?P<hour>\d{{1,2}}):(?P<minute>\d\d):(?P<second>\d\d(?:[.,]\d+)?)\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
+    rf"(?:{_DATE}[T ]\s*)?(?:(?P<hour>\d{{1,2}}):(?P<minute>\d\d):(?P<second>\d\d(?:[.,]\d+)?)"
+    r"|(?P<minutes>\d{1,3}):(?P<rest>\d\d[.,]\d+))\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
     r"\s*(?:Z|UTC|[+-]\d\d:?\d\d)?"
 )
 _DAY = 86400.0
@@ -29,10 +30,11 @@ def seconds(fields: list[str]) -> np.ndarray | None:
         match = _CLOCK.fullmatch(field.strip())
         if match is None:
             return None
-        hour = int(match["hour"])
+        hour = int(match["hour"] or 0)
         if match["half"]:
             hour = hour % 12 + 12 * (match["half"][0] in "Pp")
-        moment = 3600.0 * hour + 60.0 * int(match["minute"]) + float(match["second"].replace(",", "."))
+        second = float((match["second"] or match["rest"]).replace(",", "."))
+        moment = 3600.0 * hour + 60.0 * int(match["minute"] or match["minutes"]) + second
         date = match["date"] or ""
         if row and (date != before[0] if date else moment < before[1] - 0.5 * _DAY):
             days += 1

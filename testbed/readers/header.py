@@ -23,7 +23,7 @@ _STEP = re.compile(
     re.IGNORECASE,
 )
 _VALUE = re.compile(r"[+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?")
-_OTHER_UNITS = ("a", "c", "°c", "degc", "pa", "kpa", "bar", "nm", "n·m", "n*m", "n m", "w", "kw")  # of columns beside the motion's
+_OTHER_UNITS = ("a", "c", "°c", "degc", "pa", "kpa", "bar", "nm", "n·m", "n*m", "n m", "w", "kw")  # of columns beside
 _LONGEST_NAME = 60
 
 
@@ -69,7 +69,8 @@ def split_fields(line: str, delimiter: str | None) -> list[str]:
         return [field.strip('"').strip() for field in re.findall(r'"[^"]*"|[^\s"]+', line)]
     if '"' in line and delimiter is not None and len(delimiter) == 1:
         with contextlib.suppress(csv.Error):
-            return [field.strip() for field in next(csv.reader([line.strip("\r\n")], delimiter=delimiter, skipinitialspace=True))]
+            fields = next(csv.reader([line.strip("\r\n")], delimiter=delimiter, skipinitialspace=True))
+            return [field.strip() for field in fields]
     return [field.strip().strip('"').strip() for field in line.split(delimiter)]
 
 
@@ -96,7 +97,10 @@ def _is_unit_row(fields: list[str], columns: int) -> bool:
     filled = [field for field in fields if field]
     if not filled or len(filled) == 1 < columns and len(fields) < columns:  # one word over several columns is a title
         return False
-    return all(re.fullmatch(r"[\[(].*[\])]|-", field) or field.lower() in _OTHER_UNITS or is_channel_unit(field) for field in filled)
+    bracketed = re.compile(r"[\[(].*[\])]|-")
+    return all(
+        bracketed.fullmatch(field) or field.lower() in _OTHER_UNITS or is_channel_unit(field) for field in filled
+    )
 
 
 def _shortened(fields: list[str], count: int) -> list[str]:
@@ -144,7 +148,7 @@ def _names_and_units(
         if line.strip()
     ][-4:]
     unit_row, padded = None, False
-    for skipped, fields in reversed(above):
+    for number, (skipped, fields) in reversed(list(enumerate(above))):
         is_unit_row = unit_row is None and _is_unit_row(fields, body.fields)
         lacks_one = len(fields) == body.fields - 1
         if lacks_one and (is_unit_row or body.last_is_empty()):
@@ -157,6 +161,10 @@ def _names_and_units(
         if is_unit_row:
             unit_row = [field.strip("[]()") for field in fields]
             continue
+        if words and unit_row is None and number:  # units may stand above the names
+            over = above[number - 1][1]
+            fits = len(over) == body.fields and _is_unit_row(over, body.fields)
+            unit_row = [field.strip("[]()") for field in over] if fits else None
         if words:
             return fields, unit_row, []
         break

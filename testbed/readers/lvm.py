@@ -79,7 +79,9 @@ def _wanted(path: Path, captures: list[Capture], key: str | None) -> tuple[list[
             f"{', ...' * (count > 6)} samples: number {number} was read; `key: 2` reads the second, `key: all` joins them"
         )
     if chosen.samples and len(chosen.rows) != chosen.samples:
-        notes.append(f"the header says {chosen.samples} samples, the capture has {len(chosen.rows)}: the file may be incomplete")
+        notes.append(
+            f"the header says {chosen.samples} samples, the capture has {len(chosen.rows)}: the file may be incomplete"
+        )
     return [chosen], notes
 
 
@@ -96,11 +98,16 @@ def _captures(lines: list[str], ends: list[int], separator: str) -> list[Capture
         facts["names"] = lines[end + 1].split(separator) if end + 1 < len(lines) else []
         rows, special = [], False
         for number in range(end + 2, stop):
-            special = (special or lines[number].startswith("***Start_Special")) and not lines[number].startswith("***End_Special")
+            special = (special or lines[number].startswith("***Start_Special")) and not lines[number].startswith(
+                "***End_Special"
+            )
             if lines[number].strip() and not special and not lines[number].startswith("***"):
                 rows.append(number)
         samples = max((int(value) for value in facts.get("Samples", []) if value.isdigit()), default=0)
-        found += [Capture(range(head, end + 2), tuple(part), facts, samples) for part in _parts(lines, rows, samples, facts, separator)]
+        found += [
+            Capture(range(head, end + 2), tuple(part), facts, samples)
+            for part in _parts(lines, rows, samples, facts, separator)
+        ]
     return found
 
 

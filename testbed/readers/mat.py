@@ -111,6 +111,8 @@ def _columns(path: Path, name: str, value: object, field: str) -> dict[str, np.n
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub" or value.ndim > 2:
         names = getattr(getattr(value, "dtype", None), "names", None)
         inside = listed(names, "") if names else ""
+        if getattr(getattr(value, "dtype", None), "kind", "") == "c":
+            raise InputProblem(path, f"'{label}' {why_unread((), True, 'complex')}", "give the time record")
         raise InputProblem(
             path,
             f"'{label}' is no real numeric array",

@@ -24,8 +24,8 @@ def spikes(values: np.ndarray) -> list[int]:
     size = np.abs(rest)
     usual = 1.4826 * float(np.median(size[2:-2]))
     limit = max(12 * usual, 1e-3 * float(np.ptp(values)), 1.5 * _ROUNDED * quantum(values))
-    return [int(place) for place in np.flatnonzero(size > limit)
-            if 4 <= place < len(values) - 4 and _stands_alone(rest, place, usual)]
+    places = [int(place) for place in np.flatnonzero(size > limit) if 4 <= place < len(values) - 4]
+    return [place for place in places if _stands_alone(rest, place, usual)]
 
 
 def _stands_alone(rest: np.ndarray, place: int, usual: float) -> bool:

@@ -38,7 +38,8 @@ class Table:
     converter saturates, where the format knows it. misfit: names that a header gives, where they are more or fewer
     than the `fields` of a line, whose columns are named by number then. unread: names of what else is in the file, and why
     it is no column, such as `has 100 values against 8459`. commas: whether commas stand between the fields of a line.
-    spectra: names of columns over frequency, and what each is. clocks: names of columns that were written as times of day. order: names of all columns as they stand in the file, also of those left out.
+    spectra: names of columns over frequency, and what each is. clocks: names of columns that were written as times of day.
+    order: names of all columns as they stand in the file, also of those left out.
     """
 
     path: Path
@@ -112,7 +113,8 @@ def _is_named(text: str, names: set[str]) -> bool:
     """Whether a column has one of these names, whatever its capitals, its unit and the number of a second such column."""
     name = re.sub(r"[\s_./-]+", "_", bare_name(text).strip().lower()).strip("_")
     known = {re.sub(r"\s", "_", item) for item in names}
-    return name in known or re.sub(r"_?\d+$", "", name) in known
+    stem = re.sub(r"_?\d+$", "", name)  # `t1` may be a temperature
+    return name in known or (stem in known and (len(stem) > 1 or "_" in name))
 
 
 def named(text: str) -> tuple[str, str]:
@@ -125,7 +127,7 @@ def named(text: str) -> tuple[str, str]:
     for match in reversed(found):
         rest = f"{text[: match.start()]} {text[match.end() :]}".strip()
         if is_channel_unit(match[1]) and rest:
-            return rest, match[1].strip()
+            return rest.strip("_ "), match[1].strip()
     for match in () if found or is_channel_unit(text) else _BEHIND.finditer(text):
         if match.start() and is_channel_unit(text[match.end() :]):
             return text[: match.start()], text[match.end() :]
@@ -181,6 +183,8 @@ def matrix_columns(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
 
 def why_unread(shape: tuple[int, ...], numeric: bool, kind: str, length: int = 0) -> str:
     """Why a variable is no column beside others of a length; "" where it may be one."""
+    if kind.startswith("complex"):
+        return f"holds complex numbers: {NO_SPECTRA}"
     longest = max(shape, default=0 if 0 in shape else 1)
     if not numeric:
         return f"is not numeric ({kind})"

@@ -64,7 +64,7 @@ def _body(lines: list[str], first: int, layout: Layout, notes: list[str]) -> tup
             body.append(line)
             numbers.append(number)
     if comments:
-        notes.append(f"{comments} comment line{'s' * (comments > 1)} amid the numbers {'were' if comments > 1 else 'was'} passed over")
+        notes.append(f"comment lines passed over amid the numbers: {comments}")
     if len(body) > 1 and _is_cut(layout, *body[-2:]):
         notes.append(f"line {numbers[-1]}, the last, is cut off and was dropped: the file may be incomplete")
         body.pop()
@@ -124,13 +124,15 @@ def _parse_slowly(
                 raise InputProblem(
                     path,
                     f"column '{names[column]}' holds {fields[index][:30]!r}, not a number",
-                    _advice(fields[index]),
+                    _advice(fields[index], names[column]),
                     number,
                 ) from None
     return table
 
 
-def _advice(field: str) -> str:
+def _advice(field: str, name: str) -> str:
+    if field == name:
+        return "the header stands there again: split the file into its captures"
     if field.strip("-+<> ").lower() in _OVERLOADS:
         return "the amplifier was overloaded there: measure again with a larger range, or read around it with from/to"
     return "mend or remove the line"
@@ -156,7 +158,7 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None, k
     if size > _SIZE_LIMIT:
         raise InputProblem(path, f"{size / 1e9:.1f} GB of text", "convert it to HDF5 or Parquet")
     text = decode(path, path.read_bytes())
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = text.replace("\N{MINUS SIGN}", "-").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if not delimiter and lines and re.match(r"sep=.$", lines[0].strip()):
         delimiter, skip_rows = lines[0].strip()[-1], max(1, skip_rows)
     if skip_rows and any(line.strip() for line in lines) and not any(line.strip() for line in lines[skip_rows:]):

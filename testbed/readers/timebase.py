@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from testbed.problem import InputProblem
+from testbed.readers.printed import resolution_of, slopes_within
 from testbed.readers.table import bare_name, simplest_between
 
 _FEW_WRONG = 0.01  # share of wrong stamps up to which the others tell the even grid
@@ -83,7 +84,7 @@ def from_column(path: Path, time: np.ndarray, label: str) -> TimeBase:
     span = time[-1] - time[0]
     if span <= 0:
         raise InputProblem(path, f"time column '{label}' does not advance", "name the right time column")
-    resolution = _resolution(time)
+    resolution = resolution_of(time)
     base = _even_base(path, time, label, resolution)
     if base is not None:
         return base
@@ -120,7 +121,7 @@ def _even_base(path: Path, time: np.ndarray, label: str, resolution: np.ndarray)
     exact = np.full(len(time), 1e-6 * step + 4e-16 * float(np.abs(time).max()))
     for slack in (exact, 0.5 * resolution + exact, np.maximum(1.01 * resolution, _UNEVEN * step)):
         if slopes is None:
-            slopes, printed = _slopes(time - slack, time + slack), slack is exact
+            slopes, printed = slopes_within(time - slack, time + slack), slack is exact
     if slopes is None:
         return None
     least = max(slopes[0], 1e-3 * step)
@@ -142,33 +143,6 @@ def _even_base(path: Path, time: np.ndarray, label: str, resolution: np.ndarray)
     return TimeBase(rate, float(time[0]), tuple(notes), error=error)
 
 
-def _slopes(low: np.ndarray, high: np.ndarray) -> tuple[float, float] | None:
-    """Smallest and largest slope (s a row) of a line that passes between low and high at every row; None without any."""
-    rows = len(low) - 1
-    ends = [_steepest(low, high, (high[-1] - low[0]) / rows, 1), _steepest(low, high, (low[-1] - high[0]) / rows, -1)]
-    if ends[0] is None or ends[1] is None or not ends[1] <= ends[0]:
-        return None
-    return float(ends[1]), float(ends[0])
-
-
-def _steepest(low: np.ndarray, high: np.ndarray, slope: float, side: int) -> float | None:
-    """The extreme slope that fits, from one outside it (side 1: the largest). The room left for the line is a concave
-    function of its slope, and linear between changes of the two rows that bind it: Newton's steps come to its root."""
-    rows = np.arange(len(low))
-    for _ in range(200):
-        below, above = low - slope * rows, high - slope * rows
-        first, last = int(np.argmax(below)), int(np.argmin(above))
-        if above[last] >= below[first]:
-            return slope
-        if side * (last - first) <= 0:
-            return None
-        fresh = (high[last] - low[first]) / (last - first)
-        if not side * (slope - fresh) > 0:  # the last digits of the numbers
-            return slope
-        slope = fresh
-    return None
-
-
 def _even(time: np.ndarray) -> np.ndarray:
     """An even grid from the first time to the last."""
     return np.linspace(time[0], time[-1], len(time))
@@ -182,27 +156,6 @@ def _wrong_stamps(time: np.ndarray, resolution: np.ndarray) -> np.ndarray:
     step = (time[-1] - time[0]) / (len(time) - 1)
     off = np.flatnonzero(np.abs(time - _even(time)) > np.maximum(1.01 * resolution, _UNEVEN * step))
     return off if len(off) <= _FEW_WRONG * len(time) else off[:0]
-
-
-def _resolution(time: np.ndarray) -> np.ndarray:
-    """The unit of the last printed digit, s, of every time: of each power of ten, as exponents and significant digits are
-    printed, the coarsest power of ten of which all its times are multiples."""
-    size = np.abs(time)
-    decade = np.floor(np.log10(np.where(size > 0, size, np.nan)))
-    units = np.full(len(time), np.nan)
-    for power in np.unique(decade[np.isfinite(decade)]):
-        inside = np.flatnonzero(decade == power)
-        units[inside] = _last_digit(time[inside[np.linspace(0, len(inside) - 1, min(len(inside), 400)).astype(int)]])
-    return np.where(np.isnan(units), np.nanmin(units), units)
-
-
-def _last_digit(sample: np.ndarray) -> float:
-    largest = float(np.abs(sample).max())  # of one decade
-    for exponent in range(-int(np.floor(np.log10(largest))), 16):
-        unit = 10.0**-exponent
-        if np.abs(sample / unit - np.round(sample / unit)).max() < 1e-6 + 4e-16 * largest / unit:
-            return unit
-    return 1e-15
 
 
 def _gaps(steps: np.ndarray, resolution: np.ndarray) -> list[int]:

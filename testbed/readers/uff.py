@@ -49,9 +49,8 @@ def read_uff(path: Path) -> Table:
 
 def _table(path: Path, sets: list[dict[str, Any]], kinds: list[int]) -> Table:
     if not sets:
-        raise InputProblem(
-            path, "no data set 58 (functions)", f"it holds {len(kinds)} data sets of the kinds {listed(sorted(set(kinds)), '')}"
-        )
+        there = listed(map(str, sorted(set(kinds))), "")
+        raise InputProblem(path, "no data set 58 (functions)", f"it holds {len(kinds)} data sets of the kinds {there}")
     notes: list[str] = []
     names = unique_names([_name(entry, number) for number, entry in enumerate(sets, 1)], notes)
     columns: dict[str, np.ndarray] = {}
