@@ -32,6 +32,7 @@ from analysis.search.diagnosis import ADEQUATE, Candidate, judged_on
 from analysis.search.unheard import SOUND, agreed, misfit
 from testbed.effect import Effect
 from testbed.machine import Model
+from testbed.units import format_quantity
 
 WIDE = 0.5  # half an interval over its value from which the value is called poorly known
 
@@ -218,8 +219,8 @@ def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect])
     bounds = {one.path: one.bounds for one in fitter.free}
     for path, one in result.parameters.items():
         if path in result.held:
-            said.append(f"{path} is not determined by these records, or only together with others: held at {one.value:.4g} "
-                        f"{one.unit}, as believed")
+            said.append(f"{path} is not determined by these records, or only together with others: held at "
+                        f"{format_quantity(one.value, one.unit, 5)}, as believed")
         if path not in bounds:  # held
             continue
         name, _, parameter = path.partition(".")
