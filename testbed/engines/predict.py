@@ -21,6 +21,9 @@ from testbed.machine import Model
 
 LARGEST = 3.0  # a swing is followed back no further than to where it was exp(3) times what it is at the first sample
 MOST_SUBSTEPS = 200  # steps within one sample, beyond which a driven structure is not followed
+# The same of a cut: half again what a vibration at half the sampling rate takes, the fastest that samples can show. A
+# descent's trial at a bound (100 kHz, a spring of 1e15 N/m^3) would take a hundred times as many, and minutes a record.
+MOST_STEPS = 32
 _STILL = Cut(spindle_speed=1.0, axial_depth_of_cut=0.0)  # a driven structure is not cut
 
 
@@ -35,7 +38,9 @@ def predict_cuts(
     refinement: int = 1,
     first: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Predicted channels of cuts that share their sampling's count, shape (runs, channels, samples); NaN after divergence.
+    """Predicted channels of cuts that share their sampling's count, shape (runs, channels, samples).
+
+    NaN after divergence, and where more than MOST_STEPS steps would be taken within one sample.
 
     refinement: how many times as many steps as the engine would choose. first: what this gave for the first run alone, shape
     (1, channels, samples), where that is at hand: it is then not simulated again if it would come out the same beside others.
@@ -54,7 +59,7 @@ def predict_cuts(
     result = fast.simulate_batch(
         [models[run] for run in moved], [cuts[run] for run in moved], [samplings[run] for run in moved], forces=forces,
         catalogue=effects, durations=None if durations is None else [durations[run] for run in moved], general=forces,
-        refinement=refinement, alike=True, signals=signals)  # fmt: skip
+        refinement=refinement, alike=True, signals=signals, most_steps=MOST_STEPS * refinement)  # fmt: skip
     if not sensed:
         return result.out[:, [fast.CHANNELS[name] for name in channels], : samplings[0].count]
     outs = dict(zip(moved, result.out, strict=True))
