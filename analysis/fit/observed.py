@@ -390,7 +390,7 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
             kept = smoothed(marks, 1.0 / base.rate, halfway=halfway)
             anchor = float(kept[0])
     else:
-        period = 2 * math.pi / (_heard_speed(base, cut.spindle_speed, flutes) or cut.spindle_speed)
+        period = 2 * math.pi / (heard_in(base, cut.spindle_speed, flutes) or cut.spindle_speed)
     travels = record.feed is not None and record.feed.per == "second"
     if travels:  # as stated, whatever the spindle does
         cut = replace(cut, feed_per_tooth=record.feed.per_tooth(2 * math.pi / period, flutes))
@@ -409,7 +409,7 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
     )
 
 
-def _heard_speed(base: Observed, stated: float, flutes: int) -> float | None:
+def heard_in(base: Observed, stated: float, flutes: int) -> float | None:
     """Spindle speed (rad/s) by the harmonics of the longest steady stretch, else of the cut; None where none stand out."""
     steady = [(one.start, one.stop) for one in base.segments if one.kind == "steady"]
     cutting = [(one.start, one.stop) for one in base.segments if one.kind in ("entry", "exit")]

@@ -93,7 +93,10 @@ class OtherForm:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The verdict and the numbers behind it. form: another one of a named effect's law, where that explains more."""
+    """The verdict and the numbers behind it. form: another one of a named effect's law, where that explains more.
+
+    misstated: a condition that was written down wrongly in all records, and the true one over that (of flutes, their number).
+    """
 
     verdict: str
     effects: tuple[str, ...]
@@ -108,6 +111,7 @@ class Diagnosis:
     next_test: NextTest | None = None
     separates: tuple[str, ...] = ()
     form: OtherForm | None = None
+    misstated: tuple[str, float] | None = None
 
     @property
     def held_out(self) -> bool:
@@ -326,6 +330,7 @@ def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
             "separates": list(result.separates),
             "difference": result.next_test.difference,
         },
+        "misstated": None if result.misstated is None else dict(zip(("condition", "factor"), result.misstated, strict=True)),
         "other_law": None if result.form is None else result.form.as_json(),
         "history": [
             {"effects": list(step.effects), "error": step.error_held_out, "noise_floor": result.noise_floor}
