@@ -181,16 +181,17 @@ def test_beside_a_strong_effect_a_small_gain_may_be_the_form_of_its_law(gain, be
     (0.0005, "undecided"),  # a part of what is left is known: that is never called nothing
 ])
 def test_a_weak_effect_that_is_certain_is_never_called_nothing(doubt, verdict):
-    known = RecordError("cut", 1.007, 1.0, np.zeros((1, 9)), 1.007**2, 1.0, 1.0, doubt)
+    noise = 0.1
+    known = RecordError("cut", 0.1, noise, np.zeros((1, 9)), 0.01, 1.0, noise**2, doubt)
     base, weak = (Candidate(names, {}, error, error, gain, True, errors=(replace(known, squares=error**2),))
-                  for names, error, gain in (((), 1.0067, 0.0), (("helix",), 1.0062, 182.0)))
-    passing = certain_ones([weak], base, base, 1.0)
+                  for names, error, gain in (((), 0.10067, 0.0), (("helix",), 0.10062, 182.0)))
+    passing = certain_ones([weak], base, base, noise)
     assert bool(passing) is (verdict == "missing_effect")
     end = weak if passing else base
-    found = never_nothing(verdict_of(base, end, [base, *passing], (weak,), 1.0, ()))
+    found = never_nothing(verdict_of(base, end, [base, *passing], (weak,), noise, ()))
     assert (found.verdict, found.effects) == (verdict, ("helix",))
     chance = replace(weak, delta_bic=12.0)
-    assert never_nothing(verdict_of(base, base, [base], (chance,), 1.0, ())).verdict == "adequate"
+    assert never_nothing(verdict_of(base, base, [base], (chance,), noise, ())).verdict == "adequate"
 
 
 @pytest.mark.parametrize(("value", "bound"), [(5.5e8, False), (5.5e5, True)])
