@@ -198,7 +198,8 @@ def _record(
     of: dict[str, tuple[str, str | None]] = {}
     for channel, source in channels.items():
         of[channel] = (source.file or entry.file, source.key or shared["key"])
-        at = place if source.file is None else (*place, "channels", channel) if channel in entry.channels else ("channels", channel)
+        above = place if channel in entry.channels else ()
+        at = place if source.file is None else (*above, "channels", channel)
         if of[channel] not in tables:
             tables[of[channel]] = _table(document, (*at, "file"), folder, *of[channel], home, shared)
     if entry.key is not None and not has_variables(file):

@@ -195,7 +195,8 @@ def check_channels(document: Document, manifest: ManifestEntry) -> None:
                 except UnitProblem as problem:
                     raise document.problem((*path, name, "unit"), problem.what, problem.do) from None
             if name == "time" and isinstance(entry, ChannelEntry) and (entry.file or entry.key):
-                raise document.problem((*path, name), "'time' has file or key", "every file has its own time column: remove them")
+                do = "every file has its own time column: remove them"
+                raise document.problem((*path, name), "'time' has file or key", do)
             if name != "tachometer" and isinstance(entry, ChannelEntry) and (entry.pulses_per_revolution or entry.edge):
                 raise document.problem(
                     (*path, name), f"'{name}' has pulses_per_revolution or edge", "these belong to the tachometer"

@@ -172,7 +172,8 @@ def test_real_dynamometer_exports() -> None:
 @needs("plate_hammer")
 def test_real_hammer_blow_in_two_files_with_rounded_times(tmp_path: Path) -> None:
     (tmp_path / "c.yaml").write_text(
-        f"name: plate\nfolder: {MEASUREMENTS / 'plate_hammer'}\nchannels: {{time: {{column: 1, unit: s}}, acceleration: {{column: 2, unit: m/s^2}},"
+        f"name: plate\nfolder: {MEASUREMENTS / 'plate_hammer'}\n"
+        "channels: {time: {column: 1, unit: s}, acceleration: {column: 2, unit: m/s^2},"
         " force: {column: 2, unit: N}}\nrecords:\n"
         "  - {file: accel_pt8.txt, kind: excited, channels: {force: {file: impact_pt8.txt}}}\n"
     )

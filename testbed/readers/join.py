@@ -21,13 +21,14 @@ def joined(
 ) -> tuple[Table, dict[str, Source]]:
     """The record's table with the columns of other files, and the sources that name them there.
 
-    others: channel -> the table of its file, which may be the record's. Raises InputProblem where a file has another number of samples, another
-    rate or another first time than the record's.
+    others: channel -> the table of its file, which may be the record's. Raises InputProblem where a file has another number
+    of samples, another rate or another first time than the record's.
     """
     found = dict(sources)
     mine = None if time == "none" else _clock(table, time)
     rows = max(len(values) for values in table.columns.values())
-    columns, units, full_scale, notes = dict(table.columns), dict(table.units), dict(table.full_scale), list(table.notes)
+    columns, units, full_scale = dict(table.columns), dict(table.units), dict(table.full_scale)
+    notes = list(table.notes)
     own = table
     for channel, other in others.items():
         if other is own:

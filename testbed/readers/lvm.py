@@ -46,19 +46,22 @@ def choose(path: Path, lines: list[str], key: str | None) -> Chosen:
     """
     separator = "," if any(line.startswith("Separator,") for line in lines[:20]) else "\t"
     ends = [number for number, line in enumerate(lines) if line.startswith(_END)]
-    captures = _captures(lines, ends, separator)
+    captures = _captures(lines, ends, separator) if len(ends) > 1 else []
     if not captures:
         return Chosen(lines, [], False, ())
     wanted, notes = _wanted(path, captures, key)
     facts = wanted[0].facts
-    steps = {float(step.replace(",", ".")) for step in facts.get("Delta_X", []) if step}
+    steps = {step for step in facts.get("Delta_X", []) if step}
     if len(steps) > 1 and facts["X_Columns"] == ["No"]:
         raise InputProblem(
-            path, f"channels sampled at different steps ({listed((f'{step:g} s' for step in sorted(steps)), '')})",
+            path, f"channels sampled at different steps ({listed(sorted(steps), '')})",
             "export them with X columns, or at one rate",
         )  # fmt: skip
     kept = {*range(ends[0] + 1), *wanted[0].head, *(row for capture in wanted for row in capture.rows)}
     blanked = [line if number in kept else "" for number, line in enumerate(lines)]
+    if facts["names"][-1:] == ["Comment"]:  # the words behind the numbers of a capture's first row
+        for row in (capture.rows[0] for capture in wanted if capture.rows):
+            blanked[row] = separator.join(lines[row].split(separator)[: len(facts["names"]) - 1])
     units = ["", *facts.get("Y_Unit_Label", [])]
     return Chosen(blanked, units, "Frequency" in facts.get("X_Dimension", []), tuple(notes))
 
@@ -78,7 +81,7 @@ def _wanted(path: Path, captures: list[Capture], key: str | None) -> tuple[list[
             f"the file holds {count} captures of {', '.join(str(len(one.rows)) for one in captures[:6])}"
             f"{', ...' * (count > 6)} samples: number {number} was read; `key: 2` reads the second, `key: all` joins them"
         )
-    if chosen.samples and len(chosen.rows) != chosen.samples:
+    if len(chosen.rows) < chosen.samples:
         notes.append(
             f"the header says {chosen.samples} samples, the capture has {len(chosen.rows)}: the file may be incomplete"
         )
@@ -95,7 +98,7 @@ def _captures(lines: list[str], ends: list[int], separator: str) -> list[Capture
         for line in lines[head:end]:
             name, *values = (field.strip() for field in line.split(separator))
             facts[name] = values
-        facts["names"] = lines[end + 1].split(separator) if end + 1 < len(lines) else []
+        facts["names"] = [name.strip() for name in lines[end + 1].split(separator)] if end + 1 < len(lines) else []
         rows, special = [], False
         for number in range(end + 2, stop):
             special = (special or lines[number].startswith("***Start_Special")) and not lines[number].startswith(

@@ -131,7 +131,7 @@ def named(text: str) -> tuple[str, str]:
     for match in () if found or is_channel_unit(text) else _BEHIND.finditer(text):
         if match.start() and is_channel_unit(text[match.end() :]):
             return text[: match.start()], text[match.end() :]
-    if found and found[-1].end() == len(text) and text[: found[-1].start()].strip():
+    if found and found[-1].end() == len(text) and text[: found[-1].start()].strip() and not found[-1][1].isdigit():
         return text[: found[-1].start()].strip(), found[-1][1].strip()
     return text, ""
 

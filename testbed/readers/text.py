@@ -223,7 +223,8 @@ def _spectra(table: Table, over_frequency: bool) -> dict[str, str]:
     rising = len(table.columns) > 1 and looks_like_time(table.columns[first]) is not None
     if not over_frequency and (table.time_column() is not None or not (rising and is_frequency(first, table.units[first]))):
         return {}
-    return dict.fromkeys(table.columns, f"part of a frequency response or a spectrum (over '{first}')")
+    over = "by its header" if over_frequency else f"over '{first}'"
+    return dict.fromkeys(table.columns, f"part of a frequency response or a spectrum ({over})")
 
 
 def _spelled(delimiter: str | None) -> str | None:

@@ -1,7 +1,7 @@
 """Files as measuring software writes them (tests/vendor_files.py), with known contents, read as a campaign reads them.
 
-Right: every channel to 1e-5 of its range, its unit, its rate, and what must be told is told. Refused: one line that says
-what to do; some must be. Wrong: anything else.
+Right: every channel to 1e-5 of its range, its unit, its rate (to 0.4 % where the printed digits of the times leave it open),
+and what must be told is told. Refused: one line that says what to do; some must be. Wrong: anything else.
 """
 
 from __future__ import annotations
