@@ -18,7 +18,7 @@ import numpy as np
 from analysis.fit.force_window import windowed
 from analysis.fit.nuisances import Nuisances
 from analysis.records.free_decay import spectral_peak
-from analysis.records.noise import noise_floor, rounding
+from analysis.records.noise import noise_floor
 from analysis.records.passing_speed import heard_speed
 from analysis.records.segments import Segment, find_segments
 from analysis.records.spindle_clock import along_marks, check_speed, clock_error, clock_of, digital, samples_to_rise, smoothed
@@ -302,8 +302,7 @@ def observe(record: Any, model: Model) -> Observed:
     first, last = _used(record.kind, segments, recording, names[0], model.structure.natural_frequency)
     data = data[:, first:last]
     floors = [noise_floor(recording, segments, name) for name in names]
-    noise = np.array([max(floor.rms, rounding(row), UNRESOLVED * float(np.std(row)), 1e-300)
-                      for floor, row in zip(floors, data, strict=True)])
+    noise = np.array([max(floor.rms, UNRESOLVED * float(np.std(row)), 1e-300) for floor, row in zip(floors, data, strict=True)])
     conditions = record.conditions
     known = ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth", "feed_per_revolution")
     condition = (record.kind, *(round(float(conditions[key]), 9) for key in known if key in conditions))

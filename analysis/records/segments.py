@@ -15,6 +15,7 @@ import numpy as np
 from analysis.records.free_decay import free_decay_end, free_decay_start
 from analysis.records.hum import hum_lag, without_hum
 from analysis.records.periods import period_changes
+from analysis.records.white_noise import white_noise
 from testbed.readers.tachometer import speed as marks_speed
 from testbed.recording import Recording
 
@@ -22,7 +23,6 @@ Kind = Literal["idle", "entry", "steady", "exit", "ring-down"]
 _STILL, _STILL_SAMPLES = 0.1, 16  # share of a swing that is none, and samples in which that is seen
 _ABRUPT = 2.5  # growth of the level within two revolutions that ends idling
 _RESOLVED = 2e-3  # of the range: what is smaller than this is not looked for
-_FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -90,14 +90,6 @@ def find_segments(
     return tuple(
         Segment(name, start + first / rate, start + last / rate) for name, first, last in places if last > first
     )
-
-
-def white_noise(values: np.ndarray) -> float:
-    """Standard deviation of the white part of a smooth signal, from its fourth differences (robust), its own unit."""
-    if len(values) < 16:
-        return 0.0
-    fourth = np.convolve(values, _FOURTH, "valid")
-    return float(1.4826 * np.median(np.abs(fourth - np.median(fourth))) / np.sqrt(70.0))
 
 
 def _levels(values: np.ndarray, window: int) -> _Levels:
