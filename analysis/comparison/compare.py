@@ -149,8 +149,9 @@ def segment_error(record: Observed, residual: np.ndarray, segment: Segment) -> S
     rest, data = residual[:, first:last], record.data[:, first:last]
     size = data.std(axis=1)
     scale = 1.0 / np.maximum(size, 1e-300)
-    share = np.sqrt(np.mean((rest * scale[:, None]) ** 2))
-    noise = np.sqrt(np.mean((record.noise * scale) ** 2))
+    with np.errstate(over="ignore"):  # at rest, within a converter's step: no ratio
+        share = np.sqrt(np.mean((rest * scale[:, None]) ** 2))
+        noise = np.sqrt(np.mean((record.noise * scale) ** 2))
     chi_square = np.mean((rest / record.noise[:, None]) ** 2)
     return SegmentError(segment.kind, segment.start, segment.stop, float(share), float(noise), float(chi_square),
                         last - first)

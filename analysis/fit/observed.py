@@ -20,6 +20,7 @@ from analysis.fit.nuisances import Nuisances
 from analysis.records.free_decay import spectral_peak
 from analysis.records.noise import noise_floor
 from analysis.records.passing_speed import heard_speed
+from analysis.records.ring_downs import blow_times, said_blows, used_samples
 from analysis.records.segments import Segment, find_segments
 from analysis.records.spindle_clock import along_marks, check_speed, clock_error, clock_of, digital, samples_to_rise, smoothed
 from testbed.cut import Cut, Sampling
@@ -28,7 +29,6 @@ from testbed.machine import Cutter, Model
 DRIFT_ORDER = 3  # offset and slow drift: a polynomial of this many terms, and one more for every
 DRIFT_TIME = 1.0  # s of the record
 MOST_DRIFT = 10  # terms
-SWING = 8  # samples at the least in which a free decay's first large swing is looked for
 OPENING = 12  # revolutions from the entry that an opening holds at the least
 UNRESOLVED = 1e-4  # of a channel's rms: the engines' own error, which in data without noise would be a missing effect
 WARM_UP = 60  # revolutions simulated before a record that starts in the cut
@@ -299,7 +299,10 @@ def observe(record: Any, model: Model) -> Observed:
         raise ValueError(f"record {record.name} has no channel that a model predicts")
     segments = find_segments(recording, kind=record.kind)
     data = np.array([recording.channels[name] for name in names], dtype=float)
-    first, last = _used(record.kind, segments, recording, names[0], model.structure.natural_frequency)
+    blows = blow_times(recording) if record.kind == "ring-down" else ()
+    if blows:
+        raise ValueError(f"{said_blows(blows)} are no single free decay: give from and to")
+    first, last = used_samples(recording, record.kind, segments, names[0], model.structure.natural_frequency)
     data = data[:, first:last]
     floors = [noise_floor(recording, segments, name) for name in names]
     noise = np.array([max(floor.rms, UNRESOLVED * float(np.std(row)), 1e-300) for floor, row in zip(floors, data, strict=True)])
@@ -331,25 +334,6 @@ def observe(record: Any, model: Model) -> Observed:
         # nothing in the record shows the dynamometer's zero, and the mean force speaks of the edge: the zero is believed
         return replace(ready, drift=drift_basis(data.shape[1], 0))
     return ready
-
-
-def _used(kind: str, segments: Sequence[Segment], recording: Any, name: str, frequency: float) -> tuple[int, int]:
-    """The samples of a record that are predicted: all, but a free decay only from its first large swing on.
-
-    Before that, something pushed the structure or held it: a single sample of that weighs more than all the noise. A velocity
-    or an acceleration swings most while it is still pushed: of those, half a period more is left out. frequency: Hz, believed.
-    """
-    count = len(recording)
-    for segment in segments:
-        if kind == "ring-down" and segment.kind == "ring-down":
-            first = max(0, min(count - 64, round((segment.start - recording.start) * recording.sampling_rate)))
-            values = np.asarray(recording.channels[name], dtype=float)
-            opening = np.abs(values[first : first + max(SWING, (count - first) // 50)] - float(np.median(values)))
-            first += int(np.argmax(opening))
-            if DERIVATIVES.get(name, 0) > 0:
-                first += math.ceil(0.5 * recording.sampling_rate / frequency)
-            return max(0, min(count - 64, first)), count
-    return 0, count
 
 
 def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:

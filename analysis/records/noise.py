@@ -28,6 +28,8 @@ MAINS_DRIFT = 0.002  # which itself is so many parts off at the most
 TRANSIENTS = 4  # directions in which revolutions may differ while a transient dies or grows: two free vibrations
 LASTING = 0.01  # that a motion's size changes by in a revolution, at the least, to be a transient
 RESTS = 4  # revolutions more than directions, without which they tell no noise
+INTERPOLATED, LOUD = 32, 1.3  # samples a revolution, below which what interpolation leaves may be as loud as noise, or louder
+ROUNDED = 0.5  # of what a vibration leaves, that rounding makes: what is left beyond the white part is then motion
 FOURTH = 2.63  # of fourth differences: the sum of their squared autocorrelations, (70, -56, 28, -8, 1) / 70
 Basis = Literal["idle", "ring-down", "repeated periods", "high-frequency residual", "upper bound"]
 
@@ -79,7 +81,7 @@ def _read(recording: Recording, segments: Sequence[Segment], name: str, values: 
     """The noise as the first basis tells it that the record has."""
     period = revolution_period(recording)
     turn = (period or 64 / recording.sampling_rate) * recording.sampling_rate
-    rate, enough = recording.sampling_rate, max(min(TURNS * turn, ENOUGH * recording.sampling_rate), 64)
+    rate, enough = recording.sampling_rate, max(min(TURNS * turn, ENOUGH * recording.sampling_rate), 64) if period else 64
     parts = [(segment.kind, values[samples_of(recording, segment)]) for segment in segments]
     read = [one for kind, part in parts if kind == "idle" and len(part) > enough for one in _of_idling(part, rate, turn)]
     if read:
@@ -90,13 +92,14 @@ def _read(recording: Recording, segments: Sequence[Segment], name: str, values: 
         rms, used = _quietest(read)
         return Noise(rms, "ring-down", name, _doubt(used))
     longest = max((part for kind, part in parts if kind == "steady"), key=len, default=np.empty(0))
+    white = read_white_noise(values)
     if period and len(longest) > 6 * turn:
         change, level = period_changes(longest, turn)
         read = _of_changes(change, turn)
         if _quietest(read)[0] < 0.25 * float(np.median(level)):
             rms, used = _quietest([*read, *_beside_transients(longest, turn)])
-            return Noise(rms, "repeated periods", name, _doubt(used, PAIRED))
-    white = read_white_noise(values)
+            if turn >= INTERPOLATED or rms < LOUD * white.rms or not white.known:
+                return Noise(rms, "repeated periods", name, _doubt(used, PAIRED))
     return Noise(white.rms, "high-frequency residual" if white.known else "upper bound", name, _doubt(len(values), FOURTH))
 
 
@@ -201,8 +204,9 @@ def _beside_ringing(values: np.ndarray, rate: float, rms: float) -> float:
         if fit is None or fit.rest > 0.98 * before or _is_hum(fit, rate, len(values)):
             return rms
         rest, before = rest - fit.at(np.arange(len(rest))), fit.rest
-        if fit.rest <= 1.3 * max(white_noise(rest), step):
-            return fit.rest
+        white = max(white_noise(rest), step)
+        if fit.rest <= 1.3 * white:
+            return min(fit.rest, white) if step > ROUNDED * fit.rest else fit.rest
     return rms
 
 

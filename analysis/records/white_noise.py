@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+_FOURTH, _SIXTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0]), np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
 _FEWEST = 16  # samples, without which nothing is told
 _QUIET_PARTS, _QUIET_SAMPLES = 32, 64  # a record is cut into so many parts, of so many samples at the least
-_FLAT_SAMPLES = 128  # samples whose spectrum shows a floor
+_FLAT_SAMPLES = 512  # samples whose spectrum shows whether its floor is flat
 _SLOWEST_LINES = 6  # of a spectrum, in which drift lies
 _QUANTILES = np.array([0.1, 0.25, 0.5])  # of the spectrum's power, which tell the same level where its floor is white noise
 _SPREAD = np.array([3.15, 2.0, 1.44])  # standard errors of those levels times the root of the lines' number
@@ -41,14 +41,21 @@ def read_white_noise(values: np.ndarray) -> WhiteNoise:
     """
     if len(values) < _FEWEST:
         return WhiteNoise(0.0, False)
-    fourth = np.convolve(values, _FOURTH, "valid")
-    level = float(1.4826 * np.median(np.abs(fourth - np.median(fourth))) / math.sqrt(70.0))
+    level, finer = _by_differences(values, _FOURTH), _by_differences(values, _SIXTH)
+    smooth = level < _CONTRADICTS * finer  # what no difference makes smaller is no motion, or one of a third of the rate and more
+    level = level if smooth else finer
     floor, step = _flat_floor(values), rounding(values)
     if floor is not None and floor * _CONTRADICTS < level:
         level = floor
     quiet, count = _quietest_part(values)
-    known = level <= _OWN_RMS * quiet or floor is not None and level < _CONTRADICTS * floor
+    known = smooth and level <= _OWN_RMS * quiet or floor is not None and level < _CONTRADICTS * floor
     return WhiteNoise(max(min(level, quiet * (1.0 + _SURE / math.sqrt(count))), step), known or level <= step)
+
+
+def _by_differences(values: np.ndarray, weights: np.ndarray) -> float:
+    """rms of white noise, by the median size of such differences of neighbours."""
+    left = np.convolve(values, weights, "valid")
+    return float(1.4826 * np.median(np.abs(left - np.median(left))) / math.sqrt(float(weights @ weights)))
 
 
 def rounding(values: np.ndarray) -> float:

@@ -19,6 +19,7 @@ _FEW_BEATS = 3  # spikes of a force or an acceleration up to which they are no t
 _MANY_JUMPS = 8
 _LEVELS = 2.5  # of the converter, by which a signal moves from sample to sample that stands still by no chance
 _RARELY = 0.1  # share of samples that repeat the one before, where it does so
+ROUNDED_STEPS = 2.0  # of a converter, within which rounding alone (4/3 of one at the most) and a kink of the motion stay
 _FEWEST = 32  # samples of a record; fewer tell nothing
 # beyond these a slip of the unit is likelier than such a machine (SI)
 _DEEPEST, _FASTEST_FEED, _LARGEST_MOTION, _SLOWEST, _FASTEST = 0.05, 5e-3, 0.01, 0.5, 2e4
@@ -132,8 +133,10 @@ def spikes(values: np.ndarray) -> list[int]:
     rest = np.zeros(len(values))
     rest[2:-2] = values[2:-2] - (4 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6
     size = np.abs(rest)
+    moved = np.abs(np.diff(values))
+    step = float(moved[moved > 1e-9 * np.ptp(values)].min(initial=np.inf))  # of a converter, or the least move: no spike is as small
     usual = 1.4826 * float(np.median(size[2:-2]))
-    limit = max(12 * usual, 1e-3 * float(np.ptp(values)))
+    limit = max(12 * usual, 1e-3 * float(np.ptp(values)), ROUNDED_STEPS * step)
     found = []
     for place in np.flatnonzero(size > limit):
         if not 4 <= place < len(values) - 4:
