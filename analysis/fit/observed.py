@@ -8,7 +8,6 @@ tachometer mark and tooth entry belongs to the campaign.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any

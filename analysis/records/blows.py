@@ -11,7 +11,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from analysis.records.white_noise import white_noise
 
-_BEFORE, _AFTER = 10, 10  # swings before a blow that it rises above, longer than most beats, and after it, in which it dies away
+_BEFORE, _AFTER = 10, 10  # swings before a blow that it rises above, longer than most beats, and after it, to die away in
 _LAST = 2  # swings that a blow rises above where beats are ruled out otherwise
 _AT_ONCE = 2  # swings within which a blow is at its largest
 _RISE, _DIES = 1.5, 1.3  # times the largest swing before; by how much it may still rise, as by a beat
@@ -94,7 +94,7 @@ def _largest(sizes: np.ndarray, width: int, ahead: bool) -> np.ndarray:
 
 
 def _unforetold(values: np.ndarray, swing: int) -> np.ndarray:
-    """Which samples (samples,), bool, the ones before do not foretell as they do the others: a few modes foretell themselves."""
+    """Which samples (samples,), bool, those before do not foretell as they do the others: a few modes foretell themselves."""
     width = max(1, swing // _PER_SWING)
     means = values[: len(values) // width * width].reshape(-1, width).mean(axis=1)
     rows = np.lib.stride_tricks.sliding_window_view(means, _ORDER + 1)

@@ -13,7 +13,7 @@ from analysis.estimate import Estimate
 from analysis.information import Z_95
 from analysis.records.blows import decays, find_blows, grows, main_frequency, swing_length
 from analysis.records.free_decay import FreeDecay, fit_free_decay, spectral_peak
-from analysis.records.segments import Segment, main_channel
+from analysis.records.segments import Segment, find_segments, main_channel
 from analysis.records.white_noise import rounding, white_noise
 from testbed.recording import Recording
 
@@ -22,6 +22,7 @@ LEAST, FEWEST = 64, 20  # samples that a fit of the machine needs, and one of a 
 MODES, ROUNDS = 2, 4  # free vibrations that are told apart, and how often each is fitted to what the other leaves
 FADED, NOISE_SWING = 0.02, 7.0  # of a decay's first swing, and rms of the noise, that are left when it has died away
 LEAVES = 2.0  # times the noise, beyond which one vibration leaves another
+USED = 0.99  # of a record, of which nothing is said
 DIFFERENTIATED = {"displacement": 0, "velocity": 1, "acceleration": 2}
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
@@ -65,7 +66,7 @@ def notes_of(recording: Recording, kind: str) -> list[str]:
     times, growth = blow_times(recording), grows(_motion(recording))
     notes = [f"{said_blows(times)}: each is taken as a ring-down of its own; give from and to for one alone"] if times else []
     if growth is not None:
-        notes.append(f"its swings grow, to {growth:.3g} times what they were at first: this is no free decay, and something feeds it")
+        notes.append(f"its swings grow, to {growth:.3g} times what they were at first: this is no free decay")
     return notes
 
 
@@ -128,7 +129,17 @@ def used_times(
     fastest = recording.sampling_rate / 4.0
     frequency = vibrations[0].natural_frequency.value if vibrations else fastest
     first, last = used_samples(recording, kind, segments, name, frequency)
-    return tuple(recording.start + place / recording.sampling_rate for place in (first, last))
+    return recording.start + first / recording.sampling_rate, recording.start + last / recording.sampling_rate
+
+
+def used_note(recording: Recording, kind: str) -> list[str]:
+    """How much of a ring-down a fit uses, where that is not all but all of it."""
+    if kind != "ring-down":
+        return []
+    segments = find_segments(recording, kind=kind)
+    first, last = used_times(recording, kind, segments, main_channel(recording), free_vibrations(recording, segments)) or (0, 0)
+    share = (last - first) * recording.sampling_rate / len(recording)
+    return [f"used from {first:.5g} to {last:.5g} s, {100 * share:.3g} % of the record"] if share < USED else []
 
 
 def free_vibrations(recording: Recording, segments: Sequence[Segment]) -> tuple[Decay, ...]:

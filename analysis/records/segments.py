@@ -264,9 +264,8 @@ def _tap(values: np.ndarray, turn: int) -> list[tuple[Kind, int, int]]:
     if grows(values) is not None:
         first = _idle_end(values, turn, white_noise(values))
         return [("idle", 0, first), ("ring-down", first, len(values))]
-    return [
-        (kind, first + start, first + stop) for first, last in decays(values) for kind, start, stop in _blow(values[first:last], turn)
-    ]
+    blows = [(first, _blow(values[first:last], turn)) for first, last in decays(values)]
+    return [(kind, first + start, first + stop) for first, parts in blows for kind, start, stop in parts]
 
 
 def _blow(values: np.ndarray, turn: int) -> list[tuple[Kind, int, int]]:

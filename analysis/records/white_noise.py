@@ -42,7 +42,7 @@ def read_white_noise(values: np.ndarray) -> WhiteNoise:
     if len(values) < _FEWEST:
         return WhiteNoise(0.0, False)
     level, finer = _by_differences(values, _FOURTH), _by_differences(values, _SIXTH)
-    smooth = level < _CONTRADICTS * finer  # what no difference makes smaller is no motion, or one of a third of the rate and more
+    smooth = level < _CONTRADICTS * finer  # no motion, but for one near half the rate
     level = level if smooth else finer
     floor, step = _flat_floor(values), rounding(values)
     if floor is not None and floor * _CONTRADICTS < level:

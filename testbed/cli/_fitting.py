@@ -75,7 +75,7 @@ def doubts(records: Sequence[Any], model: Any) -> list[str]:
     """What is doubtful of each record: what reading found, sampling too slow for the model, a speed that the signal of a cut
     without tachometer contradicts."""
     from analysis.records.record_report import report
-    from analysis.records.ring_downs import notes_of
+    from analysis.records.ring_downs import notes_of, used_note
     from testbed.readers.checks import rate_notes
 
     found = []
@@ -83,7 +83,7 @@ def doubts(records: Sequence[Any], model: Any) -> list[str]:
         notes = [note for note in record.notes if "uncalibrated" not in note]
         if record.kind != "cut":  # whose spindle may stand still
             notes = [note for note in notes if not note.startswith("tachometer")]
-        notes += notes_of(record.recording, record.kind)
+        notes += [*notes_of(record.recording, record.kind), *used_note(record.recording, record.kind)]
         notes += rate_notes(record.recording.sampling_rate, model.structure.natural_frequency)
         if record.kind == "cut" and not len(record.recording.marks):
             seen = report(record.recording, record.name, "cut", ())

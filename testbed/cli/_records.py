@@ -12,7 +12,10 @@ KNOWN = ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth", "flutes")  # w
 
 
 def load_records(path: str | Path) -> tuple[Any, ...]:
-    """The records of a data set or a campaign (testbed.campaign.Record), each blow by itself. InputProblem where the file is neither."""
+    """The records of a data set or a campaign (testbed.campaign.Record), each blow by itself.
+
+    InputProblem where the file is neither.
+    """
     from testbed.data_set import is_data_set, read_data_set
 
     name = Path(path)

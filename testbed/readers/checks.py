@@ -134,7 +134,7 @@ def spikes(values: np.ndarray) -> list[int]:
     rest[2:-2] = values[2:-2] - (4 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6
     size = np.abs(rest)
     moved = np.abs(np.diff(values))
-    step = float(moved[moved > 1e-9 * np.ptp(values)].min(initial=np.inf))  # of a converter, or the least move: no spike is as small
+    step = float(moved[moved > 1e-9 * np.ptp(values)].min(initial=np.inf))  # of a converter, or the least move
     usual = 1.4826 * float(np.median(size[2:-2]))
     limit = max(12 * usual, 1e-3 * float(np.ptp(values)), ROUNDED_STEPS * step)
     found = []
