@@ -74,9 +74,9 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
 
     for note in notes:
         answer.say(note)
-    answer.table(("record", "error", "noise floor", "residual / noise", "what is left is", "used"),
-                 [(one.name, f"{one.error:.4f}", f"{one.noise_floor:.4f}", f"{one.chi_square**0.5:.2f}",
-                   said_left(found.tests, one.name), _used(used_part(own)))
+    answer.table(("record", "used", "error", "noise floor", "residual / noise", "what is left is"),
+                 [(one.name, _used(used_part(own)), f"{one.error:.4f}", f"{one.noise_floor:.4f}", f"{one.chi_square**0.5:.2f}",
+                   said_left(found.tests, one.name))
                   for one, own in zip(found.records, found.fitter.records, strict=True)])
     if not found.adequate:
         answer.say(LEFT_EXPLAINED)
