@@ -13,10 +13,13 @@ from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
 if TYPE_CHECKING:
+    from analysis.records.chatter import Chatter
     from analysis.records.inspection import Inspection
     from analysis.records.record_report import RecordReport
 
 FASTEST = 1e9  # Hz: no recorder of vibration comes near it
+KINDS = {"neimark_sacker": "Neimark-Sacker", "flip": "flip (period doubling)", None: "irregular",
+         "flip_or_runout": "flip (period doubling) or runout, which have the same lines with an even number of flutes"}  # fmt: skip
 _RPM = 30.0 / math.pi
 _SHOWN = {"m": (1e6, "um"), "m/s": (1e3, "mm/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
 
@@ -156,13 +159,27 @@ def _record(record: RecordReport) -> list[str]:
             )
         )
     if record.chatter is not None:
-        track, (loud, at) = record.chatter, record.chatter.loudest
+        lines.append(f"  {_chatter(record.chatter)}")
+    if record.chatter_line is not None:
+        track, (loud, at) = record.chatter_line, record.chatter_line.loudest
         lines.append(
             f"  chatter line: {track.frequency[0]:.1f} to {track.frequency[-1]:.1f} Hz from {track.time[0]:.3f} to "
             f"{track.time[-1]:.3f} s, loudest {at:.1f} Hz at {loud:.3f} s"
         )
     lines.append(f"  dropped samples: {record.dropped}, repeated samples: {record.repeated}")
     return lines + [f"  note: {note}" for note in record.notes]
+
+
+def _chatter(found: Chatter) -> str:
+    """One sentence: chatter or not, of which kind, at which frequency, how strong against the tooth passing."""
+    where = f" ({found.channel})" if found.channel else ""
+    at = "" if found.frequency is None else f" at {found.frequency:.1f} Hz"
+    times = "" if found.ratio is None else f", {found.ratio:.3g} times the line at tooth passing"
+    if found.verdict == "none":
+        return f"chatter: none{where}: {found.reason}"
+    if found.verdict == "unknown":
+        return f"chatter: not known{where}: {found.reason}" + (f", a line{at}{times}" if at else "")
+    return f"chatter: yes, {KINDS[found.kind]}{at}{times}{where}"
 
 
 def _conditions(known: Any) -> list[str]:
