@@ -32,11 +32,14 @@ FEWEST_SIDES = 2  # side bands that the cut's own line has at the least
 BEFORE = 0.4  # of a line, that stands before the entry where it is none of the cut's
 DYING, DYING_A_TOOTH = 0.5, 0.98  # of a line, from one half of the end to the other, and a tooth: a transient
 GROWS, GROWS_ABOVE = 1.3, 10.0  # the same for one that grows, and how far it must stand out
-LOUD = 0.3  # of the feed (of the tooth passing where that is not known), from tooth to tooth: a line between the orders
-LOUD_ORDER, DOUBTED_ORDER = 0.7, 0.4  # the same of what repeats with the spindle but not with the tooth: runout is less, or may be
-LOUD_FORCE, DOUBTED_FORCE = 1.1, 0.6  # the same in a force, where runout itself shows and not what it moves
+LOUD = 0.3  # of the feed, in motion from tooth to tooth; of the tooth passing, in a force: a line between the orders
+LOUD_UNMEASURED = 1.0  # of the loudest order, in a motion that cannot be measured against the feed; doubted from LOUD on
+LOUD_ORDER, DOUBTED_ORDER = 0.7, 0.4  # of the feed: what repeats with the spindle, not with the tooth; runout is less, or may be
+LOUD_FORCE, DOUBTED_FORCE = 1.1, 0.6  # of the teeth's: the same in a force, where runout itself shows and not what it moves
+DOUBTED_UNMEASURED = 1.0  # of the teeth's: odd halves of the tooth passing in a motion that cannot be measured
 AT_ONCE, SOON = 0.4, 3  # of that part: how near to its last size, and after how many revolutions, runout is when teeth enter
-RAISED, LOUD_IRREGULAR = 4.0, 0.5  # times its median, the spectrum's floor where a motion has no lines; its loudness
+RAISED = 4.0  # times its median: the spectrum's floor where a motion has no lines,
+LOUD_IRREGULAR, LEAST_IRREGULAR = 0.5, 0.05  # whose loudness is as a line's; where integrated, of what repeats in the channel, too
 HANN_NOISE = 1.5  # bins, that noise counts for under a Hann window
 HALF_LEADS = 1.0  # times all other such orders, from which the odd halves of the tooth passing are a flip's
 _MOTION = {("displacement", "m"): 0, ("velocity", "m/s"): 1, ("acceleration", "m/s^2"): 2}
@@ -79,9 +82,9 @@ def judge_cut(recording: Recording, segments: Sequence[Segment]) -> Chatter:
 def _of_channel(recording: Recording, segments: Sequence[Segment], name: str, quantity: str) -> tuple[float, Chatter]:
     """(how far the cut stands out, the answer) of one channel."""
     cutting = [part for part in segments if part.kind in ("entry", "steady")]
-    flutes = int(recording.conditions.get("flutes") or 0)
-    if not cutting or not flutes:
-        return 0.0, Chatter("unknown", "no cut is found in the record" if flutes else "the number of flutes is not known")
+    flutes = int(recording.conditions.get("flutes") or 1)
+    if not cutting:
+        return 0.0, Chatter("unknown", "no cut is found in the record")
     time = recording.time
     inside = (time >= min(part.start for part in cutting)) & (time < max(part.stop for part in cutting))
     speeds, sure = _speeds(recording, inside, name, flutes)
@@ -94,11 +97,19 @@ def _of_channel(recording: Recording, segments: Sequence[Segment], name: str, qu
             return 0.0, Chatter("unknown", "the cut is too short", channel=name)
         lines = end.lines()
         stands = max(float(end.amplitudes[1:].max() / np.median(end.spectrum[1])), *(one.stands for one in lines), 0.0)
-        found = stands, replace(_answer(end, lines), channel=name)
+        found = stands, _told(replace(_answer(end, lines), channel=name), "flutes" in recording.conditions)
         if best is None or (found[1].verdict == "chatter" and best[1].verdict != "chatter"):
             best = found
     assert best is not None
     return best
+
+
+def _told(found: Chatter, flutes: bool) -> Chatter:
+    """The answer, with what it is worth where the number of flutes is not given."""
+    if flutes:
+        return found
+    reason = "the number of flutes is not given, so no tooth passing was looked for"
+    return replace(found, ratio=None, reason=f"{found.reason}; {reason}" if found.reason else reason)
 
 
 def _speeds(recording: Recording, inside: np.ndarray, name: str, flutes: int) -> tuple[tuple[float, ...], bool]:
@@ -115,37 +126,47 @@ def _speeds(recording: Recording, inside: np.ndarray, name: str, flutes: int) ->
 def _end_of(recording: Recording, inside: np.ndarray, speed: float, sure: bool, name: str, quantity: str) -> CutEnd | None:
     """The end of the cut in a channel, laid out at that speed; None where the cut is too short."""
     values, known = np.asarray(recording.channels[name], dtype=float), recording.conditions
-    flutes = int(known["flutes"])
+    flutes = int(known.get("flutes") or 1)
     whole = turns_of(values[inside], recording.time[inside], recording.marks, 2.0 * math.pi / speed)
     if len(whole.rows) < FEWEST_TURNS or len(whole.rows) * flutes < FEWEST_TEETH:
         return None
     count = min(len(whole.rows), max(len(whole.rows) // 2, SHORTEST_END), LONGEST_END)
     feed = known.get("feed_per_tooth") or (known.get("feed_per_revolution") or 0.0) / flutes
-    integrals = _MOTION.get((quantity, recording.units[name]))
+    integrals = _MOTION.get((quantity, recording.units[name])) if feed else None
     return CutEnd(whole.last(count), whole, flutes, values[: int(np.argmax(inside))], recording.sampling_rate, integrals,
-                  feed or None, sure)  # fmt: skip
+                  feed, quantity == "force", sure)  # fmt: skip
 
 
 def _answer(end: CutEnd, lines: Sequence[Line]) -> Chatter:
-    amplitudes = end.amplitudes
-    tooth = float(amplitudes[end.flutes]) if end.flutes < len(amplitudes) else math.nan
-    of_teeth = float(amplitudes[end.flutes :: end.flutes].max(initial=0.0))
+    tooth = float(end.amplitudes[end.flutes]) if end.flutes < len(end.amplitudes) else math.nan
     hum = [line for line in lines if end.on_mains(line.order) and line.sides < FEWEST_SIDES]
     least = max(DYING, DYING_A_TOOTH ** (0.5 * end.count * end.flutes))
-    found, doubt = None, ""
+    found: tuple[float, Chatter] | None = None
+    doubt: Chatter | None = None
     for line in lines:
-        loud = line.amplitude * abs(end.from_tooth_to_tooth(np.array([line.order]))[0])
-        loud = loud if end.measured() else loud / max(of_teeth, 1e-300)
+        loud, enough = _loudness(end, line)
         grows = line.kept > GROWS and line.stands > GROWS_ABOVE
-        before = end.before(line)
+        before = end.before(line.order) / line.amplitude
         if line.kept < least or (loud < LOUD and not grows) or end.folded(line) or before > BEFORE:
             continue
+        here = _chatter_at(end, line.order, line.amplitude, tooth, _kind(end, line.order))
         if math.isnan(before) and line in hum:
-            alone = f"the line at {line.order / end.turns.period:.1f} Hz may be hum: nothing was recorded before the cut"
-            doubt = doubt or ("" if len(hum) > 1 else alone)
+            alone = replace(here, verdict="unknown", reason="it may be hum: nothing was recorded before the cut")
+            doubt = doubt or (alone if len(hum) == 1 else None)
+        elif loud < enough and not grows:
+            doubt = doubt or replace(here, verdict="unknown", reason="without unit and feed it cannot be told whether it is loud")
         elif found is None or loud > found[0]:
-            found = loud, _chatter_at(end, line.order, line.amplitude, tooth, _kind(end, line.order))
+            found = loud, here
     return _of_orders(end, tooth, doubt, found)
+
+
+def _loudness(end: CutEnd, line: Line) -> tuple[float, float]:
+    """(how loud a line is, how loud it must be to be chatter)."""
+    if end.measured:
+        return line.amplitude * abs(end.from_tooth_to_tooth(np.array([line.order]))[0]), LOUD
+    if end.is_force:
+        return line.amplitude / max(float(end.amplitudes[end.flutes :: end.flutes].max(initial=0.0)), 1e-300), LOUD
+    return line.amplitude / float(end.amplitudes[1:].max()), LOUD_UNMEASURED
 
 
 def _kind(end: CutEnd, order: float) -> Kind:
@@ -158,19 +179,26 @@ def _chatter_at(end: CutEnd, order: float, amplitude: float, tooth: float, kind:
     return Chatter("chatter", "", kind, order / end.turns.period, amplitude / tooth if tooth > 0.0 else None)
 
 
-def _of_orders(end: CutEnd, tooth: float, doubt: str, found: tuple[float, Chatter] | None) -> Chatter:
+def _of_orders(end: CutEnd, tooth: float, doubt: Chatter | None, found: tuple[float, Chatter] | None) -> Chatter:
     """The answer with what repeats with the spindle, but not with the teeth. found: (loudness, answer) of a line between."""
     pattern = np.fft.rfft(end.turns.pattern)
     orders = np.arange(len(pattern))
-    others = np.where(orders % end.flutes, pattern, 0.0)
-    if end.measured():
-        size = float(np.abs(np.fft.irfft(others * end.from_tooth_to_tooth(orders), len(end.turns.pattern))).max())
-        loud, doubted = LOUD_ORDER, DOUBTED_ORDER
-    else:
-        size = float(np.linalg.norm(others) / max(np.linalg.norm(pattern - others), 1e-300))
-        loud, doubted = LOUD_FORCE, DOUBTED_FORCE
+    before = [end.before(order) > BEFORE * amplitude for order, amplitude in enumerate(end.amplitudes)]
+    others = np.where((orders % end.flutes > 0) & ~np.array(before), pattern, 0.0)
+    unheard = math.isnan(end.before(1.0)) and not end.on_mains(1.0)  # nothing tells hum from what repeats with the spindle
+    sure = np.where([unheard and end.on_mains(order) for order in orders], 0.0, others)
     half = others * (orders % end.flutes == end.flutes / 2)
     flips = bool(np.linalg.norm(half) > HALF_LEADS * np.linalg.norm(others - half))
+    teeth = max(float(np.linalg.norm(pattern[orders % end.flutes == 0])), 1e-300)
+    if end.measured:
+        size, most = (float(np.abs(np.fft.irfft(one * end.from_tooth_to_tooth(orders), len(end.turns.pattern))).max())
+                      for one in (sure, others))  # fmt: skip
+        loud, doubted = LOUD_ORDER, DOUBTED_ORDER
+    elif end.is_force:
+        size, most, loud, doubted = *(float(np.linalg.norm(one)) / teeth for one in (sure, others)), LOUD_FORCE, DOUBTED_FORCE
+    else:
+        size = most = float(np.linalg.norm(half)) / teeth
+        loud, doubted = math.inf, DOUBTED_UNMEASURED
     top = int(np.argmax(np.abs(half if flips else others)))
     amplitude = float(np.abs(pattern[top])) * 2.0 / len(end.turns.pattern)
     of_orders = _chatter_at(end, top, amplitude, tooth, "flip_or_runout" if flips else "neimark_sacker")
@@ -181,10 +209,15 @@ def _of_orders(end: CutEnd, tooth: float, doubt: str, found: tuple[float, Chatte
     irregular = _irregular(end, tooth)
     if irregular is not None:
         return irregular
-    if size > doubted and not _at_once(end, others):
+    if most > doubted and not _at_once(end, others):
         return replace(of_orders, verdict="unknown", kind="flip_or_runout", reason="it may be runout")
-    if doubt:
-        return Chatter("unknown", doubt)
+    return _nothing(end, doubt)
+
+
+def _nothing(end: CutEnd, doubt: Chatter | None) -> Chatter:
+    """The answer where nothing is chatter for sure."""
+    if doubt is not None:
+        return doubt
     if not end.sure:
         return Chatter("unknown", "the spindle speed is not known well enough")
     if float(end.amplitudes[1:].max()) < STANDS * np.median(end.spectrum[1]):
@@ -196,12 +229,14 @@ def _irregular(end: CutEnd, tooth: float) -> Chatter | None:
     """Chatter without lines: the spectrum's floor itself stands far above the noise, as loud as a line must be."""
     lines, floor = end.spectrum
     orders = np.arange(len(lines)) / (end.count * PADDED)
-    raised = (floor > RAISED * np.median(floor)) & (orders > 2.0 / end.count)
+    hum = np.array([end.on_mains(order) for order in orders]) & math.isnan(end.before(1.0))
+    raised = (floor > RAISED * np.median(floor)) & (orders > 2.0 / end.count) & ~hum
     power = raised * floor**2 / (math.log(2.0) * HANN_NOISE * PADDED)
-    loud = math.sqrt(float(np.sum(power * np.abs(end.from_tooth_to_tooth(orders)) ** 2)))
-    if not end.measured():
-        loud /= max(float(np.linalg.norm(end.amplitudes[end.flutes :: end.flutes])), 1e-300)
-    if loud < LOUD_IRREGULAR:
+    loud = of_pattern = math.sqrt(float(np.sum(power))) / max(float(np.linalg.norm(end.amplitudes[1:])), 1e-300)
+    if end.measured:
+        loud = math.sqrt(float(np.sum(power * np.abs(end.from_tooth_to_tooth(orders)) ** 2)))
+    faint = bool(end.integrals) and (math.isnan(end.before(1.0)) or of_pattern < LEAST_IRREGULAR)  # hum grows when integrated
+    if loud < LOUD_IRREGULAR or faint or not (end.measured or end.is_force):
         return None
     top = int(np.argmax(np.abs(lines) * raised))
     return _chatter_at(end, float(orders[top]), float(np.abs(lines[top])), tooth, None)

@@ -15,6 +15,7 @@ STANDS, SIDE_STANDS = 5.0, 4.0  # times its surroundings: a line, a side band
 LINES = 8  # that are looked at
 SIDE_BANDS = 4  # to either side
 ON_MAINS = 0.4, 5e-4  # bins, and of the frequency, within which a line is on a multiple of the mains
+MOST_HUM = 20  # multiples of the mains
 FOLDED, FOLDS, NEAR_THE_TOP = 2.0, 3, 0.6  # of the loudest order in the top of the spectrum: a harmonic from above, folded so often
 
 
@@ -42,15 +43,18 @@ class CutEnd:
     idle: np.ndarray
     rate: float
     integrals: int | None
-    feed: float | None
+    feed: float
+    is_force: bool
     sure: bool
     spectrum: tuple[np.ndarray, np.ndarray] = field(init=False)
     amplitudes: np.ndarray = field(init=False)
+    still: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         rest = (self.turns.rows - self.turns.rows.mean(axis=0)).ravel()
         object.__setattr__(self, "spectrum", spectrum(rest))
         object.__setattr__(self, "amplitudes", self.turns.amplitudes())
+        object.__setattr__(self, "still", spectrum(self.idle)[0] if len(self.idle) > 1 else np.empty(0))
 
     @property
     def count(self) -> int:
@@ -59,28 +63,27 @@ class CutEnd:
 
     def from_tooth_to_tooth(self, orders: np.ndarray) -> np.ndarray:
         """Factor (complex) from a line's amplitude to its motion's change from tooth to tooth over the feed; 1 in a force."""
-        if self.integrals is None or self.feed is None:
+        if self.integrals is None:
             return np.ones(np.shape(orders), complex)
         turning = 2j * math.pi * np.maximum(np.asarray(orders, float), 0.5 / self.count) / self.turns.period
         return (1.0 - np.exp(-2j * math.pi * np.asarray(orders) / self.flutes)) / turning**self.integrals / self.feed
 
+    @property
     def measured(self) -> bool:
         """Whether a line can be measured against the feed."""
-        return self.integrals is not None and self.feed is not None
+        return self.integrals is not None
 
-    def before(self, line: Line) -> float:
-        """What stood before the entry at the line's frequency, over the line; NaN where nothing was recorded then."""
+    def before(self, order: float) -> float:
+        """Amplitude that stood before the entry at an order's frequency; NaN where nothing was recorded then."""
         if len(self.idle) < 2 * self.turns.rows.shape[1]:
             return math.nan
-        lines, _ = spectrum(self.idle)
-        place = line.order / self.turns.period * len(self.idle) * PADDED / self.rate
-        return level_at(lines, place, PADDED) / line.amplitude
+        return level_at(self.still, order / self.turns.period * len(self.idle) * PADDED / self.rate, PADDED)
 
     def on_mains(self, order: float) -> bool:
         """Whether a line lies on a multiple of the mains."""
         hertz = order / self.turns.period
         near = ON_MAINS[0] / (self.count * self.turns.period) + ON_MAINS[1] * hertz
-        return any(abs(hertz - base * max(1, round(hertz / base))) < near for base in MAINS)
+        return any(abs(hertz - base * min(max(1, round(hertz / base)), MOST_HUM)) < near for base in MAINS)
 
     def folded(self, line: Line) -> bool:
         """Whether a line may be a harmonic of the teeth from above half the sampling rate: a recorder without a filter.

@@ -178,8 +178,8 @@ def _chatter(found: Chatter) -> str:
     if found.verdict == "none":
         return f"chatter: none{where}: {found.reason}"
     if found.verdict == "unknown":
-        return f"chatter: not known{where}: {found.reason}" + (f", a line{at}{times}" if at else "")
-    return f"chatter: yes, {KINDS[found.kind]}{at}{times}{where}"
+        return f"chatter: not known{where}: " + (f"a line{at}{times}: " if at else "") + found.reason
+    return f"chatter: yes, {KINDS[found.kind]}{at}{times}{where}" + (f" ({found.reason})" if found.reason else "")
 
 
 def _conditions(known: Any) -> list[str]:
