@@ -1,7 +1,8 @@
 """What a cut did, read from its once-per-tooth samples as in the paper's experiments, without any model.
 
 The displacement is looked at once a tooth; in another channel of motion or force, where a sample may fall on a jump, the
-part of PHASES samples a tooth that changes most from tooth to tooth. Two windows of up to 60 teeth, the last and the one before, are compared:
+part of PHASES samples a tooth that changes most from tooth to tooth. Two windows of up to 60 teeth, the last and the one
+before, are compared:
 
 - stable: the samples have settled, to within four times the noise or 2 % of how far they swung before; or their
   spread has at least halved from window to window;

@@ -34,12 +34,12 @@ DYING, DYING_A_TOOTH = 0.5, 0.98  # of a line, from one half of the end to the o
 GROWS, GROWS_ABOVE = 1.3, 10.0  # the same for one that grows, and how far it must stand out
 LOUD = 0.3  # of the feed, in motion from tooth to tooth; of the tooth passing, in a force: a line between the orders
 LOUD_UNMEASURED = 1.0  # of the loudest order, in a motion that cannot be measured against the feed; doubted from LOUD on
-LOUD_ORDER, DOUBTED_ORDER = 0.7, 0.4  # of the feed: what repeats with the spindle, not with the tooth; runout is less, or may be
+LOUD_ORDER, DOUBTED_ORDER = 0.7, 0.4  # of the feed: what repeats with the spindle only; runout is less than the first
 LOUD_FORCE, DOUBTED_FORCE = 1.1, 0.6  # of the teeth's: the same in a force, where runout itself shows and not what it moves
 DOUBTED_UNMEASURED = 1.0  # of the teeth's: odd halves of the tooth passing in a motion that cannot be measured
 AT_ONCE, SOON = 0.4, 3  # of that part: how near to its last size, and after how many revolutions, runout is when teeth enter
 RAISED = 4.0  # times its median: the spectrum's floor where a motion has no lines,
-LOUD_IRREGULAR, LEAST_IRREGULAR = 0.5, 0.05  # whose loudness is as a line's; where integrated, of what repeats in the channel, too
+LOUD_IRREGULAR, LEAST_IRREGULAR = 0.5, 0.05  # as loud as a line; where integrated, of what repeats in the channel, too
 HANN_NOISE = 1.5  # bins, that noise counts for under a Hann window
 HALF_LEADS = 1.0  # times all other such orders, from which the odd halves of the tooth passing are a flip's
 _MOTION = {("displacement", "m"): 0, ("velocity", "m/s"): 1, ("acceleration", "m/s^2"): 2}
@@ -89,7 +89,7 @@ def _of_channel(recording: Recording, segments: Sequence[Segment], name: str, qu
     inside = (time >= min(part.start for part in cutting)) & (time < max(part.stop for part in cutting))
     speeds, sure = _speeds(recording, inside, name, flutes)
     if not speeds:
-        return 0.0, Chatter("unknown", "neither a tachometer nor a spindle speed is there, or the cut is too short", channel=name)
+        return 0.0, Chatter("unknown", "no tachometer and no spindle speed, or the cut is too short", channel=name)
     best = None
     for speed in speeds:
         end = _end_of(recording, inside, speed, sure, name, quantity)
@@ -154,7 +154,8 @@ def _answer(end: CutEnd, lines: Sequence[Line]) -> Chatter:
             alone = replace(here, verdict="unknown", reason="it may be hum: nothing was recorded before the cut")
             doubt = doubt or (alone if len(hum) == 1 else None)
         elif loud < enough and not grows:
-            doubt = doubt or replace(here, verdict="unknown", reason="without unit and feed it cannot be told whether it is loud")
+            why = "without unit and feed it cannot be told whether it is loud"
+            doubt = doubt or replace(here, verdict="unknown", reason=why)
         elif found is None or loud > found[0]:
             found = loud, here
     return _of_orders(end, tooth, doubt, found)

@@ -16,7 +16,7 @@ LINES = 8  # that are looked at
 SIDE_BANDS = 4  # to either side
 ON_MAINS = 0.4, 5e-4  # bins, and of the frequency, within which a line is on a multiple of the mains
 MOST_HUM = 20  # multiples of the mains
-FOLDED, FOLDS, NEAR_THE_TOP = 2.0, 3, 0.6  # of the loudest order in the top of the spectrum: a harmonic from above, folded so often
+FOLDED, FOLDS, NEAR_THE_TOP = 2.0, 3, 0.6  # of the loudest order near the spectrum's top: a harmonic from above, folded
 
 
 class Line(NamedTuple):

@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import median_filter
 
 from analysis.records.spindle_clock import along_marks
+from analysis.records.spindle_clock import turns_of as turns_from_first
 
 PADDED = 4  # times as long as the revolutions: points of the spectrum to a bin
 WIDE = 12  # bins to either side, of which the floor is the median
@@ -54,7 +55,8 @@ def turns_of(values: np.ndarray, time: np.ndarray, marks: np.ndarray, period: fl
     per_turn = max(16, int(np.ceil(rate * period)))
     count = int((time[-1] - time[0]) / period)
     if len(marks) >= FEWEST_MARKS:
-        places = np.interp(time[-1], marks, np.arange(len(marks))) + (time[-1] - np.clip(time[-1], marks[0], marks[-1])) / period
+        beyond = (time[-1] - np.clip(time[-1], marks[0], marks[-1])) / period
+        places = np.interp(time[-1], marks, turns_from_first(marks)) + beyond
         wanted = along_marks(marks, places - count + np.arange(count * per_turn) / per_turn, period)
     else:
         wanted = time[-1] - count * period + np.arange(count * per_turn) * period / per_turn

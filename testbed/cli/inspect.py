@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 FASTEST = 1e9  # Hz: no recorder of vibration comes near it
 KINDS = {"neimark_sacker": "Neimark-Sacker", "flip": "flip (period doubling)", None: "irregular",
-         "flip_or_runout": "flip (period doubling) or runout, which have the same lines with an even number of flutes"}  # fmt: skip
+         "flip_or_runout": "flip (period doubling), or runout: the flutes are even"}  # fmt: skip
 _RPM = 30.0 / math.pi
 _SHOWN = {"m": (1e6, "um"), "m/s": (1e3, "mm/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
 

@@ -6,7 +6,7 @@ The motion is the fast engine's; the class comes from Chebyshev collocation, whi
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +25,7 @@ DEGREES = (24, 34)  # of the collocation, which must agree
 AGREE = 1e-6
 DEPTHS, ELEMENTS = 40, 12
 SETTLED = 1e-3  # of the motion, that revolutions of a stable cut without noise may still differ by
-SIZES = {"displacement": 0, "velocity": 1, "acceleration": 2, "force_x": 0}
+UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "force_x": "N"}
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,9 @@ class Drawn:
     marks: bool
     hum: bool
     runout: bool
-    natural: float
-    cut: Cut
 
 
-def _machine(random: np.random.Generator, kind: str) -> tuple[Model, Cut, complex] | None:
+def machine(random: np.random.Generator, kind: str) -> tuple[Model, Cut, complex] | None:
     """A random machine and cut with the largest multiplier; None where it is not of the kind, or not known."""
     flutes = int(random.integers(1, 7))
     tangential = 10 ** random.uniform(8.5, 9.3)
@@ -75,7 +73,7 @@ def draw(seed: int, kind: str) -> Drawn:
     """One record of that kind: hum, runout, noise, contact loss, some without idling, tachometer or the right speed."""
     random = np.random.default_rng([53, seed])
     while True:
-        found = _machine(random, kind)
+        found = machine(random, kind)
         if found is None:
             continue
         drawn = _recorded(random, kind, *found)
@@ -121,13 +119,33 @@ def _recorded(random: np.random.Generator, kind: str, model: Model, cut: Cut, la
     marks_there = bool(random.random() < 0.5)
     marks = np.arange(random.uniform(0, period), time[-1], period)
     nominal = cut.spindle_speed * (1.0 if marks_there else 1.0 + random.uniform(-0.03, 0.03))
-    unit = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "force_x": "N"}[channel]
-    recording = Recording({channel: values}, rate, {channel: unit}, "synthetic", start=float(time[0]),
+    recording = Recording({channel: values}, rate, {channel: UNITS[channel]}, "synthetic", start=float(time[0]),
                           marks=marks[marks > time[0]] if marks_there else np.empty(0),
                           conditions={"spindle_speed": nominal, "flutes": flutes,
                                       "axial_depth_of_cut": cut.axial_depth_of_cut, "feed_per_tooth": cut.feed_per_tooth})
     return Drawn(recording, kind, abs(largest), abs(float(np.angle(largest))), flutes, channel, not from_within, marks_there,
-                 hum, runout, model.structure.natural_frequency, cut)
+                 hum, runout)
+
+
+def accelerated(seed: int, kind: str) -> tuple[Recording, float]:
+    """A run of a data set with an accelerometer alone, no runout, and the rms of its noise: what `testbed export` reads."""
+    random = np.random.default_rng([54, seed])
+    found = None
+    while found is None or not _as_told(found[0].with_effect("contact_loss"), found[1], kind):
+        found = machine(random, kind)
+    model, cut, _ = found
+    flutes = model.cutter.flutes
+    idle, passes = 5 * flutes, flutes * -(-int(random.integers(80, 200)) // flutes)
+    whole = Cut(cut.spindle_speed, cut.axial_depth_of_cut, cut.feed_per_tooth, idle, passes, 5 * flutes)
+    rate = 30.0 * max(model.structure.natural_frequency, flutes * cut.spindle_speed / (2 * math.pi))
+    sampling = whole_cut_sampling(whole, flutes, rate)
+    run = simulate(model.with_effect("contact_loss"), whole, sampling, channels=("acceleration",))
+    values = np.asarray(run.channels["acceleration"])
+    noise = float(values.std()) * 10 ** random.uniform(-3.0, -1.5)
+    marks = np.arange(random.uniform(0, 2 * math.pi / cut.spindle_speed), run.time[-1], 2 * math.pi / cut.spindle_speed)
+    known = {**run.conditions, "idle_passes": idle, "passes": passes, "flutes": flutes}
+    return replace(run, channels={"acceleration": values + noise * random.standard_normal(len(values))}, marks=marks,
+                   conditions=known), noise  # fmt: skip
 
 
 def _as_told(model: Model, cut: Cut, kind: str) -> bool:
