@@ -108,7 +108,8 @@ def test_real_chatter_speed_and_line() -> None:
     assert record.chatter.verdict == "chatter" and record.chatter.frequency == pytest.approx(684, abs=3)
     assert any(line.kind == "hum" and abs(line.frequency - 150) < 0.5 for line in record.lines)
     assert any("stored twice" in note for note in record.notes) and record.recording.sampling_rate == 5000.0
-    assert record.chatter_line.frequency[0] == pytest.approx(746, abs=4) and record.chatter_line.loudest[1] == pytest.approx(684, abs=3)
+    assert record.chatter_line.frequency[0] == pytest.approx(746, abs=4)
+    assert record.chatter_line.loudest[1] == pytest.approx(684, abs=3)
     assert record.chatter_line.time[0] < 3.85 and record.chatter_line.time[-1] > 4.85
     rate, values = 5000, record.recording.channels["acceleration"]
     _, frequencies, _ = follow_line(values[round(3.4 * rate) : round(4.85 * rate)], rate, 746.0, window=0.15)

@@ -187,7 +187,7 @@ def _of_orders(end: CutEnd, tooth: float, doubt: Chatter | None, found: tuple[fl
     before = [end.before(order) > BEFORE * amplitude for order, amplitude in enumerate(end.amplitudes)]
     others = np.where((orders % end.flutes > 0) & ~np.array(before), pattern, 0.0)
     unheard = math.isnan(end.before(1.0)) and not end.on_mains(1.0)  # nothing tells hum from what repeats with the spindle
-    sure = np.where([unheard and end.on_mains(order) for order in orders], 0.0, others)
+    sure = np.where([unheard and end.on_mains(float(order)) for order in orders], 0.0, others)
     half = others * (orders % end.flutes == end.flutes / 2)
     flips = bool(np.linalg.norm(half) > HALF_LEADS * np.linalg.norm(others - half))
     teeth = max(float(np.linalg.norm(pattern[orders % end.flutes == 0])), 1e-300)
@@ -230,7 +230,7 @@ def _irregular(end: CutEnd, tooth: float) -> Chatter | None:
     """Chatter without lines: the spectrum's floor itself stands far above the noise, as loud as a line must be."""
     lines, floor = end.spectrum
     orders = np.arange(len(lines)) / (end.count * PADDED)
-    hum = np.array([end.on_mains(order) for order in orders]) & math.isnan(end.before(1.0))
+    hum = np.array([end.on_mains(float(order)) for order in orders]) & math.isnan(end.before(1.0))
     raised = (floor > RAISED * np.median(floor)) & (orders > 2.0 / end.count) & ~hum
     power = raised * floor**2 / (math.log(2.0) * HANN_NOISE * PADDED)
     loud = of_pattern = math.sqrt(float(np.sum(power))) / max(float(np.linalg.norm(end.amplitudes[1:])), 1e-300)

@@ -56,7 +56,8 @@ def test_the_published_cuts_are_told_apart(rpm, depth, kind):
 
 def test_neither_hum_nor_the_natural_frequency_vetoes_what_the_cut_feeds():
     """Case A chatters at three times the mains, where its structure rings, too: the line is named for what feeds it."""
-    made = changed(cut(3050, 2.7), lambda time: 6e-6 * np.sin(2 * np.pi * 49.1 * 3 * time) + 9e-6 * np.sin(2 * np.pi * 150 * time))
+    hum = lambda time: 6e-6 * np.sin(2 * np.pi * 49.1 * 3 * time) + 9e-6 * np.sin(2 * np.pi * 150 * time)  # noqa: E731
+    made = changed(cut(3050, 2.7), hum)
     found = report(made, "A", "cut", ())
     assert found.chatter.verdict == "chatter" and found.lines[0].kind == "chatter"
     assert found.lines[0].frequency == pytest.approx(found.chatter.frequency, abs=1.0)
@@ -70,8 +71,9 @@ def test_hum_as_loud_as_the_cut_is_no_chatter():
     stable = changed(cut(3810, 2.9), loud)
     assert judged(stable).verdict == "none"
     within = slice(int(25 * 60 / 3810 * stable.sampling_rate), int(95 * 60 / 3810 * stable.sampling_rate))
-    clip = replace(stable, channels={"displacement": stable.channels["displacement"][within]}, start=float(stable.time[within][0]),
-                   marks=stable.marks[(stable.marks > stable.time[within][0]) & (stable.marks < stable.time[within][-1])])
+    first, last = stable.time[within][[0, -1]]
+    clip = replace(stable, channels={"displacement": stable.channels["displacement"][within]}, start=float(first),
+                   marks=stable.marks[(stable.marks > first) & (stable.marks < last)])  # fmt: skip
     assert judged(clip).verdict == "none"  # several of its lines are the mains', and none has side bands
 
 
@@ -142,7 +144,7 @@ def test_the_line_is_followed_both_ways_in_time():
 
 
 def test_lines_that_the_cut_feeds_are_named_so_and_the_teeth_keep_theirs():
-    lines = [SpectralLine(690.0, 3.0, "hum", 23), SpectralLine(300.0, 2.0, "tooth-passing", 1), SpectralLine(390.5, 1.0, "natural"),
-             SpectralLine(450.0, 0.5, "hum", 9)]  # fmt: skip
+    lines = [SpectralLine(690.0, 3.0, "hum", 23), SpectralLine(300.0, 2.0, "tooth-passing", 1),
+             SpectralLine(390.5, 1.0, "natural"), SpectralLine(450.0, 0.5, "hum", 9)]  # fmt: skip
     named = fed_by_the_cut(lines, 690.0, 2 * np.pi * 75.0, 4)
     assert [line.kind for line in named] == ["chatter", "tooth-passing", "chatter", "hum"] and named[0].order == 0

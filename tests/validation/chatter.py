@@ -14,8 +14,8 @@ DRAWS, FIRST = 300, 70_000  # the judge was made on other seeds
 RUNS = 90  # of data sets with an accelerometer alone
 REMARK = """The classes are of the multipliers by Chebyshev collocation, |mu| below 0.95 or above 1.05; the motion is the fast
 engine's, with contact loss; stable cuts that the blow of the entry throws into lasting chatter are left out. A saddle-node does
-not occur: a perturbation that repeats with the delay changes no chip, so a multiplier 1 would need an undamped structure. A flip
-that has grown large often goes on to another rhythm, and the record shows that one: the kind told is of the record's end."""
+not occur: a perturbation that repeats with the delay changes no chip, so a multiplier 1 would need an undamped structure. A
+flip that has grown large often goes on to another rhythm, and the record shows that one: the kind told is of the record's end."""
 VERDICTS = ("chatter", "none", "unknown")
 
 
