@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from analysis.records.chatter import LineTrack, chatter_track
-from analysis.records.lines import SpectralLine, comb_speed, spectral_lines
+from analysis.records.chatter import Chatter, judge_cut
+from analysis.records.chatter_line import LineTrack, chatter_track
+from analysis.records.lines import SpectralLine, comb_speed, fed_by_the_cut, spectral_lines
 from analysis.records.noise import Noise, noise_floor, samples_of
 from analysis.records.ring_downs import Decay, blow_times, free_vibrations, notes_of, used_times
 from analysis.records.segments import Segment, find_segments, main_channel
@@ -47,7 +48,8 @@ class RecordReport:
     dropped: int
     repeated: int
     notes: tuple[str, ...]
-    chatter: LineTrack | None = None
+    chatter: Chatter | None = None  # of a cut alone
+    chatter_line: LineTrack | None = None
     blows: tuple[float, ...] = ()
     vibrations: tuple[Decay, ...] = ()
     used: tuple[float, float] | None = None
@@ -101,7 +103,8 @@ class RecordReport:
             "blows": list(self.blows),
             "free_vibrations": [one.as_json() for one in self.vibrations],
             "used": None if self.used is None else {"start": self.used[0], "stop": self.used[1], "share": self.share},
-            "chatter_line": None if self.chatter is None else self.chatter.as_json(),
+            "chatter": None if self.chatter is None else self.chatter.as_json(),
+            "chatter_line": None if self.chatter_line is None else self.chatter_line.as_json(),
             "dropped_samples": self.dropped,
             "repeated_samples": self.repeated,
             "notes": list(self.notes),
@@ -118,8 +121,9 @@ def report(recording: Recording, name: str, kind: str, notes: tuple[str, ...]) -
     }
     conditions = recording.conditions
     if recording.outcome != "ok" or len(recording) < 64:
+        unknown = Chatter("unknown", "the run broke off, or is too short") if kind == "cut" else None
         return RecordReport(
-            name, kind, recording, channels, conditions, None, "none", (), None, (), 0, 0, (*notes, *more)
+            name, kind, recording, channels, conditions, None, "none", (), None, (), 0, 0, (*notes, *more), unknown
         )
     segments = find_segments(recording, kind=kind) if kind != "file" else ()
     noise = noise_floor(recording, segments) if kind != "excited" else None
@@ -127,6 +131,11 @@ def report(recording: Recording, name: str, kind: str, notes: tuple[str, ...]) -
     if basis not in ("tachometer", "none"):
         more += checks.speed_notes(conditions.get("spindle_speed"), found, basis)
     lines = _lines(recording, segments, channel, found)
+    chatter = judge_cut(recording, segments) if kind == "cut" else None
+    track = None
+    if chatter is not None and chatter.verdict == "chatter" and chatter.frequency is not None:
+        lines = fed_by_the_cut(lines, chatter.frequency, found, int(conditions.get("flutes", 1)))
+        track = _chatter_line(recording, segments, chatter.channel or channel, chatter.frequency)
     if kind == "cut" and not any(part.kind == "steady" for part in segments):
         more.append("the cut never settles: it grows (chatter), or it is too short")
     if noise is not None and noise.basis == "high-frequency residual":
@@ -152,23 +161,22 @@ def report(recording: Recording, name: str, kind: str, notes: tuple[str, ...]) -
         int(conditions.get("dropped_samples", 0)),
         int(conditions.get("repeated_samples", 0)),
         (*notes, *more),
-        _chatter(recording, segments, channel, lines) if kind == "cut" and found is not None else None,
+        chatter,
+        track,
         blow_times(recording) if kind == "ring-down" else (),
         vibrations,
         used_times(recording, kind, segments, channel, vibrations),
     )
 
 
-def _chatter(
-    recording: Recording, segments: tuple[Segment, ...], channel: str, lines: tuple[SpectralLine, ...]
+def _chatter_line(
+    recording: Recording, segments: tuple[Segment, ...], channel: str, frequency: float
 ) -> LineTrack | None:
-    """The chatter line of a cut whose speed is known: without it no line can be told from the tooth's passing."""
-    steady = [part for part in segments if part.kind == "steady"]
-    if not steady:
-        return None
-    longest = max(steady, key=lambda part: part.duration)
-    values, middle = np.asarray(recording.channels[channel]), 0.5 * (longest.start + longest.stop)
-    return chatter_track(values, recording.sampling_rate, lines, middle, recording.start)
+    """The chatter line, followed from the end of the cut, where it was found."""
+    cutting = [part for part in segments if part.kind in ("entry", "steady")]
+    start, stop = min(part.start for part in cutting), max(part.stop for part in cutting)
+    values = np.asarray(recording.channels[channel])
+    return chatter_track(values, recording.sampling_rate, frequency, 0.25 * start + 0.75 * stop, recording.start)
 
 
 def _finite(recording: Recording) -> tuple[Recording, list[str]]:

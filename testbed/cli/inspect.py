@@ -13,11 +13,14 @@ from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
 if TYPE_CHECKING:
+    from analysis.records.chatter import Chatter
     from analysis.records.inspection import Inspection
     from analysis.records.record_report import RecordReport
     from analysis.records.ring_downs import Decay
 
 FASTEST = 1e9  # Hz: no recorder of vibration comes near it
+KINDS = {"neimark_sacker": "Neimark-Sacker", "flip": "flip (period doubling)", None: "irregular",
+         "flip_or_runout": "flip (period doubling), or runout: the flutes are even"}  # fmt: skip
 _RPM = 30.0 / math.pi
 _SHOWN = {"m": (1e6, "um"), "m/s": (1e3, "mm/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
 
@@ -160,7 +163,9 @@ def _record(record: RecordReport) -> list[str]:
             )
         )
     if record.chatter is not None:
-        track, (loud, at) = record.chatter, record.chatter.loudest
+        lines.append(f"  {_chatter(record.chatter)}")
+    if record.chatter_line is not None:
+        track, (loud, at) = record.chatter_line, record.chatter_line.loudest
         lines.append(
             f"  chatter line: {track.frequency[0]:.1f} to {track.frequency[-1]:.1f} Hz from {track.time[0]:.3f} to "
             f"{track.time[-1]:.3f} s, loudest {at:.1f} Hz at {loud:.3f} s"
@@ -185,6 +190,18 @@ def _vibration(one: Decay, recording: Any) -> str:
     return (f"  free vibration {_seconds(one.start, one.stop, recording)}: {frequency.value:.5g} Hz "
             f"({frequency.low:.5g} to {frequency.high:.5g}), damping ratio {damping.value:.3g} "
             f"({damping.low:.3g} to {damping.high:.3g})")
+
+
+def _chatter(found: Chatter) -> str:
+    """One sentence: chatter or not, of which kind, at which frequency, how strong against the tooth passing."""
+    where = f" ({found.channel})" if found.channel else ""
+    at = "" if found.frequency is None else f" at {found.frequency:.1f} Hz"
+    times = "" if found.ratio is None else f", {found.ratio:.3g} times the line at tooth passing"
+    if found.verdict == "none":
+        return f"chatter: none{where}: {found.reason}"
+    if found.verdict == "unknown":
+        return f"chatter: not known{where}: " + (f"a line{at}{times}: " if at else "") + found.reason
+    return f"chatter: yes, {KINDS[found.kind]}{at}{times}{where}" + (f" ({found.reason})" if found.reason else "")
 
 
 def _conditions(known: Any) -> list[str]:
