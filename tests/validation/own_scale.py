@@ -241,7 +241,8 @@ def stretched(one: Record, by: float) -> Record:
 def cut_rows() -> list[tuple[str, ...]]:
     """The machine found from cuts of three time scales, each brought back to the first."""
     cuts = [plain_cut.record(*one, seed) for seed, one in enumerate(CUTS)]
-    rows, powers = [], {"natural_frequency": 1.0, "damping_ratio": 0.0, "tangential_coefficient": 2.0, "normal_coefficient": 2.0}
+    powers = {"natural_frequency": 1.0, "damping_ratio": 0.0, "tangential_coefficient": 2.0, "normal_coefficient": 2.0}
+    rows: list[tuple[str, ...]] = []
     for by in STRETCHES:
         values = {path: plain_cut.TRUE.value(path) / by**power for path, power in powers.items()}
         off = {path: value * share for (path, value), share in zip(values.items(), (1.01, 1.3, 0.9, 1.1), strict=True)}
