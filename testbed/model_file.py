@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from importlib import import_module
 from pathlib import Path
@@ -269,9 +269,10 @@ def _exact(value: float, unit: str) -> str:
     return format_quantity(value, unit, digits=None)
 
 
-def write_model(model: Model, path: str | Path, catalogue: Mapping[str, Effect] | None = None) -> None:
-    """Write model.yaml, whole or not at all. InputProblem where the place cannot be written."""
-    write_text(path, model_text(model, catalogue))
+def write_model(model: Model, path: str | Path, catalogue: Mapping[str, Effect] | None = None,
+                remarks: Sequence[str] = ()) -> None:
+    """Write model.yaml, whole or not at all, with remarks as comments above. InputProblem where the place cannot be written."""
+    write_text(path, "".join(f"# {one}\n" for one in remarks) + model_text(model, catalogue))
 
 
 def model_from_text(text: str, name: str = "model", catalogue: Mapping[str, Effect] | None = None) -> Model:

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from analysis.fit.budget import BUDGET
 from testbed.cli._answer import Answer, shown
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
 from testbed.cli._places import output_folder
@@ -28,11 +29,13 @@ MANY = 6  # effects that --until-adequate adds at the most
 @click.option("--false-alarms", "alarms", type=click.IntRange(min=1), metavar="N",
               help="Repeat the diagnosis on N campaigns simulated without a hidden effect: how often is one named?")
 @click.option("--decoys", is_flag=True, help="Offer laws that no machine has beside the real ones: none should be named.")
+@click.option("--budget", type=click.FloatRange(min=1.0), default=BUDGET, show_default=True, metavar="N",
+              help="End with what is known after N simulations of every record (counted, not timed: the same answer anywhere).")
 @effects_option
 @shared
 def command(campaign: str, model_file: str, output: str | None, until_adequate: bool, propose: str | None,
-            alarms: int | None, decoys: bool, folders: tuple[str, ...], json_file: str | None, seed: int | None,
-            quiet: bool) -> None:
+            alarms: int | None, decoys: bool, budget: float, folders: tuple[str, ...], json_file: str | None,
+            seed: int | None, quiet: bool) -> None:
     """Fit MODEL.yaml to the campaign, then with each effect of the catalogue, and compare on records held out of the fit.
 
     With one operating condition nothing can be held out: the errors are then those in the fit, and the answer says so.
@@ -53,7 +56,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     catalogue = catalogue_of((*folders, str(DECOYS)) if decoys else folders)
     model, records, read = read_both(campaign, model_file, catalogue)
     with sign_of_life("fitting the believed model to all records", quiet) as say:
-        found = diagnose(plant_of(catalogue), records, model, catalogue, say=say,
+        found = diagnose(plant_of(catalogue), records, model, catalogue, say=say, budget=budget,
                          **({"most": MANY} if until_adequate else {}))
         turned = []
         if found.candidates:  # else no search was made, for what was found before it
