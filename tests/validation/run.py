@@ -19,8 +19,8 @@ from tests.validation.claims import Section
 
 CHECKS = ("published", "multipliers", "engines", "verdicts", "identification", "hammer", "nuisances", "effects", "absorption",
           "hardware", "own_scale", "diagnosis", "hard_pairs", "decoys", "blind.count", "blind.anywhere", "blind.faint",
-          "blind.propose",          "outside.agreement", "outside.count", "paper", "score", "bit_flips", "kills", "throughput", "fuzz_readers",
-          "vendor_files", "ring_downs", "chatter")
+          "blind.propose", "outside.agreement", "outside.count", "paper", "score", "bit_flips", "kills", "throughput",
+          "fuzz_readers", "vendor_files", "ring_downs", "chatter")
 TARGET = Path(__file__).resolve().parents[2] / "VALIDATION.md"
 HEAD = """# Validation
 
