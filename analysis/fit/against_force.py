@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 STRONG = 0.05  # of the strongest line of the cross spectrum, and of the power: lines from which the sign is read
-AGAINST = -0.1  # share of those lines' power that is taken up, below which it is given back: 0.14 to 0.6 of machines as they are
+AGAINST = -0.1  # share of those lines' power that is taken up, below which it is given back; of machines it is 0.14 and more
 SURE = 6.0  # times what the noise of the response makes of the power by chance
 
 

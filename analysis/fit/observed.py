@@ -46,8 +46,8 @@ class Observed:
     record at the speed its marks show, left out here. slots: of how many slots of the spindle, all alike, the marks may be any.
     steady_marks: times (s) of all marks, where they show a constant speed. feed_basis: what the cut's feed a tooth comes from:
     it was written so ("tooth"), is what a table leaves that travels as stated ("travel"), or was taken so ("table", from what
-    was written by feed_ratio); a table leaves less where the spindle turns faster than the period says. swung_front: see Cut. turned:
-    names of channels that moved against the force, whose sign is turned here.
+    was written by feed_ratio); a table leaves less where the spindle turns faster than the period says. swung_front: see Cut.
+    turned: names of channels that moved against the force, whose sign is turned here.
     """
 
     name: str

@@ -53,7 +53,8 @@ def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, fl
         states = [(n.displacement, n.velocity) for _, _, n in variants]
         own = [dict(n.states) for _, _, n in variants]
         more: dict[str, Any] = {"own": own} if any(own) else {}
-        return plant.predict_driven([m for m, _, _ in variants], states, observed.force, observed.rate, observed.channels, **more)
+        models = [model for model, _, _ in variants]
+        return plant.predict_driven(models, states, observed.force, observed.rate, observed.channels, **more)
     lines = [observed.timeline(angle, nuisances) for _, angle, nuisances in variants]
     if observed.forces_only:
         variants = [(immovable(model, observed), angle, nuisances) for model, angle, nuisances in variants]

@@ -25,6 +25,7 @@ from testbed.effect import Effect, Parameter
 SMALL = 1e-4  # of the example, at which a prediction is still linear in the amplitude
 SCREENED = 3  # records, the worst fitted, that are asked and on which starting points are compared
 FASTEST = 0.5  # of the tooth passing frequency: speed that varies faster is no longer a speed
+REST, FEWEST = 0.02, 64  # shares of the energy left out before and after the part that rings, and the samples it has at least
 MOST = 96  # frequencies asked about
 KEPT = 4  # frequencies that a fit starts from
 SAME = 0.02  # relative distance up to which lines are one
@@ -42,10 +43,11 @@ def residual_peaks(records: Sequence[Observed], fit: WaveformFit, count: int = 6
     loud: set[float] = set()
     for index, (record, rest) in enumerate(zip(records, fit.residuals, strict=True)):
         for values in record.on_samples(rest):
-            for frequency, amplitude, height in standing_out(values, record.rate, count=count):
-                found.append((amplitude, frequency, index))
-                if height > ALONE or len(records) == 1:
-                    loud.add(frequency)
+            for part in (values, *_where_it_rings(record, values)):
+                for frequency, amplitude, height in standing_out(part, record.rate, count=count):
+                    found.append((amplitude, frequency, index))
+                    if height > ALONE or len(records) == 1:
+                        loud.add(frequency)
     kept: list[float] = []
     drifting = min([DRIFT, *(SLOW * record.main_frequency / (2 * math.pi) for record in records)])
     for _, frequency, index in sorted(found, reverse=True):
@@ -54,6 +56,18 @@ def residual_peaks(records: Sequence[Observed], fit: WaveformFit, count: int = 6
         if frequency in loud or any(where != index and abs(frequency / other - 1) <= SAME for _, other, where in found):
             kept.append(frequency)
     return kept[:count]
+
+
+def _where_it_rings(record: Observed, values: np.ndarray) -> list[np.ndarray]:
+    """The part that holds nearly all of what is left (samples,) of a record without a cut, if that is a small part of it.
+
+    A mode that has long died away is a broad hill in the spectrum of the whole record, and stands out of that of this part.
+    """
+    if record.cut is not None:
+        return []
+    energy = np.cumsum(values**2)
+    first, last = np.searchsorted(energy, np.array([REST, 1.0 - REST]) * energy[-1])
+    return [values[first : last + 1]] if FEWEST <= last + 1 - first < len(values) / 2 else []
 
 
 def recurring_starts(fitter: Fitter, effect: Effect, fit: WaveformFit) -> list[dict[str, float]]:
