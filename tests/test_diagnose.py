@@ -190,6 +190,9 @@ def test_a_weak_effect_that_is_certain_is_never_called_nothing(doubt, verdict):
     end = weak if passing else base
     found = never_nothing(verdict_of(base, end, [base, *passing], (weak,), noise, ()))
     assert (found.verdict, found.effects) == (verdict, ("helix",))
+    astray = replace(weak, error_fit=0.1)  # explains ten times what it foretells: a part of something else
+    assert not certain_ones([astray], base, base, noise)
+    assert never_nothing(verdict_of(base, base, [base], (astray,), noise, ())).verdict == "undecided"
     chance = replace(weak, delta_bic=12.0)
     assert never_nothing(verdict_of(base, base, [base], (chance,), noise, ())).verdict == "adequate"
 

@@ -118,8 +118,8 @@ def test_of_multipliers(shell):
 def test_of_inspection(shell, files):
     found = inspect(files / "campaign.yaml")
     track = LineTrack(*np.ones((3, 7)))
-    followed = replace(found, records=(replace(found.records[0], chatter_line=track),)).as_json()
-    agree("inspect", shell.json("inspect", "campaign.yaml"), shell.json("inspect", "tap.csv"), plain(followed))
+    followed = replace(found, records=(replace(found.records[0], chatter_line=track, blows=(0.5, 2.0)),)).as_json()
+    agree("inspect", *(shell.json("inspect", name) for name in ("campaign.yaml", "tap.csv", "tap.yaml")), plain(followed))
     known = {*get_args(Kind), *get_args(LineKind), *get_args(get_type_hints(CombSpeed)["basis"]), *get_args(Basis)}
     assert known <= {code for row in PATHS["inspect"].rows for code in codes(row[2])}
 

@@ -9,10 +9,10 @@ from scipy.interpolate import CubicSpline
 
 from analysis.linear.collocation import collocation_entry_state, collocation_multipliers
 from analysis.linear.delay_equation import mathieu_equation, milling_equation
+from analysis.linear.spectral_elements import multipliers
 from analysis.linear.stability import classify
 from analysis.linear.temporal_elements import (
     characteristic_multipliers,
-    converged_multipliers,
     temporal_element_map,
     transition_matrix,
 )
@@ -48,11 +48,11 @@ def random_equation(random):
     return milling_equation(model, rpm(random.uniform(2000, 15000), random.uniform(0.1, 3.0)))
 
 
-def test_temporal_elements_and_collocation_agree_on_random_cuts():
+def test_spectral_elements_and_collocation_agree_on_random_cuts():
     random = np.random.default_rng(0)
     for _ in range(200):
         equation = random_equation(random)
-        elements = converged_multipliers(equation, 4e-6, count=1)[0]
+        elements = multipliers(equation)[0][0]
         collocated = collocation_multipliers(equation, 30)
         assert np.min(np.abs(collocated - elements)) < 1e-6 * max(1.0, abs(elements))
         assert abs(abs(collocated[0]) - abs(elements)) < 1e-6 * max(1.0, abs(elements))
@@ -101,5 +101,3 @@ def test_free_flight_is_a_flow(stiffness):
 def test_bad_numbers_of_elements_are_refused():
     with pytest.raises(ValueError, match="elements"):
         temporal_element_map(milling_equation(PAPER, rpm(3810, 2.9)), 0)
-    with pytest.raises(ArithmeticError, match="not converged"):
-        converged_multipliers(milling_equation(PAPER, rpm(3810, 2.9)), 1e-15, most=16)

@@ -143,6 +143,14 @@ def _record(plant: Plant, record: Observed, error: RecordError, fit: WaveformFit
                             tuple(map(float, record.noise)), record.noise_basis, held_out, chi_square, segments, nuisances)
 
 
+def used_part(record: Observed) -> dict[str, float]:
+    """From when to when (s) a record is predicted, and which share of it that is."""
+    stop = record.start + record.samples / record.rate
+    whole = max(stop, *(part.stop for part in record.segments)) - min(record.start, *(part.start for part in record.segments)) \
+        if record.segments else stop - record.start
+    return {"start": record.start, "stop": stop, "share": (stop - record.start) / whole}
+
+
 def segment_error(record: Observed, residual: np.ndarray, segment: Segment) -> SegmentError | None:
     """The error within one segment, from the residual (channels, samples) in the channels' units; None without samples."""
     first = max(0, round((segment.start - record.start) * record.rate))
@@ -152,8 +160,9 @@ def segment_error(record: Observed, residual: np.ndarray, segment: Segment) -> S
     rest, data = residual[:, first:last], record.data[:, first:last]
     size = data.std(axis=1)
     scale = 1.0 / np.maximum(size, 1e-300)
-    share = np.sqrt(np.mean((rest * scale[:, None]) ** 2))
-    noise = np.sqrt(np.mean((record.noise * scale) ** 2))
+    with np.errstate(over="ignore"):  # at rest, within a converter's step: no ratio
+        share = np.sqrt(np.mean((rest * scale[:, None]) ** 2))
+        noise = np.sqrt(np.mean((record.noise * scale) ** 2))
     chi_square = np.mean((rest / record.noise[:, None]) ** 2)
     return SegmentError(segment.kind, segment.start, segment.stop, float(share), float(noise), float(chi_square),
                         last - first)
@@ -194,9 +203,9 @@ def as_json(result: Comparison) -> dict[str, Any]:
             "name": one.name, "kind": one.kind, "channels": list(one.channels), "error": one.error,
             "error_fit": one.error_fit, "noise_floor": one.noise_floor, "held_out": one.held_out,
             "chi_square": one.chi_square, "noise": dict(zip(one.channels, one.noise, strict=True)),
-            "noise_basis": one.noise_basis, "segments": [vars(segment) for segment in one.segments],
+            "noise_basis": one.noise_basis, "used": used_part(own), "segments": [vars(segment) for segment in one.segments],
             "nuisances": one.nuisances, "tests": tests_of(one.name),
-        } for one in result.records],
+        } for one, own in zip(result.records, result.fitter.records, strict=True)],
         "nuisances": dict(result.nuisances),
         "parameters": {path: one.as_json() for path, one in result.parameters.items()},
     }

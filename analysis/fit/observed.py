@@ -8,7 +8,6 @@ tachometer mark and tooth entry belongs to the campaign.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -19,8 +18,9 @@ from analysis.fit.against_force import moves_against
 from analysis.fit.force_window import windowed
 from analysis.fit.nuisances import Nuisances
 from analysis.records.free_decay import spectral_peak
-from analysis.records.noise import noise_floor, rounding
+from analysis.records.noise import noise_floor
 from analysis.records.passing_speed import heard_speed
+from analysis.records.ring_downs import blow_times, said_blows, used_samples
 from analysis.records.segments import Segment, find_segments
 from analysis.records.spindle_clock import along_marks, check_speed, clock_error, clock_of, digital, samples_to_rise, smoothed
 from testbed.cut import Cut, Sampling
@@ -29,7 +29,6 @@ from testbed.machine import Cutter, Model
 DRIFT_ORDER = 3  # offset and slow drift: a polynomial of this many terms, and one more for every
 DRIFT_TIME, DRIFT_PERIODS = 1.0, 100.0  # s of the record, or as many periods of the structure where they are longer
 MOST_DRIFT = 10  # terms
-SWING = 8  # samples at the least in which a free decay's first large swing is looked for
 OPENING = 12  # revolutions from the entry that an opening holds at the least
 UNRESOLVED = 1e-4  # of a channel's rms: the engines' own error, which in data without noise would be a missing effect
 WARM_UP = 60  # revolutions simulated before a record that starts in the cut
@@ -308,11 +307,13 @@ def observe(record: Any, model: Model) -> Observed:
         raise ValueError(f"record {record.name} has no channel that a model predicts")
     segments = find_segments(recording, kind=record.kind)
     data = np.array([recording.channels[name] for name in names], dtype=float)
-    first, last = _used(record.kind, segments, recording, names[0], model.structure.natural_frequency)
+    blows = blow_times(recording) if record.kind == "ring-down" else ()
+    if blows:
+        raise ValueError(f"{said_blows(blows)} are no single free decay: give from and to")
+    first, last = used_samples(recording, record.kind, segments, names[0], model.structure.natural_frequency)
     data = data[:, first:last]
     floors = [noise_floor(recording, segments, name) for name in names]
-    noise = np.array([max(floor.rms, rounding(row), UNRESOLVED * float(np.std(row)), 1e-300)
-                      for floor, row in zip(floors, data, strict=True)])
+    noise = np.array([max(floor.rms, UNRESOLVED * float(np.std(row)), 1e-300) for floor, row in zip(floors, data, strict=True)])
     conditions = record.conditions
     known = ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth", "feed_per_revolution")
     condition = (record.kind, *(round(float(conditions[key]), 9) for key in known if key in conditions))
@@ -350,25 +351,6 @@ def _with_the_force(record: Observed, force: np.ndarray) -> Observed:
     turned = [moves_against(force, values, record.rate, DERIVATIVES[name], float(noise)) for name, values, noise in rows]
     names = tuple(name for name, one in zip(record.channels, turned, strict=True) if one)
     return replace(record, data=np.where(np.array(turned)[:, None], -record.data, record.data), turned=names)
-
-
-def _used(kind: str, segments: Sequence[Segment], recording: Any, name: str, frequency: float) -> tuple[int, int]:
-    """The samples of a record that are predicted: all, but a free decay only from its first large swing on.
-
-    Before that, something pushed the structure or held it: a single sample of that weighs more than all the noise. A velocity
-    or an acceleration swings most while it is still pushed: of those, half a period more is left out. frequency: Hz, believed.
-    """
-    count = len(recording)
-    for segment in segments:
-        if kind == "ring-down" and segment.kind == "ring-down":
-            first = max(0, min(count - 64, round((segment.start - recording.start) * recording.sampling_rate)))
-            values = np.asarray(recording.channels[name], dtype=float)
-            opening = np.abs(values[first : first + max(SWING, (count - first) // 50)] - float(np.median(values)))
-            first += int(np.argmax(opening))
-            if DERIVATIVES.get(name, 0) > 0:
-                first += math.ceil(0.5 * recording.sampling_rate / frequency)
-            return max(0, min(count - 64, first)), count
-    return 0, count
 
 
 def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:

@@ -57,11 +57,12 @@ def _interpolated(chart: StabilityChart, rows: np.ndarray, columns: np.ndarray) 
 
 
 def _mixed(classes: np.ndarray, down: int, across: int) -> np.ndarray:
-    """Cells (B - 1, S - 1) of which the points, borders included, are of more than one class."""
+    """Cells (B - 1, S - 1) of which the points, borders included, are of more than one class and none is blank."""
     height, width = classes.shape
     corners = [classes[row:height - down + row:down, column:width - across + column:across]
                for row in range(down + 1) for column in range(across + 1)]
-    return np.minimum.reduce(corners) != np.maximum.reduce(corners)
+    least = np.minimum.reduce(corners)
+    return (least != np.maximum.reduce(corners)) & (least >= 0)
 
 
 def _compute(fine: StabilityChart, fill: Fill, cells: np.ndarray, down: int, across: int) -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.linear.labels import label
-from analysis.linear.stability import CLASSES, StabilityChart, said_class
+from analysis.linear.stability import CLASSES, FEED_ONLY, StabilityChart, said_class
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -94,7 +94,8 @@ def plot_chart(chart: StabilityChart, tests: Sequence[ChartTest] = (), note: str
     figure, axes = _axes(9.0)
     speed, depth = chart.spindle_speeds * 30.0 / math.pi, chart.axial_depths * 1e3
     colours = ListedColormap([_COLOURS[name] for name in CLASSES])
-    axes.pcolorfast(_edges(speed), _edges(depth), chart.classes, cmap=colours, norm=BoundaryNorm(np.arange(5) - 0.5, 4))
+    edges, blank = (_edges(speed), _edges(depth)), chart.classes < 0
+    axes.pcolorfast(*edges, np.ma.masked_array(chart.classes, blank), cmap=colours, norm=BoundaryNorm(np.arange(5) - 0.5, 4))
     borders = _borders(axes, speed, depth, chart.spectral_radius) if min(chart.classes.shape) > 1 else []
     places = np.array([(test.spindle_speed * 30.0 / math.pi, test.axial_depth_of_cut * 1e3) for test in tests])
     for test, place in zip(tests, places, strict=True):
@@ -104,11 +105,15 @@ def plot_chart(chart: StabilityChart, tests: Sequence[ChartTest] = (), note: str
     for outcome in sorted({test.outcome for test in tests}):
         handles.append(Line2D([], [], ls="", marker=_MARKERS.get(outcome, "x"), mfc="white", mec="black",
                               label=f"test: {said_class(outcome)}"))
+    if blank.any():  # white as stable cells are, but hatched
+        axes.pcolor(*edges, np.ma.masked_array(np.zeros(blank.shape), ~blank), hatch="///", alpha=0.0, edgecolor="0.6", lw=0.0)
+        handles.append(Patch(fc="white", ec="0.6", hatch="///", label="blank: not known"))
     if note:
         handles.append(Line2D([], [], ls="", label=note))
     _legend_beside(axes, handles)
     axes.set_xlabel("spindle speed (rpm)")
     axes.set_ylabel("axial depth of cut (mm)")
+    axes.set_title(FEED_ONLY, fontsize="small", loc="left")
     label(axes, [test.label for test in tests], places, np.concatenate([np.empty((0, 2)), *borders]))
     return figure
 

@@ -76,8 +76,8 @@ def _gauss(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 class _Grid:
     """Collocation points of one pass: pieces (start, length, teeth, slice of its points); `late`: points in the cut."""
 
-    def __init__(self, loop: Loop) -> None:
-        longest = min(ANGLE, PHASE * loop.nominal_speed / loop.fastest)
+    def __init__(self, loop: Loop, coarser: float = 1.0) -> None:
+        longest = coarser * min(ANGLE, PHASE * loop.nominal_speed / loop.fastest)
         self.pieces: list[tuple[float, float, int, slice]] = []
         phases: list[float] = []
         for low, high, teeth in zip(loop.breaks[:-1], loop.breaks[1:], loop.teeth, strict=True):
@@ -235,16 +235,17 @@ def _sorted(values: np.ndarray) -> np.ndarray:
 
 
 def linearise(loop: Loop, *, first_pass: int = 0, passes: int | None = None, tolerance: float = 1e-8,
-              iterations: int = 40) -> LinearisedMotion:
+              iterations: int = 40, coarser: float = 1.0) -> LinearisedMotion:
     """The periodic motion of `loop` and its characteristic multipliers over the principal period.
 
     first_pass: the pass after the entry at which slow changes (wear, a growing engagement) are held. passes: the
-    principal period in tooth passes; found where None. The speed is a given course: what sets it (droop) takes its
+    principal period in tooth passes; found where None. coarser: pieces so many times as long, to see the error.
+    The speed is a given course: what sets it (droop) takes its
     periodic value and is not perturbed. ValueError where no periodic motion is found, or where a tooth leaves the cut
     in it: then several delays act at once and there is no map of one.
     """
     count, mismatch = (passes, 0.0) if passes else principal_passes(loop)
-    grid = _Grid(loop)
+    grid = _Grid(loop, coarser)
     course = _Course(loop, grid, count, first_pass)
     width = loop.unknowns.size
     scale = np.full(width, 1e-7)

@@ -3,7 +3,9 @@
 Cubic Hermite trial functions and the test functions 1 and eta - 1/2 on every element (Bayly et al. 2003, J. Manuf. Sci.
 Eng. 125, 220; Mann and Young 2006, section 3 and appendix A). Elements cover the cut; free flight enters as the exact
 state-transition matrix. The nodal states (displacement, velocity) a^n of period n obey a^n = Q a^{n-1} + c, and the
-eigenvalues of Q are the characteristic multipliers. Error of |mu| in milling: 1e-4 with 6 elements, 1e-6 with 20.
+eigenvalues of Q are the characteristic multipliers. Error of |mu| in the rig: 1e-4 with 6 elements, 1e-6 with 20. It is the
+published method, with numbers of elements as published; charts and all else use `spectral_elements`, of an order that follows
+the cut.
 """
 
 from __future__ import annotations
@@ -158,20 +160,3 @@ def temporal_element_map(equation: DelayEquation, elements: int = 6) -> Temporal
 def characteristic_multipliers(equation: DelayEquation, elements: int = 6) -> np.ndarray:
     """Characteristic multipliers by temporal finite elements, complex (2E + 2,), largest first."""
     return temporal_element_map(equation, elements).multipliers()
-
-
-def converged_multipliers(equation: DelayEquation, tolerance: float = 1e-6, count: int = 2,
-                          elements: int = 8, most: int = 512) -> np.ndarray:
-    """Multipliers with elements doubled until the `count` largest change by less than `tolerance`.
-
-    The scheme is of fourth order, so the error left is about a fifteenth of the last change. Raises ArithmeticError
-    when `most` elements do not suffice.
-    """
-    values = characteristic_multipliers(equation, elements)
-    while elements < most:
-        elements *= 2
-        finer = characteristic_multipliers(equation, elements)
-        if np.abs(finer[:count] - values[:count]).max() < tolerance * max(1.0, abs(finer[0])):
-            return finer
-        values = finer
-    raise ArithmeticError(f"multipliers not converged to {tolerance:g} with {most} elements")

@@ -1,7 +1,7 @@
 """Identification of damping, natural frequency and cutting coefficient from the multipliers of several cuts.
 
-Mann and Young (2006), section 4c: nonlinear least squares between empirical multipliers and those of temporal finite
-elements. Complex multipliers are fitted, not moduli (moduli alone have another minimum at ten times the damping), all
+Mann and Young (2006), section 4c: nonlinear least squares between empirical multipliers and those of the linear machine, by
+spectral elements. Complex multipliers are fitted, not moduli (moduli alone have another minimum at ten times the damping), all
 that a transient determines, weighted by their covariance. Measured and model multipliers are paired by optimal
 assignment. The ratio of normal to tangential coefficient and the mass are the model's and stay.
 """
@@ -18,14 +18,14 @@ from scipy.optimize import OptimizeResult, least_squares, linear_sum_assignment
 from analysis.estimate import Estimate
 from analysis.information import Z_95
 from analysis.linear.delay_equation import milling_equation
-from analysis.linear.temporal_elements import characteristic_multipliers
+from analysis.linear.spectral_elements import plain_multipliers
 from analysis.multipliers.floquet import EmpiricalMultipliers
 from analysis.multipliers.recorded_cut import at_measured_speed, measured_multipliers, started_from_ring_down
 from testbed.cut import Cut
 from testbed.machine import Model
 from testbed.recording import Recording
 
-_ERROR_FLOOR = 3e-4  # of a multiplier: faster modes left out of the empirical fit, elements' own error
+_ERROR_FLOOR = 3e-4  # of a multiplier: faster modes left out of the empirical fit, the map's own error
 # where the machine is looked for: frequency and coefficients, times the start; the least damping as a share of the start's
 FREQUENCIES, COEFFICIENTS, LEAST_DAMPING, MOST_DAMPING = (0.8, 1.25), (1e-2, 1e2), 1e-3, 0.9
 _AT_END = 1e-3  # of an end of that range: what is closer stopped there
@@ -116,11 +116,11 @@ def _damping(model: Model) -> float:
     return max(model.structure.damping_ratio, 1e-4)  # a logarithm needs a start above zero
 
 
-def _residual(scaled: np.ndarray, start: Model, targets: Sequence[_Target], elements: int) -> np.ndarray:
+def _residual(scaled: np.ndarray, start: Model, targets: Sequence[_Target]) -> np.ndarray:
     model = _model_at(start, scaled)
     rows = []
     for target in targets:
-        predicted = _paired(target.values, characteristic_multipliers(milling_equation(model, target.cut), elements))
+        predicted = _paired(target.values, plain_multipliers(milling_equation(model, target.cut)))
         difference = target.values - predicted
         imaginary = np.where(predicted.imag >= 0, 1.0, -1.0) * predicted.imag
         difference = difference.real + 1j * (target.values.imag - imaginary)
@@ -136,7 +136,7 @@ def _starts(start: Model, targets: Sequence[_Target], seed: int, count: int) -> 
 
     def cost(point: np.ndarray) -> float:
         # far away a whitened misfit says nothing but how precise the best test was: bounded per number
-        return float(np.sum(np.tanh(_residual(point, start, loose, 4)) ** 2))
+        return float(np.sum(np.tanh(_residual(point, start, loose)) ** 2))
 
     loose = [replace(target, whiten=np.eye(target.whiten.shape[0]) / 0.3) for target in targets]
     ranked = sorted(scatter, key=cost)
@@ -144,7 +144,7 @@ def _starts(start: Model, targets: Sequence[_Target], seed: int, count: int) -> 
 
 
 def identify_multipliers(model: Model, cuts: Sequence[Cut], measured: Sequence[EmpiricalMultipliers], *,
-                         names: Sequence[str] = (), elements: int = 12, starts: int = 5, seed: int = 0,
+                         names: Sequence[str] = (), starts: int = 5, seed: int = 0,
                          ratio_doubt: float = 0.0) -> Identification:
     """Fit natural frequency, damping ratio and cutting coefficient to empirical multipliers of these cuts.
 
@@ -156,7 +156,7 @@ def identify_multipliers(model: Model, cuts: Sequence[Cut], measured: Sequence[E
         raise ValueError("the model has no cutting coefficients to identify")
 
     def fitted(tests: Sequence[EmpiricalMultipliers]) -> tuple[Identification, np.ndarray]:
-        return _fitted(model, cuts, tests, names, elements, starts, seed, ratio_doubt)
+        return _fitted(model, cuts, tests, names, starts, seed, ratio_doubt)
 
     found, misfits = fitted(measured)
     if not found.chi_square > _DISCORD or np.count_nonzero(misfits) <= _FEWEST_IN_ACCORD:
@@ -173,7 +173,7 @@ def identify_multipliers(model: Model, cuts: Sequence[Cut], measured: Sequence[E
     return best if best.chi_square <= min(_ACCORD, 0.1 * found.chi_square) else found
 
 
-def _fitted(model: Model, cuts: Sequence[Cut], measured: Sequence[EmpiricalMultipliers], names: Sequence[str], elements: int,
+def _fitted(model: Model, cuts: Sequence[Cut], measured: Sequence[EmpiricalMultipliers], names: Sequence[str],
             starts: int, seed: int, ratio_doubt: float) -> tuple[Identification, np.ndarray]:
     """The machine that fits the believed tests, and each test's share of the misfit; ValueError as above."""
     used = [found.believed and found.rank > 0 for found in measured]
@@ -190,10 +190,10 @@ def _fitted(model: Model, cuts: Sequence[Cut], measured: Sequence[EmpiricalMulti
     fits = []
     for point in _starts(model, targets, seed, starts):  # robust and coarse: a far start may pair multipliers wrongly
         fits.append(least_squares(_residual, np.clip(point, lower + 1e-6, upper - 1e-6), bounds=(lower, upper),
-                                  args=(model, targets, 4), loss="soft_l1", x_scale=_SCALES, max_nfev=40))
+                                  args=(model, targets), loss="soft_l1", x_scale=_SCALES, max_nfev=40))
     best = None
     for fit in sorted(fits, key=lambda each: each.cost)[:2]:
-        fine = least_squares(_residual, fit.x, bounds=(lower, upper), args=(model, targets, elements),
+        fine = least_squares(_residual, fit.x, bounds=(lower, upper), args=(model, targets),
                              x_scale=_SCALES, max_nfev=60)
         if best is None or fine.cost < best.cost:
             best = fine
@@ -201,19 +201,19 @@ def _fitted(model: Model, cuts: Sequence[Cut], measured: Sequence[EmpiricalMulti
     ends = np.cumsum([target.whiten.shape[0] for target in targets])[:-1]
     misfits = np.zeros(len(cuts))
     misfits[np.flatnonzero(np.array(used))] = [float(part @ part) for part in np.split(best.fun, ends)]
-    return _answer(model, cuts, measured, used, best, numbers, elements, _ratio_slopes(model, targets, best, elements),
+    return _answer(model, cuts, measured, used, best, numbers, _ratio_slopes(model, targets, best),
                    ratio_doubt), misfits
 
 
-def _ratio_slopes(start: Model, targets: Sequence[_Target], best: OptimizeResult, elements: int) -> np.ndarray:
+def _ratio_slopes(start: Model, targets: Sequence[_Target], best: OptimizeResult) -> np.ndarray:
     """How the logarithms that are fitted follow that of the coefficients' ratio: a Gauss-Newton step at another one; (3,)."""
     assert start.cutting is not None
     other = replace(start.cutting, normal_coefficient=start.cutting.normal_coefficient * math.exp(_RATIO_STEP))
-    change = _residual(best.x, replace(start, cutting=other), targets, elements) - best.fun
+    change = _residual(best.x, replace(start, cutting=other), targets) - best.fun
     return -(np.linalg.pinv(best.jac) @ change) / _RATIO_STEP
 
 
-def _answer(start, cuts, measured, used, best, numbers, elements, ratio_slopes, ratio_doubt) -> Identification:
+def _answer(start, cuts, measured, used, best, numbers, ratio_slopes, ratio_doubt) -> Identification:
     model = _model_at(start, best.x)
     assert model.cutting is not None
     spare = numbers - 3
@@ -236,7 +236,7 @@ def _answer(start, cuts, measured, used, best, numbers, elements, ratio_slopes, 
     }
     tests = []
     for cut, found, use in zip(cuts, measured, used, strict=True):
-        predicted = characteristic_multipliers(milling_equation(model, cut), elements)
+        predicted = plain_multipliers(milling_equation(model, cut))
         tests.append(MultiplierTest(cut, found.multipliers, beside(found, predicted), use, found.reason))
     return Identification(model, parameters, tuple(tests), chi_square, bool(best.success), float(of_coefficient))
 
@@ -249,7 +249,7 @@ def beside(measured: EmpiricalMultipliers, predicted: np.ndarray) -> np.ndarray:
     return predicted[columns[np.argsort(rows)]]
 
 
-def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, names: Sequence[str] = (), elements: int = 12,
+def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, names: Sequence[str] = (),
              starts: int = 5, seed: int = 0, channel: str = "displacement", delays: int | None = None) -> Identification:
     """Identify the machine from recorded cuts; `model` is the starting guess.
 
@@ -263,7 +263,7 @@ def identify(model: Model, tests: Sequence[tuple[Recording, Cut]], *, names: Seq
     tests = [(recording, at_measured_speed(cut, recording, model.cutter.flutes, channel)) for recording, cut in tests]
     measured = [measured_multipliers(recording, cut, model.cutter.flutes, channel, delays) for recording, cut in tests]
     model = started_from_ring_down(model, tests, channel)
-    return identify_multipliers(model, [cut for _, cut in tests], measured, names=names, elements=elements, starts=starts,
+    return identify_multipliers(model, [cut for _, cut in tests], measured, names=names, starts=starts,
                                 seed=seed)
 
 

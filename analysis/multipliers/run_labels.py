@@ -11,8 +11,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from analysis.linear.delay_equation import milling_equation
+from analysis.linear.spectral_elements import multipliers
 from analysis.linear.stability import classify
-from analysis.linear.temporal_elements import characteristic_multipliers, converged_multipliers
 from analysis.multipliers.verdict import changing_part, once_per_tooth_samples, simulated_verdict
 from analysis.records.segments import main_channel
 from testbed.cut import Cut
@@ -21,7 +21,6 @@ from testbed.recording import Recording
 
 _ANGLES = 48  # places in the cut where the surface is followed
 _NOISES = 6.0  # a gap must exceed this many rms of the noise: thousands of looks at a run raise one false alarm in 1e5
-_ELEMENTS, _BORDER = 12, 1e-2
 _LINEAR = 1e-3  # of the chip: what interpolation may feign
 
 
@@ -45,12 +44,11 @@ def linear_class(multipliers: np.ndarray, period_passes: int = 1) -> LinearClass
 
 
 def class_of_linear(model: Model, cut: Cut) -> LinearClass:
-    """The label of a machine without effects. Modulus to 1e-4; near the border the elements are refined until they stand."""
-    equation = milling_equation(model, cut)
-    values = characteristic_multipliers(equation, _ELEMENTS)
-    if abs(float(np.abs(values).max()) - 1.0) < _BORDER:
-        values = converged_multipliers(equation)
-    return linear_class(values)
+    """The label of a machine without effects; modulus to 1e-5, or no label where its multipliers do not settle."""
+    try:
+        return linear_class(multipliers(milling_equation(model, cut))[0])
+    except ArithmeticError:
+        return NO_CLASS
 
 
 def contact_loss_time(recording: Recording, immersion: float, noise: float = 0.0, flutes: int = 1) -> float:

@@ -17,7 +17,7 @@ from analysis.multipliers.floquet import EmpiricalMultipliers, empirical_multipl
 from analysis.multipliers.identify import identify_multipliers
 from analysis.paper.bench import IDENTIFIED, MASS, Bench, clean_record, course_of, cut_at, measured
 from analysis.paper.errors import START, TESTS
-from analysis.paper.fig6 import DEPTHS, ELEMENTS, SPEEDS
+from analysis.paper.fig6 import DEPTHS, SPEEDS
 from analysis.paper.part import Part, Picture, Statement, Table
 from analysis.paper.style import PAGE, RED, figure, letter, rpm
 from analysis.paper.table2 import machine
@@ -79,7 +79,7 @@ class Band:
 def band(centre: Model, covariance: np.ndarray, speeds: np.ndarray, depths: np.ndarray, draws: int,
          random: np.random.Generator) -> Band:
     """The charts of machines drawn from the parameters' distribution."""
-    radii = np.array([stability_chart(machine(*np.exp(point)), speeds, depths, elements=4).spectral_radius
+    radii = np.array([stability_chart(machine(*np.exp(point)), speeds, depths).spectral_radius
                       for point in random.multivariate_normal(logarithms(centre), covariance, draws)], np.float32)
     low, high = np.quantile(radii, (LOW, HIGH), axis=0)
     return Band(np.mean(radii < 1, axis=0), low, high)
@@ -108,7 +108,7 @@ def make(bench: Bench) -> Part:
     depths = np.linspace(*DEPTHS, bench.count(82, 21))[1:] * 1e-3
     cuts = [course_of(cut_at(*test), ring_down=2) for test in TESTS[:3]]
     clean = [clean_record(bench.reference, IDENTIFIED, cut) for cut in cuts]
-    truth = stability_chart(IDENTIFIED, speeds, depths, elements=ELEMENTS).spectral_radius
+    truth = stability_chart(IDENTIFIED, speeds, depths).spectral_radius
     bands, rows, missed, shares = {}, [], {}, {}
     for level in LEVELS:
         found = [empirical_multipliers(measured(one, bench.random("band", level, place), level))

@@ -19,7 +19,6 @@ from testbed.cut import Sampling
 SPEEDS, DEPTHS = (2500.0, 4500.0), (0.0, 4.0)  # rpm, mm: the chart's area
 GRID = ((2600, 2800, 3000, 3200, 3400, 3600, 3800, 4000, 4200, 4400), (0.8, 1.6, 2.4, 3.2))
 TEETH = 240
-ELEMENTS = 6
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,7 @@ class Seen:
 def boundary(model: Any, cells: tuple[int, int]) -> StabilityChart:
     """The chart of a machine over the area, cells (speeds, depths); its lowest depth is one cell above 0."""
     speeds = np.linspace(*SPEEDS, cells[0]) * math.pi / 30.0
-    return stability_chart(model, speeds, np.linspace(*DEPTHS, cells[1] + 1)[1:] * 1e-3, elements=ELEMENTS)
+    return stability_chart(model, speeds, np.linspace(*DEPTHS, cells[1] + 1)[1:] * 1e-3)
 
 
 def area_between(first: StabilityChart, second: StabilityChart) -> float:
@@ -122,8 +121,8 @@ def make(bench: Bench) -> Part:
             "simulated with loss of contact stand in for them. Borderline: once-per-tooth samples that neither settle nor "
             f"grow within {TEETH} teeth. The immersion, 0.162, is inferred; damping of the identified set is taken as 0.0032.",)
     caption = ("Stability limits of the parameters of modal test and dynamometer (dashed) and of those identified (solid). "
-               "Circles: stable, crosses: unstable, triangles: borderline; large with letter: the published experiments; "
-               "small: simulated.")
+               "Flexible along the feed only. Circles: stable, crosses: unstable, triangles: borderline; large with letter: "
+               "the published experiments; small: simulated.")
     return Part("fig6", "Figure 6: stability boundaries and tests", text, (Picture("fig6", caption, _draw(charts, published +
                 grid)),), (table,), statements, {"area_between": between, "shift_of_omega": FOUND_OMEGA - omega,
                 "published_right": right, "simulated_right": [same, len(decided)],

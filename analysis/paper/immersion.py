@@ -11,7 +11,7 @@ from analysis.linear.published import PUBLISHED, linear_verdict
 from analysis.linear.stability import StabilityChart, stability_chart
 from analysis.multipliers.identify import Identification, identify_multipliers
 from analysis.paper.bench import FOUND_GAMMA, FOUND_OMEGA, IDENTIFIED, IMMERSION, MASS, RATIO, Bench
-from analysis.paper.fig6 import DEPTHS, ELEMENTS, SPEEDS, area_between
+from analysis.paper.fig6 import DEPTHS, SPEEDS, area_between
 from analysis.paper.part import Part, Picture, Statement, Table
 from analysis.paper.style import BLUE, GREEN, GREY, ORANGE, PAGE, RED, figure, letter, rpm
 from analysis.paper.table2 import campaign, machine
@@ -71,8 +71,8 @@ def make(bench: Bench) -> Part:
              for rho in assumed}
     speeds = np.linspace(*SPEEDS, bench.count(801, 81)) * math.pi / 30.0
     depths = np.linspace(*DEPTHS, bench.count(401, 41))[1:] * 1e-3
-    charts = {rho: stability_chart(found[rho].model, speeds, depths, elements=ELEMENTS) for rho in DRAWN}
-    truth = stability_chart(IDENTIFIED, speeds, depths, elements=ELEMENTS)
+    charts = {rho: stability_chart(found[rho].model, speeds, depths) for rho in DRAWN}
+    truth = stability_chart(IDENTIFIED, speeds, depths)
     fixed = np.arange(0.10, 0.2501, bench.count(1, 10) * 1e-3)
     right = np.array([outcomes_right(float(rho)) for rho in fixed])
     whole = fixed[right == 5]

@@ -108,9 +108,12 @@ def spectral_lines(
             abs(frequency - other) < max(width, quiet_width) and level > 0.3 * amplitude for other, level in quiet
         )
         kind, order = _of_the_spindle(frequency, turning, flutes, width)
-        if mains and _on_comb(frequency, mains, max(width, 0.1)) and (kind == "other" or in_idle):
+        natural = any(abs(frequency - one) < max(width, 0.02 * one) for one in natural_frequencies)
+        if natural and kind == "other" and not in_idle:  # hum does not die away
+            kind = "natural"
+        elif mains and _on_comb(frequency, mains, max(width, 0.1)) and (kind == "other" or in_idle):
             kind, order = "hum", round(frequency / mains)
-        elif kind == "other" and any(abs(frequency - one) < max(width, 0.02 * one) for one in natural_frequencies):
+        elif kind == "other" and natural:
             kind = "natural"
         lines.append(SpectralLine(frequency, amplitude, kind, order))
     return tuple(lines)

@@ -13,6 +13,7 @@ from analysis.records.chatter import Chatter, judge_cut
 from analysis.records.chatter_line import LineTrack, chatter_track
 from analysis.records.lines import SpectralLine, comb_speed, fed_by_the_cut, spectral_lines
 from analysis.records.noise import Noise, noise_floor, samples_of
+from analysis.records.ring_downs import Decay, blow_times, free_vibrations, notes_of, used_times
 from analysis.records.segments import Segment, find_segments, main_channel
 from testbed.readers import checks
 from testbed.readers.tachometer import speed as marks_speed
@@ -49,6 +50,16 @@ class RecordReport:
     notes: tuple[str, ...]
     chatter: Chatter | None = None  # of a cut alone
     chatter_line: LineTrack | None = None
+    blows: tuple[float, ...] = ()
+    vibrations: tuple[Decay, ...] = ()
+    used: tuple[float, float] | None = None
+
+    @property
+    def share(self) -> float:
+        """Share of the record that a fit uses."""
+        if self.used is None:
+            return 0.0
+        return (self.used[1] - self.used[0]) * self.recording.sampling_rate / len(self.recording)
 
     def as_json(self) -> dict[str, Any]:
         """SI values, for `--json`."""
@@ -83,12 +94,15 @@ class RecordReport:
             },
             "segments": [{"kind": part.kind, "start": part.start, "stop": part.stop} for part in self.segments],
             "noise_floor": None
-            if self.noise is None
+            if self.noise is None or not self.noise.known
             else {"rms": self.noise.rms, "basis": self.noise.basis, "channel": self.noise.channel},
             "lines": [
                 {"frequency": line.frequency, "amplitude": line.amplitude, "kind": line.kind, "order": line.order}
                 for line in self.lines
             ],
+            "blows": list(self.blows),
+            "free_vibrations": [one.as_json() for one in self.vibrations],
+            "used": None if self.used is None else {"start": self.used[0], "stop": self.used[1], "share": self.share},
             "chatter": None if self.chatter is None else self.chatter.as_json(),
             "chatter_line": None if self.chatter_line is None else self.chatter_line.as_json(),
             "dropped_samples": self.dropped,
@@ -128,6 +142,11 @@ def report(recording: Recording, name: str, kind: str, notes: tuple[str, ...]) -
         more.append(
             "no idling and no repeating cut: the noise floor is a high-frequency residual, which sees white noise only"
         )
+    if noise is not None and not noise.known:
+        more.append(f"the noise cannot be known: what is fast in the record may be its motion; at most it is {noise.rms:.3g} "
+                    f"{recording.units[noise.channel]} rms")
+    vibrations = free_vibrations(recording, segments) if kind == "ring-down" else ()
+    more += notes_of(recording, kind)
     return RecordReport(
         name,
         kind,
@@ -144,6 +163,9 @@ def report(recording: Recording, name: str, kind: str, notes: tuple[str, ...]) -
         (*notes, *more),
         chatter,
         track,
+        blow_times(recording) if kind == "ring-down" else (),
+        vibrations,
+        used_times(recording, kind, segments, channel, vibrations),
     )
 
 

@@ -11,6 +11,7 @@ from scipy.stats import spearmanr
 from analysis.comparison.residual_views import ChartView, on_chart
 from analysis.fit.held_out import RecordError
 from analysis.fit.observed import Observed
+from analysis.linear.stability import FEED_ONLY
 from analysis.report.packed import even, listed, packed
 from analysis.report.page import Page, Panel
 from testbed.machine import Model
@@ -74,7 +75,8 @@ def add_chart(page: Page, records: Sequence[Observed], errors: Sequence[RecordEr
         ),
         "stability chart with the error of each cut",
     )
-    page.text("Violet: unstable by the fitted linear machine. A dot is a record; touch it for its figures.", small=True)
+    page.text(f"Violet: unstable by the fitted linear machine; {FEED_ONLY}. A dot is a record; touch it for its figures.",
+              small=True)
 
 
 def _chart_says(view: ChartView) -> str:

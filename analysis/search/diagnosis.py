@@ -20,6 +20,7 @@ FAINT_REST = 1.05  # error over noise floor up to which what no effect lowers is
 SURE = 2.0  # standard errors of the noise floor by which that is widened: a floor from a short idle is a few per cent off
 CERTAIN = 100.0  # gain in BIC from which an effect is there although the error is that of the noise: no chance gives that
 COMPLETE = 1.15  # error over noise floor above which something is still missing
+FORETOLD = 1.0 / 3.0  # share of what an effect explains in the fit that it must explain held out: the unknowns' doubt takes less
 EXPLAINED = 0.99  # share of the excess that one effect must take away where more is left: else the law is unknown
 MOSTLY = 0.9  # share of it that they must take away where more is left than noise may be: a known law does, if it is the one
 MANY = 3  # effects from which they must leave no more than ADEQUATE: a law of no catalogue is soon made up of several known
@@ -139,9 +140,15 @@ def highest_floor(noise: float, errors: Sequence[RecordError]) -> float:
     return noise * (1.0 + SURE * pooled_doubt(errors))
 
 
-def certain(one: Candidate, base: Candidate) -> bool:
-    """Whether a set is better than another beyond chance, and foretells better what was left out of the fit."""
+def beyond_chance(one: Candidate, base: Candidate) -> bool:
+    """Whether a set is likelier than another beyond chance, and foretells no worse what was left out of the fit."""
     return one.delta_bic > CERTAIN and one.error_where_known < base.error_where_known
+
+
+def certain(one: Candidate, base: Candidate) -> bool:
+    """Whether a set is better beyond chance, and foretells as well as it explains: what is really there does."""
+    foretold = base.error_where_known**2 - one.error_where_known**2
+    return beyond_chance(one, base) and foretold > FORETOLD * (base.error_fit**2 - one.error_fit**2)
 
 
 def verdict_of(
@@ -209,7 +216,7 @@ def verdict_of(
 
 def never_nothing(found: Diagnosis) -> Diagnosis:
     """The diagnosis, but "undecided" for "adequate" where an effect is certain although no gate let it pass."""
-    names = [one.effects[0] for one in found.candidates if len(one.effects) == 1 and certain(one, found.base)]
+    names = [one.effects[0] for one in found.candidates if len(one.effects) == 1 and beyond_chance(one, found.base)]
     if found.verdict != "adequate" or not names:
         return found
     gain = max(one.delta_bic for one in found.candidates if one.effects == (names[0],))

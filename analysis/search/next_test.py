@@ -15,7 +15,7 @@ import numpy as np
 from analysis.fit.observed import Observed, drift_basis
 from analysis.fit.prediction import Plant
 from analysis.linear.delay_equation import milling_equation
-from analysis.linear.temporal_elements import characteristic_multipliers
+from analysis.linear.spectral_elements import multipliers
 from testbed.cut import Cut, Sampling
 from testbed.machine import Model
 
@@ -66,8 +66,8 @@ def _largest(model: Model, like: Observed, speed: float, depth: float) -> float:
     assert like.cut is not None
     cut = replace(like.cut, spindle_speed=speed, axial_depth_of_cut=depth)
     try:
-        return float(np.abs(characteristic_multipliers(milling_equation(model, cut), 6)).max())
-    except ValueError:
+        return float(np.abs(multipliers(milling_equation(model, cut))[0]).max())
+    except (ValueError, ArithmeticError):
         return math.inf
 
 

@@ -125,7 +125,7 @@ def chart(path: Path, spindle_speeds: tuple[float, float], deepest: float) -> An
     from analysis.linear.stability import stability_chart
     from testbed.data_set import read_data_set
 
-    fill = partial(stability_chart, read_data_set(path).true_model(), elements=6)
+    fill = partial(stability_chart, read_data_set(path).true_model())
     depths = np.linspace(deepest / DEPTH_CELLS, deepest, DEPTH_CELLS)
     return refined(fill(np.linspace(*spindle_speeds, SPEED_CELLS), depths), fill)
 

@@ -12,7 +12,6 @@ from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
 MOST_CELLS = 4_000_000
-ELEMENTS = 6
 
 
 @click.command(short_help="Stability chart over spindle speed and depth of cut.",
@@ -29,12 +28,13 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
             folders: tuple[str, ...], json_file: str | None, seed: int | None, quiet: bool) -> None:
     """Where MODEL.yaml cuts steadily and where it chatters, over spindle speed and depth of cut.
 
-    A model with effects is linearised in every cell, effects and all, which takes about 10 ms a cell.
+    Every cell has an estimate of its error; what cannot be trusted stays blank. A model with effects is linearised in every
+    cell, effects and all, which takes about 20 ms a cell.
     """
     import numpy as np
 
     from analysis.linear.chart_plot import plot_chart, save
-    from analysis.linear.stability import CLASSES
+    from analysis.linear.stability import CLASSES, FEED_ONLY, sharpened_limit
 
     answer = Answer(json_file, quiet)
     if len(speed) * len(depth) > MOST_CELLS:
@@ -45,25 +45,27 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     folder = output_folder(output)
     speeds, depths = np.array(speed), np.array(depth)
     chart = _with_effects(model, speeds, depths, catalogue, quiet) if model.effects else _linear(model, speeds, depths)
-    for note in (notes := guesses_note(model)):
-        answer.say(note)
-    stable = float(np.mean(chart.classes == 0))
-    answer.say(f"{len(speed)} x {len(depth)} cells, {stable:.0%} stable")
-    unknown = int(np.count_nonzero(np.isnan(chart.largest)))
-    if unknown:
-        answer.say(f"{unknown} cells have no multipliers (no periodic motion was found); they are left blank")
+    known, notes = chart.classes >= 0, [*guesses_note(model), FEED_ONLY]
+    stable = f"{np.mean(chart.classes[known] == 0):.0%} stable" if known.any() else "none with multipliers to be trusted"
+    answer.say(f"{len(speed)} x {len(depth)} cells, {stable}")
+    if not known.all():
+        notes.append(f"{np.count_nonzero(~known)} cells are left blank: "
+                     + ("no periodic motion was found there" if model.effects else "their multipliers did not settle"))
+    for note in notes:
+        answer.say(f"note: {note}")
+    limit = chart.stability_limit() if model.effects else sharpened_limit(chart, model)
     for path in save(plot_chart(_drawn(chart, model), tests), folder / "stability_chart"):
         answer.say(f"written: {path}")
     answer.finish({"spindle_speed": speeds, "axial_depth_of_cut": depths, "largest_multiplier": chart.largest,
                    "class": [[CLASSES[cell] if cell >= 0 else None for cell in row] for row in chart.classes.tolist()],
-                   "stability_limit": chart.stability_limit(), "stability_limit_lies": chart.limit_lies(), "tests": tests,
-                   "notes": notes})
+                   "error": chart.error, "stability_limit": limit, "stability_limit_lies": chart.limit_lies(),
+                   "tests": tests, "notes": notes})
 
 
 def _linear(model: Any, speeds: Any, depths: Any) -> Any:
     from analysis.linear.stability import stability_chart
 
-    return stability_chart(model, speeds, depths, elements=ELEMENTS)
+    return stability_chart(model, speeds, depths)
 
 
 def _drawn(chart: Any, model: Any) -> Any:
@@ -84,7 +86,7 @@ def _with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: b
     from testbed.cut import Cut
 
     largest = np.full((depths.size, speeds.size), np.nan + 0j)
-    classes = np.full(largest.shape, -1, dtype=np.int8)
+    classes, error = np.full(largest.shape, -1, dtype=np.int8), np.full(largest.shape, np.nan)
     with progress("chart", quiet) as show:
         for place in range(largest.size):
             row, column = divmod(place, speeds.size)
@@ -93,16 +95,18 @@ def _with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: b
             except InputProblem:  # no periodic motion here; the cell stays blank
                 found = None
             if found is not None:
-                value = complex(found["multipliers"][0])
-                if found["period_passes"] > 1 and value:
-                    value *= abs(value) ** (1.0 / found["period_passes"] - 1.0)
+                value, wrong, share = complex(found["multipliers"][0]), float(found["error"][0]), 1.0 / found["period_passes"]
+                if share < 1.0 and value:
+                    wrong *= share * abs(value) ** (share - 1.0)
+                    value *= abs(value) ** (share - 1.0)
+                error[row, column] = wrong
                 largest[row, column] = complex(value.real, abs(value.imag))
                 classes[row, column] = CLASSES.index(found["class"])
             show(place + 1, largest.size)
     if np.isnan(largest).all():
         raise InputProblem("chart", "no cell has multipliers: an effect of the model leaves no periodic motion",
                            "leave out the effect")
-    return StabilityChart(speeds, depths, largest, classes)
+    return StabilityChart(speeds, depths, largest, classes, error)
 
 
 def _tests(model: Any, data: str) -> list[Any]:

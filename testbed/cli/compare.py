@@ -69,13 +69,15 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
 
 def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
     from analysis.comparison.adequacy import LEFT_EXPLAINED, said_left
+    from analysis.comparison.compare import used_part
     from analysis.fit.estimates import said_at_bound
 
     for note in notes:
         answer.say(note)
-    answer.table(("record", "error", "noise floor", "residual / noise", "what is left is"),
-                 [(one.name, f"{one.error:.4f}", f"{one.noise_floor:.4f}", f"{one.chi_square**0.5:.2f}",
-                   said_left(found.tests, one.name)) for one in found.records])
+    answer.table(("record", "used", "error", "noise floor", "residual / noise", "what is left is"),
+                 [(one.name, _used(used_part(own)), f"{one.error:.4f}", f"{one.noise_floor:.4f}", f"{one.chi_square**0.5:.2f}",
+                   said_left(found.tests, one.name))
+                  for one, own in zip(found.records, found.fitter.records, strict=True)])
     if not found.adequate:
         answer.say(LEFT_EXPLAINED)
     answer.say(f"all records: error {found.error:.4f}, noise floor {found.noise_floor:.4f}"
@@ -93,6 +95,11 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
         answer.say(line)
     if not found.says_nothing:
         answer.say(_in_words(found))
+
+
+def _used(part: dict[str, float]) -> str:
+    share = "all" if part["share"] > 0.9995 else f"{100 * part['share']:.3g} %"
+    return f"{share}: {part['start']:.5g} to {part['stop']:.5g} s"
 
 
 def _of_silence(found: Any) -> list[str]:

@@ -137,7 +137,7 @@ class _Demo:
         from analysis.linear.chart_plot import ChartTest, plot_chart
         from testbed.cli._demo import DEPTH_CELLS, SPEED_CELLS, chart
 
-        self._begin("Stability chart by temporal finite elements, the simulated cuts laid over it")
+        self._begin("Stability chart, the simulated cuts laid over it")
         began = time.perf_counter()
         speeds = (SPAN[0] * math.pi / 30.0, SPAN[1] * math.pi / 30.0)
         found = chart(self.data[0], speeds, DEEPEST * 1e-3)

@@ -36,7 +36,7 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
     the model with its effects, and fits their parameters too. Intervals are 95 %.
     """
     from analysis.search.diagnosis import SILENT
-    from testbed.cli._fitting import doubts, of_the_mass, uncalibrated
+    from testbed.cli._fitting import doubts, of_the_mass, of_the_parts, uncalibrated
     from testbed.cli._identification import identify_by_multipliers, identify_by_waveform
     from testbed.cli._records import load_records
     from testbed.model_file import read_model, write_model
@@ -57,7 +57,7 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
         raise InputProblem(data, str(problem), "add tests with a clear entry transient, or try --method waveform"
                            if multipliers else "check the records with testbed inspect") from None
     notes = [*([] if multipliers else uncalibrated(records)), *doubts(records, model),  # multipliers have no unit
-             *of_the_mass(records, model), *found.notes]
+             *of_the_parts(records), *of_the_mass(records, model), *found.notes]
     if multipliers and found.quality["chi_square"] > DOUBTED:
         notes.append(_of_the_misfit(found))
     if found.at_bound:

@@ -11,6 +11,8 @@ from testbed.cli._options import DEPTH, SPEED, catalogue_of, cutting_model, effe
 from testbed.problem import InputProblem
 
 MOST_SWINGS = 1000.0  # periods of the structure within a tooth pass up to which a loop with effects is linearised
+TOLERANCE = 1e-6  # of the largest multiplier before its last correction
+BLANK = 1e-4  # of the largest multiplier over max(1, modulus): nothing is said where it changes by more
 MEANING = {"stable": "stable", "neimark_sacker": "Neimark-Sacker (chatter at a frequency of its own)",
            "flip": "flip (period doubling)", "saddle_node": "saddle-node"}
 
@@ -51,37 +53,52 @@ def command(model_file: str, speed: list[float], depth: list[float], feed_text: 
     for note in (notes := guesses_note(model)):
         answer.say(note)
     answer.say(f"{MEANING[found['class']]}, over {period} tooth passing period{'s' if period > 1 else ''}")
-    answer.table(("multiplier", "modulus"), [(f"{value:+.6f}", f"{abs(value):.6f}") for value in values])
-    answer.finish({**found, "multipliers": values, "spindle_speed": speed[0], "axial_depth_of_cut": depth[0], "notes": notes})
+    errors = found["error"][:count]
+    answer.table(("multiplier", "modulus", "error below"),
+                 [(f"{value:+.6f}", f"{abs(value):.6f}", f"{error:.0e}") for value, error in zip(values, errors, strict=True)])
+    answer.finish({**found, "multipliers": values, "error": errors, "spindle_speed": speed[0], "axial_depth_of_cut": depth[0],
+                   "notes": notes})
 
 
 def multipliers(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, Any]:
-    """Multipliers of a model, effects and all, their class and the period in passes. InputProblem if there are none.
+    """Multipliers of a model, effects and all, their errors, class and the period in passes. InputProblem if there are none.
 
     name: what is to be blamed then.
     """
     import numpy as np
 
     from analysis.linear.delay_equation import milling_equation
-    from analysis.linear.linearise import linearise
+    from analysis.linear.spectral_elements import multipliers as of_equation
     from analysis.linear.stability import classify
-    from analysis.linear.temporal_elements import converged_multipliers
-    from testbed.engines.regenerative_loop import regenerative_loop
 
-    loop: Any
     try:
         if model.effects:
             swings = model.structure.natural_frequency * cut.tooth_passing_period(model.cutter.flutes)
             if swings > MOST_SWINGS:  # their map would not fit into memory
                 raise ArithmeticError(f"the structure swings {swings:.3g} times within a tooth pass")
-            loop = regenerative_loop(model, cut, catalogue)
-            motion = linearise(loop)
-            values, passes = motion.multipliers, motion.passes
+            values, errors, passes = _of_loop(model, cut, catalogue)
         else:
             with np.errstate(over="ignore", invalid="ignore"):  # at absurd speeds and depths, which are refused below
-                values, passes = converged_multipliers(milling_equation(model, cut)), 1
+                (values, errors), passes = of_equation(milling_equation(model, cut), TOLERANCE), 1
     except (ValueError, ArithmeticError) as problem:
         why = "its numbers grow beyond what a computer holds" if isinstance(problem, np.linalg.LinAlgError) else problem
         raise InputProblem(name, f"no multipliers of this cut can be had ({why})",
                            "leave out the effect, or choose another cut" if model.effects else "choose another cut") from None
-    return {"multipliers": values, "class": classify(values), "period_passes": passes}
+    return {"multipliers": values, "class": classify(values), "period_passes": passes, "error": errors}
+
+
+def _of_loop(model: Any, cut: Any, catalogue: Any) -> tuple[Any, Any, int]:
+    """Multipliers of a loop with effects, how much each changes on pieces twice as long, and their period in passes."""
+    import numpy as np
+
+    from analysis.linear.linearise import linearise
+    from testbed.engines.regenerative_loop import regenerative_loop
+
+    loop: Any = regenerative_loop(model, cut, catalogue)
+    motion = linearise(loop)
+    other = linearise(loop, passes=motion.passes, coarser=2.0).multipliers
+    errors = np.abs(motion.multipliers[:, None] - other[None, :]).min(axis=1)
+    errors[0] = max(errors[0], abs(abs(motion.multipliers[0]) - abs(other[0])))
+    if not errors[0] <= BLANK * max(1.0, abs(motion.multipliers[0])):
+        raise ArithmeticError(f"the largest changes by {errors[0]:.1g} on finer pieces")
+    return motion.multipliers, errors, motion.passes

@@ -1,0 +1,85 @@
+"""Charts of ordinary cutters against Chebyshev collocation that shares no code (tests/second_road.py)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.linear.stability import sharpened_limit, stability_chart
+from testbed.machine import Cutter, Cutting, Model, Structure
+from tests.second_road import Milling, multipliers
+from tests.validation.claims import Claim, Section, below
+
+CUTS, DEPTHS = 300, 12
+NEAR = 0.005  # of the limit
+LOOKED_AT = 4  # depths of each cut at which the largest multipliers are compared
+
+
+def model_of(machine: Milling) -> Model:
+    """The machine in the project's words."""
+    entry, leave = machine.angles
+    return Model(Structure(machine.mass, machine.frequency, machine.damping),
+                 Cutter(machine.teeth, machine.diameter, machine.helix),
+                 Cutting("up-milling" if machine.up else "down-milling", min((leave - entry) / (2 * math.pi), 0.5),
+                         machine.tangential, machine.normal))
+
+
+def random_machine(random: np.random.Generator, most: float = 40.0) -> tuple[Milling, float]:
+    """A cutter of 1 to 8 teeth, a/D 0.02 to 1, with 0.1 to `most` oscillations in the cut; and a depth near its limit, m."""
+    teeth, radial = int(random.integers(1, 9)), 10 ** random.uniform(math.log10(0.02), 0.0)
+    helix = float(random.choice([0.0, random.uniform(0.05, 0.9)]))
+    frequency, damping = 10 ** random.uniform(1.5, 3.5), 10 ** random.uniform(-2.5, -1.0)
+    tangential = 10 ** random.uniform(8.3, 9.3)
+    machine = Milling(10 ** random.uniform(-2, 1), frequency, damping, teeth, helix, 20e-3, bool(random.integers(2)), radial,
+                      tangential, tangential * random.uniform(0.1, 0.6), 1.0)
+    entry, leave = machine.angles
+    oscillations = 10 ** random.uniform(-1.0, math.log10(most))
+    machine = replace(machine, speed=min(leave - entry, 2 * math.pi / teeth) * frequency / oscillations)
+    # the chip's stiffness that damping bears at the least favourable speed, with the teeth in the cut on average
+    mean = max(teeth * (leave - entry) / (2 * math.pi), 0.05) * 0.5 * tangential
+    return machine, 2 * damping * machine.mass * (2 * math.pi * frequency) ** 2 / mean * 10 ** random.uniform(-0.5, 0.7)
+
+
+def one(seed: int) -> dict[str, float]:
+    """Worst multiplier over max(1, modulus), cells blank and wrong on the unsafe side, and how the limit stands, of one cut."""
+    random = np.random.default_rng([53, seed])
+    machine, typical = random_machine(random)
+    depths = typical * np.linspace(0.15, 2.5, DEPTHS)
+    chart = stability_chart(model_of(machine), np.array([machine.speed]), depths)
+    found = {"worst": 0.0, "blank": 0.0, "unsafe": 0.0, "limit": math.nan, "above": 0.0, "cells": 0.0}
+    for row in random.choice(DEPTHS, LOOKED_AT, replace=False):
+        value = chart.largest[row, 0]
+        found["cells"] += 1
+        if np.isnan(value):
+            found["blank"] += 1
+            continue
+        exact = multipliers(machine, depths[row])
+        size = max(1.0, abs(exact[0]))
+        wrong = max(abs(abs(value) - abs(exact[0])), np.abs(exact - value).min()) / size
+        found["worst"] = max(found["worst"], wrong)
+        found["above"] += wrong > max(chart.error[row, 0] / size, 1e-8)
+        found["unsafe"] += abs(value) < 1.0 <= abs(exact[0])
+    limit = sharpened_limit(chart, model_of(machine))[0]
+    if np.isfinite(limit):
+        around = [abs(multipliers(machine, limit * factor)[0]) for factor in (1 - NEAR, 1 + NEAR)]
+        found["limit"] = float(around[0] < 1.0 <= around[1])
+    return found
+
+
+def check(cuts: int = CUTS) -> Section:
+    """The section of the table."""
+    rows = [one(seed) for seed in range(cuts)]
+    total = {name: sum(row[name] for row in rows) for name in ("blank", "unsafe", "above", "cells")}
+    limits = [row["limit"] for row in rows if math.isfinite(row["limit"])]
+    bad = [str(seed) for seed, row in enumerate(rows) if row["worst"] > 1e-4 or row["unsafe"] or row["limit"] == 0.0]
+    return Section("Charts of ordinary cutters", (
+        below("largest multiplier, of max(1, modulus)", max(row["worst"] for row in rows), 1e-4,
+              note=f"{total['cells']:.0f} cells, {total['blank']:.0f} blank"),
+        Claim("cells called stable that are not", "0", f"{total['unsafe']:.0f} of {total['cells']:.0f}", total["unsafe"] == 0),
+        Claim("limits within 0.5 %", "all", f"{sum(limits):.0f} of {len(limits)}", sum(limits) == len(limits)),
+        Claim("errors above their estimate", "0", f"{total['above']:.0f} of {total['cells']:.0f}", total["above"] == 0),
+    ), remark=f"{cuts} random cuts of 1 to 8 teeth, a/D 0.02 to 1, 0.1 to 40 oscillations in the cut, up and down, straight "
+              f"and helical, {DEPTHS} depths each."
+              + (f" Missed: seeds {', '.join(bad)}." if bad else ""))
