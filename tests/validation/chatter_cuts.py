@@ -23,7 +23,7 @@ KINDS = ("stable", "neimark_sacker", "flip")
 FAR = (0.95, 1.05)  # |mu| a tooth between which a cut is at the border
 DEGREES = (24, 34)  # of the collocation, which must agree
 AGREE = 1e-6
-DEPTHS, ELEMENTS = 40, 12
+DEPTHS = 40
 SETTLED = 1e-3  # of the motion, that revolutions of a stable cut without noise may still differ by
 UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "force_x": "N"}
 
@@ -57,7 +57,7 @@ def machine(random: np.random.Generator, kind: str) -> tuple[Model, Cut, complex
     speed = 2 * math.pi * natural / (swings * flutes)
     omega, zeta = model.structure.natural_frequency_rad, model.structure.damping_ratio
     depths = 2 * mass * omega**2 * zeta / tangential * np.logspace(-0.5, 1.8, DEPTHS)
-    chart = stability_chart(model, np.array([speed]), depths, elements=ELEMENTS)  # a first look: the likely depths
+    chart = stability_chart(model, np.array([speed]), depths)  # a first look: the likely depths
     likely = np.flatnonzero((chart.classes[:, 0] == CLASSES.index(kind)) & (np.abs(chart.largest[:, 0]) < 2.0))
     if not len(likely):
         return None
