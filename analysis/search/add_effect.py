@@ -17,6 +17,7 @@ from analysis.fit.force_jumps import at_its_jumps
 from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import Observed
+from analysis.fit.plausible import remarks_on
 from analysis.fit.prediction import Plant
 from analysis.fit.spindle_speed import at_modelled_speed
 from analysis.fit.starts import at_a_bound, polish, to_its_end
@@ -110,6 +111,7 @@ class _Step:
     fit: WaveformFit
     bare: WaveformFit
     errors: tuple[RecordError, ...]
+    believed: Model
 
 
 def _with_one_more(plant: Plant, records: Sequence[Observed], model: Model, effect: Effect, catalogue: Mapping[str, Effect],
@@ -129,7 +131,7 @@ def _with_one_more(plant: Plant, records: Sequence[Observed], model: Model, effe
     again = polish(fitter, state_without(with_it.state, effect.name, {effect.name: effect}), rounds=1, iterations=8)
     if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
         fit, before = again, tuple(held_out_errors(fitter, again))
-    return _Step(records, wider, with_it, fit, before)
+    return _Step(records, wider, with_it, fit, before, model)
 
 
 def _told(names: tuple[str, ...], records: Sequence[Observed], before: _Step, fitter: Fitter, fit: WaveformFit,
@@ -140,7 +142,8 @@ def _told(names: tuple[str, ...], records: Sequence[Observed], before: _Step, fi
     result = Addition(names, fit.state.model, pooled(before.errors)[0], pooled(after)[0], pooled(after)[1], before.errors,
                       tuple(after), holds_out(records), found, fit.converged, (), fit, before.bare,
                       tuple(record.name for record in fitter.records if not record.heard), at_bound(fitter.free, found))
-    return replace(result, warnings=(*_warnings(result, fitter, catalogue), *taken_notes(records, fitter.records)))
+    return replace(result, warnings=(*_warnings(result, fitter, catalogue), *taken_notes(records, fitter.records),
+                                     *remarks_on(before.believed, fit.state.model)))
 
 
 def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,

@@ -61,7 +61,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         turned = []
         if found.candidates:  # else no search was made, for what was found before it
             turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
-    stuck, of_the_fit = _of_the_best_fit(found, records, catalogue)
+    stuck, of_the_fit = _of_the_best_fit(found, records, model, catalogue)
     notes = [*notes_on(read, model), *turned, *of_the_fit]
     for note in notes:
         answer.say(note)
@@ -91,9 +91,10 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     answer.finish(said)
 
 
-def _of_the_best_fit(found: Any, records: Any, catalogue: Any) -> tuple[tuple[str, ...], list[str]]:
+def _of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any) -> tuple[tuple[str, ...], list[str]]:
     """(parameters at a bound, notes) of the fit of the best set of effects."""
     from analysis.fit.estimates import at_bound, estimates, said_at_bound
+    from analysis.fit.plausible import remarks_on
     from analysis.fit.taken import taken_notes
     from analysis.search.mark_delay import delay_note
 
@@ -101,7 +102,8 @@ def _of_the_best_fit(found: Any, records: Any, catalogue: Any) -> tuple[tuple[st
     if fitter is None or fit is None:
         return (), []
     stuck = at_bound(fitter.free, estimates(fitter, fit, catalogue))
-    notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit)]
+    notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit),
+             *(note for note in remarks_on(model, fit.state.model) if note.partition(":")[0] not in found.sentence)]
     return stuck, [*notes, *([said_at_bound(stuck)] if stuck else [])]
 
 

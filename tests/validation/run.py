@@ -18,7 +18,7 @@ from pathlib import Path
 from tests.validation.claims import Section
 
 CHECKS = ("published", "multipliers", "engines", "verdicts", "identification", "hammer", "nuisances", "effects", "absorption",
-          "hardware", "diagnosis", "hard_pairs", "decoys", "blind.count", "blind.anywhere", "blind.propose",
+          "hardware", "diagnosis", "hard_pairs", "decoys", "misstated", "blind.count", "blind.anywhere", "blind.propose",
           "outside.agreement", "outside.count", "paper", "score", "bit_flips", "kills", "throughput", "fuzz_readers")
 TARGET = Path(__file__).resolve().parents[2] / "VALIDATION.md"
 HEAD = """# Validation
