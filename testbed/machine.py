@@ -131,7 +131,7 @@ class Model:
     """A machine as believed: `structure`, `cutter` and `cutting` (both absent where nothing is cut), `effects`.
 
     `effects` maps an effect's name to its parameters (SI); the set has no order. `machine` names the folder of
-    `models/` the structure came from, where it came from one.
+    `models/` the structure came from, where it came from one. not_determined: paths of parameters that no record told: guesses.
     """
 
     structure: Structure
@@ -139,6 +139,7 @@ class Model:
     cutting: Cutting | None = None
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     machine: str | None = None
+    not_determined: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         _require((self.cutter is None) == (self.cutting is None), "cutter and cutting stand or fall together")
@@ -146,7 +147,7 @@ class Model:
 
     def __reduce__(self):  # mapping proxies do not pickle
         effects = {name: dict(values) for name, values in self.effects.items()}
-        return (Model, (self.structure, self.cutter, self.cutting, effects, self.machine))
+        return (Model, (self.structure, self.cutter, self.cutting, effects, self.machine, self.not_determined))
 
     def __hash__(self) -> int:
         effects = tuple((name, tuple(values.items())) for name, values in self.effects.items())
@@ -160,7 +161,8 @@ class Model:
         """The same machine without one effect; KeyError if it has none of that name."""
         if name not in self.effects:
             raise KeyError(name)
-        return replace(self, effects={key: value for key, value in self.effects.items() if key != name})
+        return replace(self, effects={key: value for key, value in self.effects.items() if key != name},
+                       not_determined=tuple(path for path in self.not_determined if path.partition(".")[0] != name))
 
     @property
     def limits(self) -> Mapping[str, tuple[float, float]]:

@@ -17,8 +17,9 @@ import numpy as np
 from analysis.comparison.adequacy import Adequacy, adequacy_tests, controlled
 from analysis.estimate import Estimate
 from analysis.fit.doubted_marks import with_marks_doubted
-from analysis.fit.estimates import at_bound, estimates
+from analysis.fit.estimates import at_bound
 from analysis.fit.fit_state import WaveformFit
+from analysis.fit.held_guesses import with_guesses_held
 from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled, pooled_doubt, record_error
 from analysis.fit.model_fit import model_fit
 from analysis.fit.nuisances import Nuisances
@@ -120,6 +121,8 @@ def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
     """Refit the model to all records with every nuisance and say where, and by how much, it fails."""
     records = at_modelled_speed(records, model.effects, catalogue)
     fitter, fit = with_marks_doubted(*model_fit(plant, records, model, catalogue))
+    held = with_guesses_held(fitter, fit, model, catalogue)
+    fitter, fit = held.fitter, held.fit
     errors, held_out = held_out_errors(fitter, fit), holds_out(records)
     rows, tests = [], []
     for index, (record, error) in enumerate(zip(fitter.records, errors, strict=True)):
@@ -132,7 +135,7 @@ def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
         shared = {"mark_angle": mark_angle(fit, model.cutter.pitch if model.cutter else 2 * math.pi),
                   "mark_angle_interval": Z_95 * float(fit.covariance[place, place]) ** 0.5}
     against = against_adequacy(fitter, fit, model, catalogue, overall / noise, pooled_doubt(errors))
-    return Comparison(overall, noise, tuple(rows), shared, estimates(fitter, fit, catalogue), tuple(controlled(tests)),
+    return Comparison(overall, noise, tuple(rows), shared, held.values, tuple(controlled(tests)),
                       fitter, fit, tuple(errors), tuple(against))
 
 

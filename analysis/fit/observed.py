@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.fit.against_force import moves_against
 from analysis.fit.force_window import windowed
 from analysis.fit.nuisances import Nuisances
 from analysis.records.free_decay import spectral_peak
@@ -26,7 +27,7 @@ from testbed.cut import Cut, Sampling
 from testbed.machine import Cutter, Model
 
 DRIFT_ORDER = 3  # offset and slow drift: a polynomial of this many terms, and one more for every
-DRIFT_TIME = 1.0  # s of the record
+DRIFT_TIME, DRIFT_PERIODS = 1.0, 100.0  # s of the record, or as many periods of the structure where they are longer
 MOST_DRIFT = 10  # terms
 SWING = 8  # samples at the least in which a free decay's first large swing is looked for
 OPENING = 12  # revolutions from the entry that an opening holds at the least
@@ -46,7 +47,8 @@ class Observed:
     record at the speed its marks show, left out here. slots: of how many slots of the spindle, all alike, the marks may be any.
     steady_marks: times (s) of all marks, where they show a constant speed. feed_basis: what the cut's feed a tooth comes from:
     it was written so ("tooth"), is what a table leaves that travels as stated ("travel"), or was taken so ("table", from what
-    was written by feed_ratio); a table leaves less where the spindle turns faster than the period says. swung_front: see Cut.
+    was written by feed_ratio); a table leaves less where the spindle turns faster than the period says. swung_front: see Cut. turned:
+    names of channels that moved against the force, whose sign is turned here.
     """
 
     name: str
@@ -80,6 +82,7 @@ class Observed:
     filled: np.ndarray | None = None
     swung_front: bool = False
     length_summed: bool = False
+    turned: tuple[str, ...] = ()
 
     @property
     def forces_only(self) -> bool:
@@ -112,6 +115,11 @@ class Observed:
             return self.cut.feed_per_tooth if self.cut is not None else 1e-4
         place, order, omega = self.motion
         return float(np.std(self.data[place])) / omega**order or 1.0
+
+    @property
+    def main_frequency(self) -> float:
+        """Angular frequency (rad/s) of the strongest motion; by forces alone, that of 100 Hz."""
+        return 2 * math.pi * 100.0 if self.motion is None else self.motion[2]
 
     @property
     def count(self) -> int:
@@ -280,8 +288,9 @@ def drift_basis(samples: int, order: int = DRIFT_ORDER) -> np.ndarray:
     return np.asfortranarray(np.linalg.qr(powers)[0])  # column by column it is projected out twice as fast
 
 
-def _drift_order(duration: float) -> int:
-    return min(MOST_DRIFT, DRIFT_ORDER + int(duration / DRIFT_TIME))
+def _drift_order(duration: float, frequency: float) -> int:
+    """Terms for a record (s) of a structure whose natural frequency (Hz) is this: what is slow is so beside its vibration."""
+    return min(MOST_DRIFT, DRIFT_ORDER + int(duration / max(DRIFT_TIME, DRIFT_PERIODS / frequency)))
 
 
 DERIVATIVES = {"displacement": 0, "velocity": 1, "acceleration": 2}
@@ -315,7 +324,7 @@ def observe(record: Any, model: Model) -> Observed:
         recording.sampling_rate,
         recording.start + first / recording.sampling_rate,
         noise, floors[0].basis,
-        drift_basis(data.shape[1], _drift_order(data.shape[1] / recording.sampling_rate)),
+        drift_basis(data.shape[1], _drift_order(data.shape[1] / recording.sampling_rate, model.structure.natural_frequency)),
         segments,
         condition,
         noise_doubt=floors[0].doubt,
@@ -324,7 +333,8 @@ def observe(record: Any, model: Model) -> Observed:
     )
     if excited:
         drive = next(name for name in record.excitations)
-        return replace(base, force=windowed(np.asarray(recording.channels[drive], dtype=float))[first:last])
+        force = windowed(np.asarray(recording.channels[drive], dtype=float))[first:last]
+        return _with_the_force(replace(base, force=force), force)
     if record.kind == "ring-down":
         return replace(base, force=np.zeros(data.shape[1]))
     ready = _with_clock(base, record, (model.cutter or Cutter()).flutes)
@@ -332,6 +342,14 @@ def observe(record: Any, model: Model) -> Observed:
         # nothing in the record shows the dynamometer's zero, and the mean force speaks of the edge: the zero is believed
         return replace(ready, drift=drift_basis(data.shape[1], 0))
     return ready
+
+
+def _with_the_force(record: Observed, force: np.ndarray) -> Observed:
+    """The driven record with those channels turned that move against the force."""
+    rows = zip(record.channels, record.data, record.noise, strict=True)
+    turned = [moves_against(force, values, record.rate, DERIVATIVES[name], float(noise)) for name, values, noise in rows]
+    names = tuple(name for name, one in zip(record.channels, turned, strict=True) if one)
+    return replace(record, data=np.where(np.array(turned)[:, None], -record.data, record.data), turned=names)
 
 
 def _used(kind: str, segments: Sequence[Segment], recording: Any, name: str, frequency: float) -> tuple[int, int]:

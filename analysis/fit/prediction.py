@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -58,7 +58,9 @@ def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, fl
     variants = [(own.shifted(model), angle, own) for model, angle, own in variants]
     if observed.cut is None:
         states = [(n.displacement, n.velocity) for _, _, n in variants]
-        return plant.predict_driven([m for m, _, _ in variants], states, observed.force, observed.rate, observed.channels)
+        own = [dict(n.states) for _, _, n in variants]
+        more: dict[str, Any] = {"own": own} if any(own) else {}
+        return plant.predict_driven([m for m, _, _ in variants], states, observed.force, observed.rate, observed.channels, **more)
     lines = [observed.timeline(angle, nuisances) for _, angle, nuisances in variants]
     if observed.forces_only:
         variants = [(immovable(model, observed), angle, nuisances) for model, angle, nuisances in variants]

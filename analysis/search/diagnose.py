@@ -23,7 +23,7 @@ from analysis.search.begun_anew import from_believed
 from analysis.search.believed_look import BelievedLook
 from analysis.search.candidate_round import by_noise, candidate_of
 from analysis.search.common_factor import PLAINLY, explained_otherwise, instead_of, written_wrongly
-from analysis.search.diagnosis import COMPLETE, Candidate, Diagnosis, excess, told_of_base, verdict_of
+from analysis.search.diagnosis import COMPLETE, Candidate, Diagnosis, excess, never_nothing, told_of_base, verdict_of
 from analysis.search.forward_search import ROUGH, forward
 from analysis.search.gates import against
 from analysis.search.irregular import followed, irregular
@@ -247,7 +247,7 @@ def _search(
     seen = sorted(path.seen, key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))
     found = verdict_of(path.steps[0], path.end, path.steps, tuple(seen), noise, path.tied)
     found = with_other_form(found, path.form) if path.form is not None else with_form_asked(found, catalogue, say)
-    return replace(found, sentence=f"{found.sentence} {path.hum}") if path.hum else found
+    return replace(found, sentence=f"{found.sentence} {path.hum}") if path.hum else never_nothing(found)
 
 
 def _swung(base: Candidate, plant: Plant, model: Model, catalogue: Mapping[str, Effect],

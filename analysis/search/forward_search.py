@@ -24,8 +24,8 @@ from analysis.fit.taken import asked_again
 from analysis.fit.waveform import Fitter
 from analysis.search.begun_anew import begun_anew, switched_on_too
 from analysis.search.believed_look import BelievedLook
-from analysis.search.candidate_round import CERTAIN, by_noise, candidate_of, certain_candidates, try_candidates
-from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, OtherForm
+from analysis.search.candidate_round import by_noise, candidate_of, certain_candidates, try_candidates
+from analysis.search.diagnosis import ADEQUATE, CERTAIN, COMPLETE, Candidate, OtherForm
 from analysis.search.exchanged import exchanged
 from analysis.search.gates import against, below_a_guess, certain_ones, passing_gates, vanishes
 from analysis.search.law_form import FormsAsked
@@ -158,6 +158,7 @@ def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Eff
         found = sorted((against(one, refitted) for one in found), key=lambda one: -one.delta_bic)
         end = refitted if current is end else settled(refitted, catalogue)
         current, steps = refitted, [*steps[:-1], end]
+        seen = tuple(map(_told, found))
     passing = [one for one in certain_ones(found, current, steps[0], noise) if not vanishes(one, catalogue)]
     tied = tuple(one.effects[-1] for one in passing if tied_with(passing[0], one, current, noise))  # the first with itself
     if not passing or (len(tied) > 1 and current.effects):  # which of them it is, so faint, is not asked beside what is known

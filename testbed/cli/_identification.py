@@ -199,7 +199,8 @@ def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path
 def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catalogue: Any, model_file: object) -> Identified:
     """Fit the whole waveform of every record with the simulator, the parameters of the model's effects too."""
     from analysis.fit.doubted_marks import with_marks_doubted
-    from analysis.fit.estimates import at_bound, estimates
+    from analysis.fit.estimates import at_bound
+    from analysis.fit.held_guesses import with_guesses_held
     from analysis.fit.held_out import errors_in_fit, pooled
     from analysis.fit.model_fit import model_fit
     from analysis.fit.plausible import remarks_on
@@ -208,10 +209,11 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
 
     observed = at_modelled_speed(observed_records(records, model, path, model_file), model.effects, catalogue)
     fitter, fit = with_marks_doubted(*model_fit(plant_of(catalogue), observed, model, catalogue))  # as testbed compare does
+    held = with_guesses_held(fitter, fit, model, catalogue)
+    fitter, fit, found = held.fitter, held.fit, held.values
     chi_square = fit.squares / max(1, sum(residual.size for residual in fit.residuals) - len(fit.names))
     noise = pooled(errors_in_fit(fitter, fit))[1]
     rows = _multipliers_beside(fit.state.model, records, catalogue, path)
-    found = estimates(fitter, fit, catalogue)
     quality = {"chi_square": chi_square, "converged": fit.converged, "noise_floor": noise}
-    return Identified(fit.state.model, found, rows, quality, at_bound(fitter.free, found),
-                      (*taken_notes(observed, fitter.records), *remarks_on(model, fit.state.model)))
+    return Identified(held.model, found, rows, quality, at_bound(fitter.free, found),
+                      (*taken_notes(observed, fitter.records), *remarks_on(model, held.model)))

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from testbed.cli._answer import Answer, progress
-from testbed.cli._options import DEPTH, SPEED, catalogue_of, cutting_model, effects_option, shared
+from testbed.cli._options import DEPTH, SPEED, catalogue_of, cutting_model, effects_option, guesses_note, shared
 from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
@@ -45,6 +45,8 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     folder = output_folder(output)
     speeds, depths = np.array(speed), np.array(depth)
     chart = _with_effects(model, speeds, depths, catalogue, quiet) if model.effects else _linear(model, speeds, depths)
+    for note in (notes := guesses_note(model)):
+        answer.say(note)
     stable = float(np.mean(chart.classes == 0))
     answer.say(f"{len(speed)} x {len(depth)} cells, {stable:.0%} stable")
     unknown = int(np.count_nonzero(np.isnan(chart.largest)))
@@ -54,7 +56,8 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
         answer.say(f"written: {path}")
     answer.finish({"spindle_speed": speeds, "axial_depth_of_cut": depths, "largest_multiplier": chart.largest,
                    "class": [[CLASSES[cell] if cell >= 0 else None for cell in row] for row in chart.classes.tolist()],
-                   "stability_limit": chart.stability_limit(), "stability_limit_lies": chart.limit_lies(), "tests": tests})
+                   "stability_limit": chart.stability_limit(), "stability_limit_lies": chart.limit_lies(), "tests": tests,
+                   "notes": notes})
 
 
 def _linear(model: Any, speeds: Any, depths: Any) -> Any:

@@ -126,6 +126,12 @@ def _layout(catalogue: Mapping[str, Effect]) -> Layout:
     return known[1]
 
 
+def state_place(catalogue: Mapping[str, Effect], path: str) -> int:
+    """The place in Y of an effect's own state, by its path `effect.state`. KeyError where there is none."""
+    effect, _, state = path.partition(".")
+    return _layout(catalogue).state[effect, state]
+
+
 def _geometry(cutter: Cutter, cutting: Cutting, structure: Structure, slices: int, lag: float, corners: np.ndarray,
               slider: tuple[float, float, float]) -> np.ndarray:  # fmt: skip
     """The array G of loop_kernel, but for what `pack` fills in of the cut."""

@@ -16,7 +16,7 @@ from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, compose
 from testbed.engines.grid import STEP_PHASE
 from testbed.engines.measure import asks_rates, measured_channels, senses
-from testbed.engines.packing import fastest_frequency, pack
+from testbed.engines.packing import fastest_frequency, pack, state_place
 from testbed.machine import Model
 
 LARGEST = 3.0  # a swing is followed back no further than to where it was exp(3) times what it is at the first sample
@@ -100,11 +100,13 @@ def predict_driven(
     catalogue: Mapping[str, Effect] | None = None,
     limit: float = math.inf,
     refinement: int = 1,
+    own: Sequence[Mapping[str, float]] = (),
 ) -> np.ndarray:
     """Predicted channels of a structure under a sampled force (N), from states (x, v) at the first sample.
 
     Shape (runs, channels, samples); zeros for `force` make it a free decay; NaN where a step would have to be absurdly short.
-    refinement: how many times as many steps as the engine would choose.
+    refinement: how many times as many steps as the engine would choose. own: of each run, the effects' own states at the first
+    sample by their paths (`second_mode.deflection`), where they are not 0.
     """
     effects = known_effects() if catalogue is None else catalogue
     fastest = max(fastest_frequency(model, effects) for model in models)
@@ -114,6 +116,9 @@ def predict_driven(
     packed = [pack(model, _STILL, effects) for model in models]
     A, P, G, integers, O, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIOY")
     Y[:, :2] = states
+    for row, begun in zip(Y, own, strict=False):
+        for path, value in begun.items():
+            row[state_place(effects, path)] = value
     out = np.zeros((len(models), sk.N_CHANNELS, len(force)))
     kernel = compose(effects, (*FAST, "drive_kernel"))
     kernel.drive_batch(

@@ -89,6 +89,6 @@ def test_what_only_force_y_shows_may_be_left_out_and_is_unknown_where_it_is_reco
     cut, full = stable_cut(2), flexure(second_mode={**MODE, "transverse_ratio": 1.0})
     one, other = (fast.simulate(model, cut, Sampling(12800.0, 200)) for model in (flexure(second_mode=MODE), full))
     np.testing.assert_array_equal(one.channels["displacement"], other.channels["displacement"])
-    names = {channels: {free.path for free in effect_parameters(effect, [SimpleNamespace(channels=channels)])}
+    names = {channels: {free.path for free in effect_parameters(effect, [SimpleNamespace(channels=channels, samples=1000, rate=12800.0)])}
              for channels in (("displacement",), ("force_x", "force_y"))}
     assert names["force_x", "force_y"] - names["displacement",] == {"second_mode.transverse_ratio"}
