@@ -1,8 +1,8 @@
 """Multipliers of a milling cut by another road: Chebyshev collocation of the first-order system, from the forces up.
 
 Shares no code with the analysis: teeth, corners, the force of a helix (Gauss's rule over the height in the cut) and the
-solution operator are written anew (Trefethen 2000, Spectral Methods in MATLAB, chapter 6; Butcher et al. 2004, Int. J. Numer. Meth. Eng.
-59, 895). Everything is computed to rounding, at a cost that no chart could bear.
+solution operator are written anew (Trefethen 2000, Spectral Methods in MATLAB, chapter 6; Butcher et al. 2004, Int. J. Numer.
+Meth. Eng. 59, 895). Everything is computed to rounding, at a cost that no chart could bear.
 """
 
 from __future__ import annotations

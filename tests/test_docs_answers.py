@@ -139,7 +139,7 @@ def _diagnosis():
     tried = Candidate(("helix",), {"helix.angle": 0.1}, 0.1, 0.1, 20.0, True)
     form = OtherForm("quadratic_damping", 2.0, 3.0, 2.9, 3.1, 50.0, 1.01, {"coefficient": 1.0}, ("dry_friction",))
     return Diagnosis("unexplained", ("helix",), "It is.", 0.2, 0.1, 0.1, (tried,), tried, tried, (tried,),
-                     NextTest(1.0, 1e-3, 5.0), ("helix", "sensor_lag"), form)
+                     NextTest(1.0, 1e-3, 5.0), ("helix", "sensor_lag"), form, ("feed", 0.5))
 
 
 def _explanation():

@@ -20,10 +20,11 @@ from analysis.fit.doubted_marks import with_marks_doubted
 from analysis.fit.estimates import at_bound
 from analysis.fit.fit_state import WaveformFit
 from analysis.fit.held_guesses import with_guesses_held
-from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled, record_error
+from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled, pooled_doubt, record_error
 from analysis.fit.model_fit import model_fit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
+from analysis.fit.plausible import against_adequacy
 from analysis.fit.prediction import Plant, predict
 from analysis.fit.spindle_speed import at_modelled_speed
 from analysis.fit.waveform import Fitter
@@ -69,7 +70,10 @@ class RecordComparison:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The whole answer; fit and fitter are kept for the pictures. errors hold the held-out residuals."""
+    """The whole answer; fit and fitter are kept for the pictures. errors hold the held-out residuals.
+
+    against: in words, why little that is left would say nothing for the model.
+    """
 
     error: float
     noise_floor: float
@@ -80,11 +84,12 @@ class Comparison:
     fitter: Fitter
     fit: WaveformFit
     errors: tuple[RecordError, ...]
+    against: tuple[str, ...] = ()
 
     @property
     def adequate(self) -> bool:
-        """Whether nothing but noise is left of any record."""
-        return not any(test.fails for test in self.tests)
+        """Whether nothing but noise is left of any record, by a machine that can be."""
+        return not any(test.fails for test in self.tests) and not self.against
 
     @property
     def silent(self) -> tuple[str, ...]:
@@ -129,8 +134,9 @@ def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
         place = fit.names.index("mark_angle")
         shared = {"mark_angle": mark_angle(fit, model.cutter.pitch if model.cutter else 2 * math.pi),
                   "mark_angle_interval": Z_95 * float(fit.covariance[place, place]) ** 0.5}
+    against = against_adequacy(fitter, fit, model, catalogue, overall / noise, pooled_doubt(errors))
     return Comparison(overall, noise, tuple(rows), shared, held.values, tuple(controlled(tests)),
-                      fitter, fit, tuple(errors))
+                      fitter, fit, tuple(errors), tuple(against))
 
 
 def _record(plant: Plant, record: Observed, error: RecordError, fit: WaveformFit, index: int,

@@ -21,6 +21,7 @@ USUAL = {"N/m^2": "N/mm^2"}
 MOVED, FAR = 1.5, 4.0  # times the believed coefficients, from which that is told, and from which no belief is so far off
 TOGETHER = 1.5  # of the two coefficients' factors, up to which they are one
 BELOW = 0.8  # error over noise floor below which that floor was none
+SAME_CLOCK, OFF_CLOCK = 0.01, 0.05  # relative differences: of speeds that are off alike, and by more than a belt slips
 CHECK = "check the flutes, feed, depth of cut, sampling rate, mass and units written down"
 
 
@@ -54,9 +55,25 @@ def moved_together(before: Model, after: Model) -> float:
 
 def said_moved(factor: float) -> str:
     """In words, what else moves both coefficients by a factor."""
-    return (f"both cutting coefficients came out {factor:.3g} times as believed: so they would if the depth of cut in all records "
-            f"was {factor:.3g} times the stated one, the mass {1.0 / factor:.3g} times, or the coefficients' unit another, and "
-            "these records cannot tell which")
+    return (f"both cutting coefficients came out {factor:.3g} times as believed: so they would if the depth of cut in all "
+            f"records was {factor:.3g} times the stated one, the mass {1.0 / factor:.3g} times, or the coefficients' unit "
+            "another, and these records cannot tell which")
+
+
+def speeds_off(fitter: Fitter, fit: WaveformFit) -> float:
+    """The factor by which the speeds of all cuts are other than stated; 1 where it is little, or differs from cut to cut."""
+    cuts = [(one, own) for one, own in zip(fitter.records, fit.state.nuisances, strict=True) if one.cut is not None]
+    factors = [2.0 * math.pi / one.period * own.speed / one.cut.spindle_speed for one, own in cuts if one.cut is not None]
+    if len(factors) < 2 or max(factors) / min(factors) > 1.0 + SAME_CLOCK:
+        return 1.0
+    return factors[0] if abs(math.log(factors[0])) > OFF_CLOCK else 1.0
+
+
+def said_off(factor: float) -> str:
+    """In words, what it means that all speeds are off by one factor."""
+    return (f"every cut turns at {factor:.4g} times the stated speed: either the spindle speeds are written down wrongly, "
+            f"or the sampling rate was {1.0 / factor:.4g} times the stated one, and all frequencies are {factor:.4g} times too "
+            f"{'high' if factor > 1.0 else 'low'}")
 
 
 def remarks_on(before: Model, after: Model, found: Mapping[str, Estimate] | None = None) -> list[str]:
@@ -74,8 +91,8 @@ def against_adequacy(fitter: Fitter, fit: WaveformFit, believed: Model, catalogu
     """
     said = []
     if ratio < BELOW - 2.0 * doubt:
-        said.append(f"the error is {ratio:.3g} of the noise floor: what was taken for noise is none, so that nothing can be said "
-                    "of what is left")
+        said.append(f"the error is {ratio:.3g} of the noise floor: what was taken for noise is none, so that nothing can be "
+                    "said of what is left")
     found = estimates(fitter, fit, catalogue)
     stuck = [path for path in at_bound(fitter.free, found) if "." not in path]
     odd = unlike_a_machine(fit.state.model, found)
@@ -84,6 +101,8 @@ def against_adequacy(fitter: Fitter, fit: WaveformFit, believed: Model, catalogu
     moved = moved_together(believed, fit.state.model)
     if not odd and abs(math.log(moved)) > math.log(FAR):
         said.append(said_moved(moved))
+    if (factor := speeds_off(fitter, fit)) != 1.0:
+        said.append(said_off(factor))
     return said
 
 

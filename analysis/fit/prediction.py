@@ -20,8 +20,15 @@ STIFF = 100.0  # stiffness over K b from which forces are those of a rigid machi
 class Plant(Protocol):
     """The engine the analysis is handed: variants of one record in, predicted channels (runs, channels, samples) out."""
 
-    predict_cuts: Callable[..., np.ndarray]
-    predict_driven: Callable[..., np.ndarray]
+    @property
+    def predict_cuts(self) -> Callable[..., np.ndarray]:
+        """Variants of a cut."""
+        ...
+
+    @property
+    def predict_driven(self) -> Callable[..., np.ndarray]:
+        """Variants of a structure that a measured force, or nothing, drives."""
+        ...
 
 
 def immovable(model: Model, observed: Observed) -> Model:

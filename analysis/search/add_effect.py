@@ -18,6 +18,7 @@ from analysis.fit.held_guesses import with_guesses_held
 from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import Observed
+from analysis.fit.plausible import remarks_on
 from analysis.fit.prediction import Plant
 from analysis.fit.spindle_speed import at_modelled_speed
 from analysis.fit.starts import at_a_bound, polish, to_its_end
@@ -147,7 +148,8 @@ def _told(names: tuple[str, ...], believed: Model, before: _Step, fitter: Fitter
                       tuple(after), holds_out(records), found, fit.converged, (), fit, before.bare,
                       tuple(record.name for record in fitter.records if not record.heard), at_bound(fitter.free, found),
                       held.held)
-    return replace(result, warnings=(*_warnings(result, fitter, catalogue), *taken_notes(records, fitter.records)))
+    return replace(result, warnings=(*_warnings(result, fitter, catalogue), *taken_notes(records, fitter.records),
+                                     *remarks_on(believed, held.model)))
 
 
 def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,

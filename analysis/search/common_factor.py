@@ -65,16 +65,16 @@ def restatements(records: Sequence[Observed], model: Model) -> Iterator[Restated
     """The usual ways in which one condition of all cuts may have been written down wrongly."""
     if model.cutter is None or all(record.cut is None for record in records):
         return
-    flutes = model.cutter.flutes
+    cutter, flutes = model.cutter, model.cutter.flutes
     own = (float(flutes), 1.0 / flutes)
 
     def of(condition: str, factor: float, told: str, *, teeth: int = flutes, feed: float = 1.0) -> Restated:
         changed = [record if record.cut is None else _restated(record, condition, factor, teeth, feed) for record in records]
-        machine = replace(model, cutter=replace(model.cutter, flutes=teeth))
+        machine = replace(model, cutter=replace(cutter, flutes=teeth))
         return Restated(condition, factor, changed, machine, told)
 
     for factor in _distinct((*own, *TWICE, *TENFOLD, *INCH, *PER_MINUTE)):
-        slip = " (a feed per revolution written as per tooth, or the other way round?)" if flutes > 1 and _is(factor, own) else ""
+        slip = " (a feed per revolution written as per tooth, or the reverse?)" if flutes > 1 and _is(factor, own) else ""
         yield of("feed", factor, f"if the feed per tooth was {_times(factor)} the stated one in all records{slip}, or the "
                                  f"channel of motion reads {_times(1.0 / factor)} what it should")
     for teeth in range(1, min(MOST_FLUTES, max(6, 2 * flutes)) + 1):
@@ -172,7 +172,7 @@ def explained_otherwise(
 
 
 def _by_the_clock(found: Restated, fitted: Model, believed: Model) -> Restated:
-    """A speed or a sampling rate, whichever leaves the natural frequency nearer to what is believed: the records fit as well."""
+    """A speed or a sampling rate, whichever leaves the natural frequency nearer to what is believed: both fit as well."""
     if found.condition not in ("speed", "rate"):
         return found
     factor, other = 1.0 / found.factor, "rate" if found.condition == "speed" else "speed"

@@ -23,24 +23,22 @@ from analysis.search.begun_anew import from_believed
 from analysis.search.believed_look import BelievedLook
 from analysis.search.candidate_round import by_noise, candidate_of
 from analysis.search.common_factor import PLAINLY, explained_otherwise, instead_of, written_wrongly
-from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, excess, never_nothing, told_of_base, verdict_of
+from analysis.search.diagnosis import COMPLETE, Candidate, Diagnosis, excess, never_nothing, told_of_base, verdict_of
 from analysis.search.forward_search import ROUGH, forward
 from analysis.search.gates import against
 from analysis.search.irregular import followed, irregular
-from analysis.search.judged import HOPELESS, as_far_as, of_a_machine
+from analysis.search.judged import HOPELESS, as_far_as, of_a_machine, too_slow
 from analysis.search.law_form import with_form_asked, with_other_form
-from analysis.search.misstated import misstated
+from analysis.search.misstated import contradicted
 from analysis.search.next_test import next_test
 from analysis.search.odd_records import with_odd_records
 from analysis.search.other_way import other_way
 from analysis.search.second_look import looked_again
-from analysis.search.unheard import agreed
 from testbed.effect import Effect
 from testbed.machine import Model
 
 LONG = 16384  # samples of an excited record that are searched
 MOST_EFFECTS = 3
-SUSPECTS = 2  # records, the worst fitted, without which the others are asked whether they agree
 FEWEST = 3  # cuts whose entries are seen, from which the others may be left out
 FEW = 6_000  # simulations of every record that a search is worth which begins with a model that foretells next to nothing
 CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
@@ -59,7 +57,8 @@ def diagnose(
     """Name what the model lacks, `most` effects at the most. Deterministic: no random numbers are drawn.
 
     budget: simulations of every record, after which the search ends with what is known; none of time, so that it always ends
-    at the same place. No verdict stands on values that no machine has. Long excited records are searched in their loudest part; the errors that are told are those of the whole records.
+    at the same place. No verdict stands on values that no machine has.
+    Long excited records are searched in their loudest part; the errors that are told are those of the whole records.
     Where marks show that the speed varies, that is an effect which a model at a constant speed lacks, if the catalogue has it;
     else what the marks show is no fault of the model's, and it is searched at the speed measured.
     """
@@ -207,29 +206,6 @@ def _left_out(names: Sequence[str]) -> str:
             f"motions that begin almost at one place part there: {they} chaotic, or close to it, and a fit may not follow.")
 
 
-def _contradicted(base: Candidate, noise: float, say: Callable[[str], None]) -> Diagnosis | None:
-    """The diagnosis where one record alone contradicts the model, and would not had another condition been written down."""
-    assert base.fitter is not None and base.fit is not None
-    if base.error_where_known <= ADEQUATE * noise:
-        return None
-    fitter, fit = agreed(base.fitter, base.fit)
-    for suspect in base.fit.worst(SUSPECTS):  # the wrong one need not stand out: it has bent the fit to all others
-        if all(record.heard for record in fitter.records):
-            fitter, fit = agreed(base.fitter, base.fit, suspect)
-    strange = [place for place, record in enumerate(fitter.records) if not record.heard]
-    if len(strange) != 1:
-        return None
-    name = fitter.records[strange[0]].name
-    say(f"{name} alone contradicts the model: looking at its conditions")
-    found = misstated(fitter, fit.state, strange[0])
-    if found is None:
-        return None
-    told = candidate_of(fitter, fit, (), None, 1.0)
-    result = verdict_of(told, told, [told], (), noise, ())
-    sentence = f"All records but {name} agree with the model as it is. {found.sentence}"
-    return replace(result, verdict="unexplained", sentence=sentence)
-
-
 def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:
     """A step of the search on parts of the records, fitted to the whole ones."""
     assert step.fitter is not None and step.fit is not None
@@ -259,11 +235,10 @@ def _search(
 ) -> Diagnosis:
     """The rounds of candidates from the base fit and, where much is left, from another beginning. first: a set found before."""
     noise = pooled(base.errors)[1]
-    if slow := _too_slow(base):
+    if slow := too_slow(base):
         return replace(verdict_of(base, base, [base], (), noise, ()), verdict="undecided", sentence=slow)
-    contradicted = _contradicted(base, noise, say)
-    if contradicted is not None:
-        return contradicted
+    if (told := contradicted(base, noise, say)) is not None:
+        return told
     if turned := other_way(base, model, catalogue):
         return replace(verdict_of(base, base, [base], (), noise, ()), verdict="unexplained", sentence=turned)
     begun = [base, *([first] if first is not None else _swung(base, plant, model, catalogue, say))]
@@ -273,15 +248,6 @@ def _search(
     found = verdict_of(path.steps[0], path.end, path.steps, tuple(seen), noise, path.tied)
     found = with_other_form(found, path.form) if path.form is not None else with_form_asked(found, catalogue, say)
     return replace(found, sentence=f"{found.sentence} {path.hum}") if path.hum else never_nothing(found)
-
-
-def _too_slow(base: Candidate) -> str:
-    """In words, which records of a motion were sampled too slowly for the structure's vibration to be told; empty if none."""
-    assert base.fitter is not None and base.fit is not None
-    fastest = base.fit.state.model.structure.natural_frequency
-    slow = [one.name for one in base.fitter.records if one.rate < 2.0 * fastest and not one.forces_only]
-    return (f"{', '.join(slow)}: sampled less than twice in a period of the natural frequency, {fastest:.4g} Hz; such records "
-            "can tell nothing of what the model lacks.") if slow else ""
 
 
 def _swung(base: Candidate, plant: Plant, model: Model, catalogue: Mapping[str, Effect],

@@ -33,7 +33,8 @@ def of_a_machine(found: Diagnosis, believed: Model, catalogue: Mapping[str, Effe
         return found
     below = ratio < BELOW - 2.0 * doubt
     named = f", with {' and '.join(found.effects)}" if found.effects else ""
-    sentence = f"The error is {ratio:.3g} of the noise floor{named}, but that says nothing for the model: {said_against(reasons)}"
+    sentence = (f"The error is {ratio:.3g} of the noise floor{named}, but that says nothing for the model: "
+                f"{said_against(reasons)}")
     told = replace(found, verdict="undecided" if below else "unexplained", effects=(), sentence=sentence, next_test=None,
                    separates=())  # fmt: skip
     return told if found.effects else told_of_base(told)
@@ -58,6 +59,15 @@ def as_far_as(spent: BudgetSpent, plant: Budgeted, records: Sequence[Observed], 
     told = verdict_of(base, base, [base], tuple(spent.seen), noise, ())
     return replace(told, verdict="undecided", effects=(),
                    sentence=f"{allowed} the search ended: {left}{best}. A larger --budget goes on.")
+
+
+def too_slow(base: Candidate) -> str:
+    """In words, which records of a motion were sampled too slowly for the structure's vibration to be told; empty if none."""
+    assert base.fitter is not None and base.fit is not None
+    fastest = base.fit.state.model.structure.natural_frequency
+    slow = [one.name for one in base.fitter.records if one.rate < 2.0 * fastest and not one.forces_only]
+    return (f"{', '.join(slow)}: sampled less than twice in a period of the natural frequency, {fastest:.4g} Hz; such records "
+            "can tell nothing of what the model lacks.") if slow else ""
 
 
 def _without_a_fit(records: Sequence[Observed], sentence: str) -> Diagnosis:

@@ -61,7 +61,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         turned = []
         if found.candidates:  # else no search was made, for what was found before it
             turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
-    stuck, guesses, of_the_fit = _of_the_best_fit(found, records, catalogue)
+    stuck, guesses, of_the_fit = _of_the_best_fit(found, records, model, catalogue)
     notes = [*notes_on(read, model), *turned, *of_the_fit]
     for note in notes:
         answer.say(note)
@@ -93,9 +93,12 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     answer.finish(said)
 
 
-def _of_the_best_fit(found: Any, records: Any, catalogue: Any) -> tuple[tuple[str, ...], tuple[str, ...], list[str]]:
+def _of_the_best_fit(
+    found: Any, records: Any, model: Any, catalogue: Any
+) -> tuple[tuple[str, ...], tuple[str, ...], list[str]]:
     """(parameters at a bound, those not determined, notes) of the fit of the best set of effects."""
     from analysis.fit.estimates import at_bound, estimates, not_determined, said_at_bound, said_not_determined
+    from analysis.fit.plausible import remarks_on
     from analysis.fit.taken import taken_notes
     from analysis.search.mark_delay import delay_note
 
@@ -104,7 +107,8 @@ def _of_the_best_fit(found: Any, records: Any, catalogue: Any) -> tuple[tuple[st
         return (), (), []
     told = estimates(fitter, fit, catalogue)
     stuck, guesses = at_bound(fitter.free, told), not_determined(told)
-    notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit)]
+    notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit),
+             *(note for note in remarks_on(model, fit.state.model) if note.partition(":")[0] not in found.sentence)]
     notes += [said_not_determined(guesses)] if guesses else []
     return stuck, guesses, [*notes, *([said_at_bound(stuck)] if stuck else [])]
 

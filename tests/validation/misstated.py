@@ -22,15 +22,16 @@ from ruamel.yaml import YAML
 from tests.validation.outside.files import write
 from tests.validation.outside.plan import COARSE, Plan, _bearable, _machine, _sensors, _tests, displacement
 
-# condition -> (the word by which an answer names it, how often it is drawn, whether a tachometer may be there)
+# condition -> (the words by which an answer names it, how many campaigns)
 KINDS = {"feed": ("feed", 10), "flutes": ("flute", 8), "rate": ("sampling rate", 6), "speed": ("spindle speed", 5),
-         "depth": ("depth", 5), "mass": ("mass", 4), "coefficient": ("coefficient", 2)}
+         "depth": ("depth of cut", 5), "mass": ("mass", 4), "coefficient": ("coefficients' unit", 2)}
 FEEDS = ("revolution as tooth", "tooth as revolution", 2.0, 0.5, 1 / 25.4)
 RATES = (0.5, 2.0, 10.0 / 12.8, 12.8 / 10.0, 1.25, 0.8)
 SPEEDS = (2.0, 0.5, 2 * np.pi / 60 * 10, 60.0 / 50.0)
 DEPTHS = (2.0, 0.5, 10.0, 25.4, 1 / 25.4)
 FIRST = 300
-SECONDS = 600  # after which an answer counts as none
+WORKERS = 2
+SECONDS = 900  # after which an answer counts as none
 
 
 def plain(seed: int, least_flutes: int, marked: bool | None) -> Plan:
@@ -129,3 +130,30 @@ def told(job: tuple[int, str]) -> dict[str, Any]:
         found = json.loads((folder / "answer.json").read_text())
         return answer | {"verdict": found["verdict"], "effects": found["effects"], "error": found["error"],
                          "said": " ".join([found["sentence"], *found["notes"]])}
+
+
+def named(answer: dict[str, Any]) -> bool:
+    """Whether the answer says which condition is to be checked; of speed and sampling rate either may be first."""
+    if answer["verdict"] == "no answer":
+        return False
+    words = ("spindle speed", "sampling rate") if answer["kind"] in ("speed", "rate") else (KINDS[answer["kind"]][0],)
+    said = answer["said"].replace("sampling_rate", "sampling rate").replace("spindle_speed", "spindle speed")
+    return any(word in said for word in words) and not answer["effects"]
+
+
+def check() -> Section:
+    """All kinds, as often as KINDS says."""
+    kinds = [kind for kind, (_, count) in KINDS.items() for _ in range(count)]
+    with ThreadPoolExecutor(WORKERS) as pool:  # each waits for a process of its own
+        answers = list(pool.map(told, enumerate(kinds, FIRST)))
+    hits, effects = [named(one) for one in answers], [one for one in answers if one["effects"]]
+    silent = [one for one, hit in zip(answers, hits, strict=True) if not hit and not one["effects"]]
+    rows = tuple((str(one["seed"]), one["kind"], one["how"], one["verdict"], "yes" if hit else "no",
+                  " + ".join(one["effects"]) or "none") for one, hit in zip(answers, hits, strict=True))
+    return Section(
+        "A condition written down wrongly in all records, by `testbed diagnose`",
+        (Claim("named as such, no effect beside it", ">= 95 %", f"{sum(hits)} of {len(hits)}", sum(hits) >= 0.95 * len(hits)),
+         Claim("an effect is named", "0", str(len(effects)), not effects),
+         Claim("neither", "told", str(len(silent)), None)),
+        (("Campaign by campaign (written over true)", ("seed", "condition", "how", "verdict", "named", "effects"), rows),),
+        remark="A depth, a mass and the coefficients' unit change nothing but the coefficients: they are named together.")
