@@ -12,6 +12,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
+from tests.validation.claims import Claim, Section
 from tests.validation.outside.files import write
 from tests.validation.outside.plan import COARSE, Plan, _bearable, _machine, _sensors, _tests, displacement
 
