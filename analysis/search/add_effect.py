@@ -146,7 +146,8 @@ def _told(names: tuple[str, ...], believed: Model, before: _Step, fitter: Fitter
     after = held_out_errors(fitter, fit)
     result = Addition(names, held.model, pooled(before.errors)[0], pooled(after)[0], pooled(after)[1], before.errors,
                       tuple(after), holds_out(records), found, fit.converged, (), fit, before.bare,
-                      tuple(record.name for record in fitter.records if not record.heard), at_bound(fitter.free, found), held.held)
+                      tuple(record.name for record in fitter.records if not record.heard), at_bound(fitter.free, found),
+                      held.held)
     return replace(result, warnings=(*_warnings(result, fitter, catalogue), *taken_notes(records, fitter.records),
                                      *remarks_on(believed, held.model)))
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
+from tests.validation.claims import Claim, Section
 from tests.validation.outside.files import write
 from tests.validation.outside.plan import COARSE, Plan, _bearable, _machine, _sensors, _tests, displacement
 

@@ -19,8 +19,8 @@ from tests.validation.claims import Section
 
 CHECKS = ("published", "multipliers", "engines", "verdicts", "identification", "hammer", "nuisances", "effects", "absorption",
           "hardware", "diagnosis", "hard_pairs", "decoys", "misstated", "blind.count", "blind.anywhere", "blind.faint",
-          "blind.propose", "outside.agreement", "outside.count", "paper", "score", "bit_flips", "kills", "throughput", "fuzz_readers",
-          "vendor_files")
+          "blind.propose", "outside.agreement", "outside.count", "paper", "score", "bit_flips", "kills", "throughput",
+          "fuzz_readers", "vendor_files")
 TARGET = Path(__file__).resolve().parents[2] / "VALIDATION.md"
 HEAD = """# Validation
 
