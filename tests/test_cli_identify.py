@@ -18,7 +18,7 @@ from tests.campaign_files import BELIEVED, TRUE
 from tests.shell import Shell
 from tests.synthetic_campaign import synthetic_campaign
 
-LONG, SHORT = (10, 40, 30), (10, 4, 60)  # revolutions of idling, cutting, ringing down
+LONG, SHORT, SILENT = (10, 40, 30), (10, 4, 60), (10, 40, 0)  # revolutions of idling, cutting, ringing down
 TESTS = ((3810, 2.9), (2850, 2.9), (4200, 1.5))
 EFFECT, PATH, STRENGTH = "process_damping", "process_damping.coefficient", 6.0e5
 
@@ -75,12 +75,22 @@ def test_multipliers_that_a_linear_machine_explains_by_half_are_told(testbed):
 
 
 def test_a_parameter_at_the_end_of_the_range_searched_is_told(testbed):
-    """No frequency about the believed one explains these cuts: the damping goes as low as it may."""
-    write_campaign(Path(), cuts(LONG, LONG, LONG), BELIEVED.with_values({"natural_frequency": 220.0}))
+    """No frequency about the believed one explains these cuts, and no decay tells another: the damping goes to its end."""
+    write_campaign(Path(), cuts(SILENT, SILENT, SILENT), BELIEVED.with_values({"natural_frequency": 220.0}))
     found = testbed.json("identify", "campaign.yaml", "-m", "model.yaml")
     assert found["at_bound"] == ["damping_ratio"] and found["parameters"]["damping_ratio"]["value"] < 1e-5
     (note,) = [note for note in found["notes"] if note.startswith("damping_ratio at the end of the range searched: ")]
     assert "from 0.8 to 1.25 of that frequency, from 0.01 to 100 of the coefficients" in note and f"{note}\n" in testbed.err
+
+
+def test_a_frequency_that_every_free_decay_contradicts_is_taken_from_them(testbed):
+    """926.8 Hz believed, 146.42 Hz rings after every cut: of the many frequencies that multipliers have, one is near."""
+    write_campaign(Path(), cuts(LONG, LONG, LONG), BELIEVED.with_values({"natural_frequency": 926.8}))
+    found = testbed.json("identify", "campaign.yaml", "-m", "model.yaml")
+    assert found["parameters"]["natural_frequency"]["value"] == pytest.approx(146.42, rel=2e-3)
+    coefficient = found["parameters"]["tangential_coefficient"]
+    assert coefficient["low"] < TRUE.cutting.tangential_coefficient < coefficient["high"] < 2.0 * coefficient["low"]
+    assert any(note.startswith("the free decays ring at 146.") and "926.8 Hz" in note for note in found["notes"])
 
 
 def test_the_ends_of_the_ranges_are_those_of_the_search(monkeypatch):

@@ -27,7 +27,7 @@ from analysis.search.diagnosis import COMPLETE, Candidate, Diagnosis, excess, ne
 from analysis.search.forward_search import ROUGH, forward
 from analysis.search.gates import against
 from analysis.search.irregular import followed, irregular
-from analysis.search.judged import HOPELESS, as_far_as, of_a_machine, too_slow
+from analysis.search.judged import as_far_as, foretells_little, of_a_machine, too_slow
 from analysis.search.law_form import with_form_asked, with_other_form
 from analysis.search.misstated import contradicted
 from analysis.search.next_test import next_test
@@ -40,7 +40,7 @@ from testbed.machine import Model
 LONG = 16384  # samples of an excited record that are searched
 MOST_EFFECTS = 3
 FEWEST = 3  # cuts whose entries are seen, from which the others may be left out
-FEW = 6_000  # simulations of every record that a search is worth which begins with a model that foretells next to nothing
+FEW = 15_000  # simulations of every record that a search is worth which begins with a model that foretells little
 CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
 
 
@@ -111,7 +111,7 @@ def _diagnosed(plant: Budgeted, records: Sequence[Observed], model: Model, catal
     if all(part is record for part, record in zip(parts, records, strict=True)):
         base = base or _as_believed(plant, records, model, catalogue, say)
         plant.known = plant.known or base
-        if base.error_fit > HOPELESS:
+        if foretells_little(base):
             plant.allow(FEW)
         restated = explained_otherwise(base, model, catalogue, say)
         if restated is not None and base.error_where_known > PLAINLY * (noise := pooled(base.errors)[1]):

@@ -11,13 +11,14 @@ import numpy as np
 from analysis.fit.budget import Budgeted, BudgetSpent
 from analysis.fit.held_out import pooled, pooled_doubt
 from analysis.fit.observed import Observed
-from analysis.fit.plausible import BELOW, against_adequacy, said_against
+from analysis.fit.plausible import BELOW, against_adequacy, said_against, unlike_a_machine
+from analysis.fit.starts import at_a_bound
 from analysis.search.candidate_round import by_noise
 from analysis.search.diagnosis import Candidate, Diagnosis, told_of_base, verdict_of
 from testbed.effect import Effect
 from testbed.machine import Model
 
-HOPELESS = 0.75  # error in the fit from which the model foretells next to nothing of the records
+POOR, HOPELESS = 0.3, 0.75  # errors in the fit of a model that foretells little of the records, and next to nothing
 
 
 def of_a_machine(found: Diagnosis, believed: Model, catalogue: Mapping[str, Effect]) -> Diagnosis:
@@ -40,6 +41,15 @@ def of_a_machine(found: Diagnosis, believed: Model, catalogue: Mapping[str, Effe
     return told if found.effects else told_of_base(told)
 
 
+def foretells_little(base: Candidate) -> bool:
+    """Whether hardly a search is worth it: the base fit leaves most of the motion, or much by a machine that cannot be."""
+    if base.fit is None or base.fitter is None or base.error_fit > HOPELESS:
+        return True
+    machine = base.fit.state.model
+    cannot_be = not base.fit.converged or at_a_bound(base.fitter.free, machine) or bool(unlike_a_machine(machine))
+    return cannot_be and base.error_fit > POOR
+
+
 def as_far_as(spent: BudgetSpent, plant: Budgeted, records: Sequence[Observed], say: Callable[[str], None]) -> Diagnosis:
     """What is known when the budget is spent: the base fit, and the sets of effects that were tried in full by then."""
     say("the budget is spent")
@@ -51,9 +61,9 @@ def as_far_as(spent: BudgetSpent, plant: Budgeted, records: Sequence[Observed], 
     noise = pooled(base.errors)[1]
     seen = sorted((one for one in spent.seen if one.fit is not None), key=lambda one: one.error_held_out)
     left = f"the believed model leaves {base.error_where_known / noise:.3g} times the noise floor"
-    if base.error_fit > HOPELESS:
-        left += (f", {base.error_fit:.0%} of the motion itself: it foretells next to nothing of these records, which may be of "
-                 "other conditions, or of no cut at all")
+    if foretells_little(base):
+        left += (f", {base.error_fit:.0%} of the motion itself: it foretells little of these records, which may be of other "
+                 "conditions, or of no cut at all")
     best = f"; of what was tried, {' + '.join(seen[0].effects)} leaves least, {seen[0].error_held_out / noise:.3g} times" \
         if seen else ""
     told = verdict_of(base, base, [base], tuple(spent.seen), noise, ())

@@ -16,7 +16,7 @@ MOTIONS = ("displacement", "velocity", "acceleration")
 FAR_OFF = 0.2  # relative difference from which a decay is another mode's, or the belief is wrong,
 FEWEST_ALIKE, MOST_OF = 2, 0.6  # if so many decays, and such a share of them, ring within
 RING_ALIKE = 0.05  # of one frequency; what multipliers find beyond that of where the structure rings contradicts it
-CONTRADICTED = "the free decays ring"
+CONTRADICTED = "nothing is identified: the free decays ring"
 RATIO_DOUBT = 0.2  # standard error of the logarithm of the coefficients' ratio that a model is believed to have
 
 
@@ -118,7 +118,7 @@ def _of_the_decays(believed: Any, start: Any, found: Any) -> tuple[str, ...]:
     if abs(rings / was - 1.0) >= FAR_OFF:
         said.append(f"the free decays ring at {rings:.4g} Hz, where the model has {was:.4g} Hz: identified from theirs")
     if start != believed and abs(now / rings - 1.0) > RING_ALIKE:
-        said.append(f"{CONTRADICTED} at {rings:.4g} Hz, the multipliers would have {now:.4g} Hz: nothing is identified; "
+        said.append(f"{CONTRADICTED} at {rings:.4g} Hz, the multipliers would have {now:.4g} Hz; "
                     "try --method waveform, and look at the records with testbed inspect")
     return tuple(said)
 

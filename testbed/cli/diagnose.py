@@ -93,9 +93,8 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     answer.finish(said)
 
 
-def _of_the_best_fit(
-    found: Any, records: Any, model: Any, catalogue: Any
-) -> tuple[tuple[str, ...], tuple[str, ...], list[str]]:
+def _of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
+                     ) -> tuple[tuple[str, ...], tuple[str, ...], list[str]]:  # fmt: skip
     """(parameters at a bound, those not determined, notes) of the fit of the best set of effects."""
     from analysis.fit.estimates import at_bound, estimates, not_determined, said_at_bound, said_not_determined
     from analysis.fit.plausible import remarks_on
