@@ -1,8 +1,8 @@
 """Multipliers of a milling cut by another road: Chebyshev collocation of the first-order system, from the forces up.
 
 Shares no code with the analysis: teeth, corners, the force of a helix (Gauss's rule over the height in the cut) and the
-solution operator are written anew (Trefethen 2000, Spectral Methods in MATLAB, chapter 6; Butcher et al. 2004, Int. J. Numer. Meth. Eng.
-59, 895). Everything is computed to rounding, at a cost that no chart could bear.
+solution operator are written anew (Trefethen 2000, Spectral Methods in MATLAB, chapter 6; Butcher et al. 2004, Int. J. Numer.
+Meth. Eng. 59, 895). Everything is computed to rounding, at a cost that no chart could bear.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ class Milling:
         lag, total = self.lag(depth), 0.0
         for number in range(self.teeth):
             tip = (entry + turned + 2 * math.pi * number / self.teeth - entry) % (2 * math.pi) + entry
-            for theta in (tip, tip + 2 * math.pi):  # a long helix may still cut from the turn before
+            turns = math.floor((leave + lag - tip) / (2 * math.pi)) + 1  # a long helix may still cut from turns before
+            for theta in (tip + 2 * math.pi * turn for turn in range(max(turns, 1))):
                 if lag == 0.0:
                     if entry < theta < leave:
                         total += depth * self._law(np.array([theta]))[0]
