@@ -14,8 +14,9 @@ import numpy as np
 from testbed.cut import Cut
 from testbed.manifest import Feed, Kind, ManifestEntry, RecordEntry, check_channels, sources
 from testbed.problem import InputProblem
-from testbed.readers import checks, has_variables, neighbours, read_table
+from testbed.readers import Table, checks, has_variables, neighbours, read_table
 from testbed.readers.assemble import assemble
+from testbed.readers.join import joined
 from testbed.recording import Recording
 from testbed.yaml_text import Document, load, validate
 
@@ -191,16 +192,21 @@ def _record(
         raise document.problem(
             (*place, "to"), f"to ({entry.to:g} s) is not after from ({entry.from_:g} s)", "correct them"
         )
-    file = home / (manifest.folder or "") / entry.file
-    try:
-        table = read_table(file, skip_rows=shared["skip_rows"] or 0, delimiter=shared["delimiter"], key=shared["key"])
-    except InputProblem:
-        if not os.path.exists(file):
-            do = _instead(file, home) or "check the path in campaign.yaml"
-            raise document.problem((*place, "file"), f"no such file {entry.file}", do) from None
-        raise
+    folder = home / (manifest.folder or "")
+    file = folder / entry.file
+    tables: dict[tuple[str, str | None], Table] = {}
+    of: dict[str, tuple[str, str | None]] = {}
+    for channel, source in channels.items():
+        of[channel] = (source.file or entry.file, source.key or shared["key"])
+        above = place if channel in entry.channels else ()
+        at = place if source.file is None else (*above, "channels", channel)
+        if of[channel] not in tables:
+            tables[of[channel]] = _table(document, (*at, "file"), folder, *of[channel], home, shared)
     if entry.key is not None and not has_variables(file):
         raise document.problem((*place, "key"), f"{entry.file} has no variables that a key could name", "remove `key`")
+    table = tables.get((entry.file, shared["key"]), next(iter(tables.values())))
+    if len(tables) > 1:
+        table, channels = joined(table, channels, {channel: tables[of[channel]] for channel in channels}, time)
     optional: tuple[str, ...] = () if entry.kind == "cut" else ("tachometer",)
     if entry.kind == "ring-down":
         optional += tuple(channel for channel in channels if channel.startswith("force"))
@@ -220,6 +226,26 @@ def _record(
     checks.long_enough(file, name, recording, conditions["spindle_speed"] if entry.kind == "cut" else None)
     extra = checks.plausible_notes(recording, conditions)
     return Record(name, entry.kind, recording, MappingProxyType(conditions), (*notes, *extra), file, shared["feed"])
+
+
+def _table(
+    document: Document,
+    place: tuple[str | int, ...],
+    folder: Path,
+    name: str,
+    key: str | None,
+    home: Path,
+    shared: dict[str, Any],
+) -> Table:
+    """The table of a file that the manifest names at `place`. Raises InputProblem."""
+    file = folder / name
+    try:
+        return read_table(file, skip_rows=shared["skip_rows"] or 0, delimiter=shared["delimiter"], key=key)
+    except InputProblem:
+        if not os.path.exists(file):
+            do = _instead(file, home) or "check the path in campaign.yaml"
+            raise document.problem(place, f"no such file {name}", do) from None
+        raise
 
 
 def _instead(file: Path, home: Path) -> str:

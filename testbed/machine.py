@@ -14,6 +14,12 @@ from typing import Any, Literal
 Direction = Literal["up-milling", "down-milling"]
 MOST_FLUTES = 100  # of any cutter
 DIRECTIONS: tuple[Direction, ...] = ("up-milling", "down-milling")
+# Where no machine is. K_t is a specific cutting energy: foams and woods take some 50 N/mm^2, hardened steel at the thinnest
+# chips below 1e5 N/mm^2. The rake face is pushed, never pulled, by the chip, and with a friction and a rake that no tool has
+# K_n comes to twice K_t (Altintas 2012, Manufacturing Automation, section 2.3). Bare metal that rings loses 1e-5 of critical.
+LEAST_TANGENTIAL_N_PER_M2, MOST_TANGENTIAL_N_PER_M2 = 5e7, 1e11
+LEAST_NORMAL_OVER_TANGENTIAL, MOST_NORMAL_OVER_TANGENTIAL = 0.0, 2.0
+LEAST_DAMPING_RATIO, MOST_DAMPING_RATIO = 1e-5, 0.5
 
 
 def _require(condition: bool, message: str) -> None:
@@ -125,7 +131,7 @@ class Model:
     """A machine as believed: `structure`, `cutter` and `cutting` (both absent where nothing is cut), `effects`.
 
     `effects` maps an effect's name to its parameters (SI); the set has no order. `machine` names the folder of
-    `models/` the structure came from, where it came from one.
+    `models/` the structure came from, where it came from one. not_determined: paths of parameters that no record told: guesses.
     """
 
     structure: Structure
@@ -133,6 +139,7 @@ class Model:
     cutting: Cutting | None = None
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     machine: str | None = None
+    not_determined: tuple[str, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         _require((self.cutter is None) == (self.cutting is None), "cutter and cutting stand or fall together")
@@ -140,7 +147,7 @@ class Model:
 
     def __reduce__(self):  # mapping proxies do not pickle
         effects = {name: dict(values) for name, values in self.effects.items()}
-        return (Model, (self.structure, self.cutter, self.cutting, effects, self.machine))
+        return (Model, (self.structure, self.cutter, self.cutting, effects, self.machine, self.not_determined))
 
     def __hash__(self) -> int:
         effects = tuple((name, tuple(values.items())) for name, values in self.effects.items())
@@ -154,7 +161,18 @@ class Model:
         """The same machine without one effect; KeyError if it has none of that name."""
         if name not in self.effects:
             raise KeyError(name)
-        return replace(self, effects={key: value for key, value in self.effects.items() if key != name})
+        return replace(self, effects={key: value for key, value in self.effects.items() if key != name},
+                       not_determined=tuple(path for path in self.not_determined if path.partition(".")[0] != name))
+
+    @property
+    def limits(self) -> Mapping[str, tuple[float, float]]:
+        """Where machines are, by parameter (SI): outside of that, a value says that something else is wrong."""
+        found = {"damping_ratio": (LEAST_DAMPING_RATIO, MOST_DAMPING_RATIO)}
+        if self.cutting is not None:
+            size = max(self.cutting.tangential_coefficient, LEAST_TANGENTIAL_N_PER_M2)
+            found |= {"tangential_coefficient": (LEAST_TANGENTIAL_N_PER_M2, MOST_TANGENTIAL_N_PER_M2),
+                      "normal_coefficient": (LEAST_NORMAL_OVER_TANGENTIAL * size, MOST_NORMAL_OVER_TANGENTIAL * size)}
+        return found
 
     def value(self, path: str) -> float:
         """A parameter by its path: `natural_frequency`, `tangential_coefficient`, `process_damping.coefficient`."""

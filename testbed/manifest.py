@@ -8,10 +8,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
+from testbed.channel_units import channel_unit
 from testbed.machine import MOST_FLUTES
 from testbed.readers.source import Source, base_name
+from testbed.readers.table import NO_SPECTRA
 from testbed.recording import CHANNEL_UNITS
-from testbed.units import UnitProblem, channel_unit, parse_quantity, refuse_decimal_comma, spelled
+from testbed.units import UnitProblem, parse_quantity, refuse_decimal_comma, spelled
 from testbed.yaml_text import SAMPLING_RATE, Document, Strict, above_zero, at_least_zero, did_you_mean, quantity
 
 Kind = Literal["cut", "ring-down", "excited", "idle"]
@@ -96,6 +98,11 @@ def _column(value: object) -> int | str | None:
     return value
 
 
+def _key(value: object) -> object:
+    """A key; the number of a capture may stand without quotes."""
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
 def _scale(value: object) -> float:
     """A factor; of 0 no channel would be left. Raises UnitProblem."""
     number = isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 < abs(value) < 1e300
@@ -112,6 +119,8 @@ class ChannelEntry(Strict):
     scale: Annotated[float, BeforeValidator(_scale)] | None = None
     pulses_per_revolution: Annotated[int, BeforeValidator(_whole)] | None = None
     edge: Literal["rising", "falling"] | None = None
+    file: str | None = None
+    key: Annotated[str | None, BeforeValidator(_key)] = None
 
 
 def _unless_none(value: object) -> object:
@@ -136,7 +145,7 @@ class _Conditions(Strict):
     length_cut_before: quantity("m", at_least_zero) | None = None  # type: ignore[valid-type]
     skip_rows: Annotated[int, BeforeValidator(_rows)] | None = None
     delimiter: str | None = None
-    key: str | None = None
+    key: Annotated[str | None, BeforeValidator(_key)] = None
 
 
 class RecordEntry(_Conditions):
@@ -175,13 +184,19 @@ def check_channels(document: Document, manifest: ManifestEntry) -> None:
     places += [(("records", index, "channels"), record.channels) for index, record in enumerate(manifest.records)]
     for path, channels in places:
         for name, entry in channels.items():
+            if name in ("frequency", "real", "imaginary"):
+                what = f"'{name}' is no channel of a record: {NO_SPECTRA}"
+                raise document.problem((*path, name), what, "give the time record")
             if base_name(name) not in CHANNELS:
                 raise document.problem((*path, name), f"unknown channel '{name}'", did_you_mean(name, CHANNELS))
             if isinstance(entry, ChannelEntry) and entry.unit is not None:
                 try:
-                    channel_unit(entry.unit)
+                    channel_unit(entry.unit, CHANNEL_UNITS.get(base_name(name), "s"))
                 except UnitProblem as problem:
                     raise document.problem((*path, name, "unit"), problem.what, problem.do) from None
+            if name == "time" and isinstance(entry, ChannelEntry) and (entry.file or entry.key):
+                do = "every file has its own time column: remove them"
+                raise document.problem((*path, name), "'time' has file or key", do)
             if name != "tachometer" and isinstance(entry, ChannelEntry) and (entry.pulses_per_revolution or entry.edge):
                 raise document.problem(
                     (*path, name), f"'{name}' has pulses_per_revolution or edge", "these belong to the tachometer"

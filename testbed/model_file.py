@@ -12,8 +12,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,7 +22,7 @@ from testbed.atomic import write_text
 from testbed.catalogue import catalogue as known_effects
 from testbed.catalogue import unknown_effect
 from testbed.effect import Effect
-from testbed.machine import MOST_FLUTES, Cutter, Cutting, Direction, Model, Structure, radial_immersion_fraction
+from testbed.machine import BASE_UNITS, MOST_FLUTES, Cutter, Cutting, Direction, Model, Structure, radial_immersion_fraction
 from testbed.problem import InputProblem
 from testbed.units import UnitProblem, format_quantity, parse_quantity
 from testbed.yaml_text import Document, Path_, Strict, above_zero, did_you_mean, in_unit, load, parse, validate
@@ -76,6 +76,7 @@ class _ModelFile(Strict):
     cutter: Any = None
     cutting: Any = None
     effects: Any = None
+    not_determined: list[str] = []
 
 
 def machines() -> tuple[str, ...]:
@@ -115,14 +116,28 @@ def model_from(document: Document, path: Path_ = (), catalogue: Mapping[str, Eff
         there, absent = ("cutter", "cutting") if parts.cutting is None else ("cutting", "cutter")
         raise document.problem(path, f"{there} without {absent}", f"add {absent}, or remove both")
     effects = _effects(document, (*path, "effects"), known_effects() if catalogue is None else catalogue)
+    guesses = tuple(parts.not_determined)
     if parts.cutter is None:
-        return Model(structure, effects=effects, machine=machine)
+        return _with_guesses(document, path, Model(structure, effects=effects, machine=machine), guesses)
     cutter = validate(document, _Cutter, (*path, "cutter"))
     if not 1 <= cutter.flutes <= MOST_FLUTES:
         wrong = "must be at least 1" if cutter.flutes < 1 else "is more than any cutter has"
         raise document.problem((*path, "cutter", "flutes"), f"'{cutter.flutes}' {wrong}", f"give 1 to {MOST_FLUTES}")
-    return Model(structure, Cutter(cutter.flutes, cutter.diameter, cutter.helix_angle),
-                 _cutting(document, (*path, "cutting"), cutter.diameter), effects, machine)
+    model = Model(structure, Cutter(cutter.flutes, cutter.diameter, cutter.helix_angle),
+                  _cutting(document, (*path, "cutting"), cutter.diameter), effects, machine)
+    return _with_guesses(document, path, model, guesses)
+
+
+def _with_guesses(document: Document, path: Path_, model: Model, guesses: tuple[str, ...]) -> Model:
+    """The model with the parameters named that no record told; each must be one of its own."""
+    for place, name in enumerate(guesses):
+        try:
+            model.value(name)
+        except KeyError:
+            known = [*BASE_UNITS, *(f"{effect}.{one}" for effect, values in model.effects.items() for one in values)]
+            raise document.problem((*path, "not_determined", place), f"'{name}' is no parameter of this model",
+                                   did_you_mean(name, known)) from None
+    return replace(model, not_determined=guesses)
 
 
 def _structure(document: Document, path: Path_) -> tuple[Structure, str | None]:
@@ -220,6 +235,8 @@ def model_text(model: Model, catalogue: Mapping[str, Effect] | None = None) -> s
                   "cutting:", f"  direction: {cutting.direction}", f"  immersion: {_exact(cutting.immersion, '1')}",
                   f"  tangential_coefficient: {_exact(cutting.tangential_coefficient, 'N/mm^2')}",
                   f"  normal_coefficient: {_exact(cutting.normal_coefficient, 'N/mm^2')}"]
+    if model.not_determined:
+        lines.append(f"not_determined: [{', '.join(model.not_determined)}]  # no record told these: they are guesses")
     if not model.effects:
         return "\n".join(lines) + "\n"
     known = known_effects() if catalogue is None else catalogue
@@ -252,9 +269,10 @@ def _exact(value: float, unit: str) -> str:
     return format_quantity(value, unit, digits=None)
 
 
-def write_model(model: Model, path: str | Path, catalogue: Mapping[str, Effect] | None = None) -> None:
-    """Write model.yaml, whole or not at all. InputProblem where the place cannot be written."""
-    write_text(path, model_text(model, catalogue))
+def write_model(model: Model, path: str | Path, catalogue: Mapping[str, Effect] | None = None,
+                remarks: Sequence[str] = ()) -> None:
+    """Write model.yaml, whole or not at all, with remarks as comments above. InputProblem where the place cannot be written."""
+    write_text(path, "".join(f"# {one}\n" for one in remarks) + model_text(model, catalogue))
 
 
 def model_from_text(text: str, name: str = "model", catalogue: Mapping[str, Effect] | None = None) -> Model:

@@ -17,23 +17,25 @@ _INCH, _POUND_FORCE, _STANDARD_GRAVITY = 0.0254, 4.4482216152605, 9.80665
 # One line a dimension: its SI unit, then every unit text that is known for it with the factor to SI.
 TABLE: dict[str, dict[str, float]] = {
     "1": {"1": 1.0, "%": 1e-2},
-    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": _INCH, "mil": _INCH * 1e-3},
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": _INCH, "ft": 12 * _INCH, "mil": _INCH * 1e-3},
     "m/tooth": {"m/tooth": 1.0, "mm/tooth": 1e-3, "um/tooth": 1e-6, "in/tooth": _INCH},
-    "m/s": {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6, "in/s": _INCH, "m/min": 1 / 60, "mm/min": 1e-3 / 60},
-    "m/s^2": {"m/s^2": 1.0, "mm/s^2": 1e-3, "g": _STANDARD_GRAVITY, "mg": _STANDARD_GRAVITY * 1e-3},
+    "m/s": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6, "in/s": _INCH, "ft/s": 12 * _INCH, "m/min": 1 / 60,
+            "mm/min": 1e-3 / 60},
+    "m/s^2": {"m/s^2": 1.0, "cm/s^2": 1e-2, "mm/s^2": 1e-3, "um/s^2": 1e-6, "in/s^2": _INCH, "ft/s^2": 12 * _INCH,
+              "g": _STANDARD_GRAVITY, "mg": _STANDARD_GRAVITY * 1e-3},
     "kg": {"kg": 1.0, "gram": 1e-3, "lb": 0.45359237},
-    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
-    "Hz": {"Hz": 1.0, "kHz": 1e3, "1/s": 1.0, "S/s": 1.0, "kS/s": 1e3},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},
+    "Hz": {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "1/s": 1.0, "S/s": 1.0, "kS/s": 1e3, "MS/s": 1e6},
     "rad/s": {"rad/s": 1.0, "rpm": _TURN / 60.0, "rev/min": _TURN / 60.0, "rev/s": _TURN, "deg/s": _TURN / 360.0},
     "rad": {"rad": 1.0, "mrad": 1e-3, "deg": _TURN / 360.0},
-    "N": {"N": 1.0, "kN": 1e3, "mN": 1e-3, "lbf": _POUND_FORCE},
+    "N": {"N": 1.0, "daN": 10.0, "kN": 1e3, "mN": 1e-3, "lbf": _POUND_FORCE, "kgf": _STANDARD_GRAVITY},
     "N/m": {"N/m": 1.0, "N/mm": 1e3, "kN/m": 1e3, "MN/m": 1e6, "N/um": 1e6, "kN/mm": 1e6},
     "N/m^2": {"N/m^2": 1.0, "N/mm^2": 1e6, "kN/m^2": 1e3, "Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
     "N/m^3": {"N/m^3": 1.0, "N/mm^3": 1e9},
     "N s/m": {"N s/m": 1.0, "N s/mm": 1e3, "kg/s": 1.0},
     "N s^2/m^2": {"N s^2/m^2": 1.0, "N s^2/mm^2": 1e6, "kg/m": 1.0},
     "1/m": {"1/m": 1.0, "1/mm": 1e3},
-    "V": {"V": 1.0, "mV": 1e-3},
+    "V": {"V": 1.0, "mV": 1e-3, "uV": 1e-6},
     "revolutions": {"revolutions": 1.0, "revolution": 1.0, "rev": 1.0},
     "passes": {"passes": 1.0, "pass": 1.0},
 }
@@ -48,7 +50,6 @@ _WORDS = {"inch": "in", "inches": "in", "thou": "mil", "mils": "mil", "kilogram"
           "micrometres": "um", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
           "meter": "m", "metre": "m", "meters": "m", "metres": "m", "second": "s", "seconds": "s", "newton": "N",
           "newtons": "N", "hertz": "Hz", "percent": "%", "": "1", "-": "1"}
-_UNCALIBRATED = ("counts", "count", "fs", "a.u.", "au", "arbitrary")
 _EXAMPLES = ("um", "mm", "m/s", "m/s^2", "g", "N", "V", "rad", "deg", "Hz", "rpm", "s")
 # an SI unit of an effect's parameter: products, one quotient, powers
 _SI_FACTOR = r"(?:1|m|kg|s|N|rad|Hz|Pa|J|W|V|A|K)(?:\^-?\d+(?:\.\d+)?)?"
@@ -102,11 +103,6 @@ def unit_named(text: str) -> Unit:
         hint = f"did you mean {close}? " if close else ""
         raise UnitProblem(f"unknown unit '{text}'", f"{hint}known are for example {', '.join(_EXAMPLES)}")
     return Unit(unit, *_SI_OF[unit])
-
-
-def channel_unit(text: str) -> Unit:
-    """The unit of a measured channel, which may also be said to be uncalibrated: counts, full scale, arbitrary units."""
-    return unit_named("1" if text.strip().lower() in _UNCALIBRATED else text)
 
 
 def is_si_unit(text: str) -> bool:

@@ -20,17 +20,24 @@ def channels_of(data, record):
     return found
 
 
+def _files(data, record):
+    """The file of every channel of a record."""
+    return {channel: one.get("file", record["file"]) if one != "none" else record["file"]
+            for channel, one in channels_of(data, record).items()}
+
+
 def write_records(data, folder):
     """Write every file that a campaign names, with the columns that its records ask for."""
     place = folder / data.get("folder", "")
     place.mkdir(parents=True, exist_ok=True)
-    for name in {record["file"] for record in data["records"]}:
-        records = [record for record in data["records"] if record["file"] == name]
+    for name in {file for record in data["records"] for file in _files(data, record).values()}:
+        records = [record for record in data["records"] if name in _files(data, record).values()]
         wanted = {}
         for number, record in enumerate(data["records"]):
-            if record["file"] == name:
-                wanted |= {channel: (one, number) for channel, one in channels_of(data, record).items()
-                           if channel not in wanted or wanted[channel][0] == "none"}
+            files = _files(data, record)
+            wanted |= {channel: (one, number) for channel, one in channels_of(data, record).items()
+                       if (files[channel] == name or channel == "time" and name in files.values())
+                       and (channel not in wanted or wanted[channel][0] == "none")}
         shared = data | {key: value for record in records for key, value in record.items()}
         _write(place / name, wanted, shared, 1.6 if any({"from", "to"} & set(record) for record in records) else 0.25)
 
@@ -46,7 +53,8 @@ def _write(path, wanted, shared, seconds):
             continue
         columns[entry.get("column", channel)] = _signal(channel, entry, t, shared, seed)
     if path.suffix == ".mat":
-        outer, _, inner = shared["key"].partition(".")
+        keys = [entry.get("key") for entry, _ in wanted.values() if entry != "none"]
+        outer, _, inner = (shared.get("key") or next(key for key in keys if key)).partition(".")
         scipy.io.savemat(path, {outer: {inner: np.column_stack([columns[key] for key in sorted(columns)])}, "spare": t[:9]})
     elif path.suffix == ".wav":
         loudest = np.column_stack([columns[key] / np.abs(columns[key]).max() for key in sorted(columns)])

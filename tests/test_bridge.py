@@ -15,6 +15,7 @@ from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from testbed.readers.assemble import Source, assemble
 from testbed.readers.bridge import bridged, unmeasured
+from testbed.readers.spikes import quantum, spikes
 from testbed.readers.table import Table
 
 RATE = 12800.0
@@ -60,6 +61,31 @@ def test_a_sound_motion_is_left_as_it_is(noise):
     for values in (signal(noise=noise), rest, np.round(signal(noise=noise) / 4) * 4, signal(noise=noise) + blown):
         assert not unmeasured("displacement", values).any()
         assert bridged(values, unmeasured("displacement", values)) is values
+
+
+@pytest.mark.parametrize("frequency", [3.0, 7.0, 12.0])
+@pytest.mark.parametrize("levels", [6, 20, 110])
+def test_coarse_steps_of_a_converter_are_no_spikes(frequency, levels):
+    """A decay in steps of its largest value over `levels`, which comes to rest: rounding leaves 4/3 of a step at the most."""
+    time = np.arange(500) / 100.0
+    decay = np.exp(-1.2 * time) * np.cos(2 * np.pi * frequency * time)
+    step = 0.11 / levels
+    coarse = step * np.round(decay * levels)
+    assert quantum(coarse) == pytest.approx(step, rel=1e-6)
+    assert not unmeasured("displacement", coarse).any() and not spikes(coarse)
+    spoilt = coarse.copy()
+    spoilt[200] += 8 * step
+    assert spikes(spoilt) == [200]
+
+
+@pytest.mark.parametrize("width", [4, 6, 12, 24])
+@pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])
+def test_the_first_and_the_last_sample_of_a_blow_are_no_spikes(width, noise):
+    blow = np.zeros(2000)
+    blow[500 : 500 + width + 1] = np.sin(np.pi * np.arange(width + 1) / width)
+    answer = np.convolve(blow, np.exp(-np.arange(800) / 150) * np.sin(0.3 * np.arange(800)))[:2000]
+    for values in (blow, answer, np.gradient(answer)):
+        assert spikes(values + noise * np.random.default_rng(2).standard_normal(2000)) == []
 
 
 def test_the_spikes_of_a_force_are_its_own():

@@ -169,6 +169,19 @@ def test_real_dynamometer_exports() -> None:
     assert np.polyfit(np.array(feeds) * 1e3, mean, 1)[0] == pytest.approx(1438, rel=0.02)
 
 
+@needs("plate_hammer")
+def test_real_hammer_blow_in_two_files_with_rounded_times(tmp_path: Path) -> None:
+    (tmp_path / "c.yaml").write_text(
+        f"name: plate\nfolder: {MEASUREMENTS / 'plate_hammer'}\n"
+        "channels: {time: {column: 1, unit: s}, acceleration: {column: 2, unit: m/s^2},"
+        " force: {column: 2, unit: N}}\nrecords:\n"
+        "  - {file: accel_pt8.txt, kind: excited, channels: {force: {file: impact_pt8.txt}}}\n"
+    )
+    recording = load_campaign(tmp_path / "c.yaml").records[0].recording
+    assert len(recording) == 4000 and recording.sampling_rate == 4000.0
+    assert recording.channels["force"].max() == pytest.approx(41.66001323) and recording.units["force"] == "N"
+
+
 @needs("silverbox")
 def test_real_silverbox_in_volts() -> None:
     arrow, multisine, schroeder = load_campaign(MANIFESTS / "silverbox.yaml", MEASUREMENTS).records

@@ -134,17 +134,20 @@ def test_of_noise_alone_no_interval_is_told_without_a_word(testbed):
     silence = "cut_0, cut_1: hardly anything but noise was measured, which says nothing about the model"
     assert compared["adequate"] is None and compared["notes"][-1] == silence and testbed.err.count(silence) == 1
     rows = {line.split()[0]: line for line in testbed.err.splitlines() if line.strip()}
-    for name, one in compared["parameters"].items():  # what people are told is unknown is no number for programs
-        assert (one["low"] is None) == (one["high"] is None) == ("unknown" in rows[name])
+    for name, one in compared["parameters"].items():  # people and programs are told the same
+        assert one["determined"] == ("not determined" not in rows[name])
 
 
 def test_an_interval_is_shown_with_the_digits_that_tell_its_ends_apart():
     assert interval_shown(Estimate(146.49979, 146.49952, 146.50006, "Hz")) == ("146.49979 Hz", "146.49952 Hz", "146.50006 Hz")
     assert interval_shown(Estimate(5.5e8, 5.4e8, 5.6e8, "N/m^2")) == ("550 N/mm^2", "540 N/mm^2", "560 N/mm^2")
     for wide in (Estimate(5.0, 5e-120, 5e120, "1"), Estimate(5.0, float("nan"), float("nan"), "1")):
-        assert interval_shown(wide) == ("5", "unknown", "unknown")
-        assert wide.as_json() == {"value": 5.0, "low": None, "high": None, "unit": "1"}
-    assert Estimate(5.0, 4.0, 6.0, "1").as_json() == {"value": 5.0, "low": 4.0, "high": 6.0, "unit": "1"}
+        assert interval_shown(wide) == ("5", "not determined", "not determined")
+        assert wide.as_json() == {"value": 5.0, "low": None, "high": None, "unit": "1", "determined": False}
+    known = {"value": 5.0, "low": 4.0, "high": 6.0, "unit": "1", "determined": True}
+    assert Estimate(5.0, 4.0, 6.0, "1").as_json() == known
+    assert interval_shown(Estimate(5.0, 0.1, 60.0, "1"))[1:] == ("not determined", "not determined")  # over decades
+    assert Estimate(0.0, -1.0, 1.0, "1", size=1.0).determined and not Estimate(5.0, 4.0, 6.0, "1", bounded=False).determined
 
 
 def as_velocity(record, seed):

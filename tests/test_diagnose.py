@@ -11,14 +11,14 @@ from synthetic_campaign import synthetic_campaign
 
 from analysis.fit.effect_start import all_free
 from analysis.fit.fit_state import Free
-from analysis.fit.held_out import pooled
+from analysis.fit.held_out import RecordError, pooled
 from analysis.fit.observed import observe
 from analysis.fit.starts import at_a_bound, base_fit
 from analysis.fit.waveform import Fitter
 from analysis.search.begun_anew import begun_anew
 from analysis.search.candidate_round import candidate_of
 from analysis.search.diagnose import diagnose
-from analysis.search.diagnosis import Candidate, as_json, told_of_base, verdict_of
+from analysis.search.diagnosis import Candidate, as_json, never_nothing, told_of_base, verdict_of
 from analysis.search.gates import below_a_guess, certain_ones, likeliest, vanishes, worth_naming
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
@@ -174,6 +174,27 @@ def test_beside_a_strong_effect_a_small_gain_may_be_the_form_of_its_law(gain, be
     base, current, other = (Candidate(effects, {}, error, error, delta, True) for effects, error, delta in
                             (((), 9.0, 0.0), (named, 1.003, beside), ((*named, "process_damping"), 1.0, gain)))
     assert bool(certain_ones([other], current, base, 1.0)) is certain
+
+
+@pytest.mark.parametrize(("doubt", "verdict"), [
+    (0.005, "missing_effect"),  # what is left is noise, as well as the noise is known
+    (0.0005, "undecided"),  # a part of what is left is known: that is never called nothing
+])
+def test_a_weak_effect_that_is_certain_is_never_called_nothing(doubt, verdict):
+    noise = 0.1
+    known = RecordError("cut", 0.1, noise, np.zeros((1, 9)), 0.01, 1.0, noise**2, doubt)
+    base, weak = (Candidate(names, {}, error, error, gain, True, errors=(replace(known, squares=error**2),))
+                  for names, error, gain in (((), 0.10067, 0.0), (("helix",), 0.10062, 182.0)))
+    passing = certain_ones([weak], base, base, noise)
+    assert bool(passing) is (verdict == "missing_effect")
+    end = weak if passing else base
+    found = never_nothing(verdict_of(base, end, [base, *passing], (weak,), noise, ()))
+    assert (found.verdict, found.effects) == (verdict, ("helix",))
+    astray = replace(weak, error_fit=0.1)  # explains ten times what it foretells: a part of something else
+    assert not certain_ones([astray], base, base, noise)
+    assert never_nothing(verdict_of(base, base, [base], (astray,), noise, ())).verdict == "undecided"
+    chance = replace(weak, delta_bic=12.0)
+    assert never_nothing(verdict_of(base, base, [base], (chance,), noise, ())).verdict == "adequate"
 
 
 @pytest.mark.parametrize(("value", "bound"), [(5.5e8, False), (5.5e5, True)])

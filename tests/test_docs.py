@@ -5,7 +5,7 @@ from typing import get_args
 
 import pytest
 
-from testbed import axis, cluster, design_file, manifest, model_file, readers, scenario_file, units, yaml_text
+from testbed import axis, channel_units, cluster, design_file, manifest, model_file, readers, scenario_file, units, yaml_text
 from testbed.catalogue import catalogue
 from testbed.draws import KINDS
 from testbed.effect import HOOKS
@@ -77,7 +77,7 @@ def test_the_table_of_effects_is_the_catalogue():
 
 def test_the_table_of_units_is_that_of_the_program():
     assert [codes(cell) for cell in KEYS["Units"].column("units")] == [list(known) for known in units.TABLE.values()]
-    assert set(units._UNCALIBRATED) <= set(codes(FILES))
+    assert set(channel_units.UNCALIBRATED) <= set(codes(FILES))
 
 
 def test_the_table_of_hooks_is_the_contract():

@@ -20,7 +20,7 @@ from analysis.linear.stability import CLASSES
 from analysis.multipliers.baseline_scores import Baseline, ClassifierScore, RegressorScore
 from analysis.multipliers.baseline_scores import as_json as baseline_json
 from analysis.paper.part import Part, Picture, Statement, Table, as_dict
-from analysis.records.chatter import LineTrack
+from analysis.records.chatter_line import LineTrack
 from analysis.records.inspection import inspect
 from analysis.records.lines import CombSpeed, LineKind
 from analysis.records.noise import Basis
@@ -118,8 +118,8 @@ def test_of_multipliers(shell):
 def test_of_inspection(shell, files):
     found = inspect(files / "campaign.yaml")
     track = LineTrack(*np.ones((3, 7)))
-    followed = replace(found, records=(replace(found.records[0], chatter=track),)).as_json()
-    agree("inspect", shell.json("inspect", "campaign.yaml"), shell.json("inspect", "tap.csv"), plain(followed))
+    followed = replace(found, records=(replace(found.records[0], chatter_line=track, blows=(0.5, 2.0)),)).as_json()
+    agree("inspect", *(shell.json("inspect", name) for name in ("campaign.yaml", "tap.csv", "tap.yaml")), plain(followed))
     known = {*get_args(Kind), *get_args(LineKind), *get_args(get_type_hints(CombSpeed)["basis"]), *get_args(Basis)}
     assert known <= {code for row in PATHS["inspect"].rows for code in codes(row[2])}
 
@@ -139,7 +139,7 @@ def _diagnosis():
     tried = Candidate(("helix",), {"helix.angle": 0.1}, 0.1, 0.1, 20.0, True)
     form = OtherForm("quadratic_damping", 2.0, 3.0, 2.9, 3.1, 50.0, 1.01, {"coefficient": 1.0}, ("dry_friction",))
     return Diagnosis("unexplained", ("helix",), "It is.", 0.2, 0.1, 0.1, (tried,), tried, tried, (tried,),
-                     NextTest(1.0, 1e-3, 5.0), ("helix", "sensor_lag"), form)
+                     NextTest(1.0, 1e-3, 5.0), ("helix", "sensor_lag"), form, ("feed", 0.5))
 
 
 def _explanation():

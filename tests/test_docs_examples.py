@@ -106,6 +106,8 @@ def _whole(heading, key, example):
     if key == "key":  # of a file with variables
         data["records"][0]["file"] = "a.mat"
         data["channels"] = {"displacement": {"column": 1, "unit": "um"}, "tachometer": {"column": 2}}
+        if heading == "Keys of a channel":
+            data["records"][0]["channels"] = {"tachometer": {"key": "run_3.signals"}}
     if heading == "random":
         special = {MARK: (("random",), "{}"), "present": (("random", "process_damping"), DRAWN)}
         path, beside = special.get(key, (path, beside))

@@ -224,3 +224,20 @@ def test_inspect_says_what_it_is_and_notices_damage(exported, tmp_path, capsys):
     assert run("inspect", tmp_path / "set") == 2 and "is damaged" in capsys.readouterr().err
     damaged.unlink()
     assert run("inspect", tmp_path / "set") == 2 and "is missing" in capsys.readouterr().err
+
+
+def test_an_accelerometer_alone_tells_what_the_cut_did_and_contact_stays_unknown(tmp_path, capsys):
+    text = SCENARIO.replace("repeats: 2", "repeats: 1").replace("displacement: {noise: 0.5 um, bits: 16, range: 5 mm}",
+                                                               "acceleration: {noise: 0.05 m/s^2}")  # fmt: skip
+    data = simulate(tmp_path, text, "heard")
+    assert run("export", data, "-o", tmp_path / "set", "--json", tmp_path / "said.json") == 0
+    rows, said = rows_of(tmp_path / "set"), json.loads((tmp_path / "said.json").read_text())
+    told = [row for row in rows if row["behaviour"] != "undecided"]
+    assert len(told) >= 20 and len(rows) == 24 and {row["behaviour"] for row in told} >= {"stable", "neimark_sacker"}
+    assert all((row["behaviour"] == "stable") == (row["stability"] == "stable") for row in told)
+    assert {row["contact_loss"] for row in rows} == {None}
+    assert sum(said["contact_unknown"].values()) == len(rows) and sum(said["contact_losses"].values()) == 0
+    assert sum(sum(counts.values()) for counts in said["behaviours"].values()) == len(rows)
+    line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("train"))
+    assert line.split()[-2:] == ["-", str(said["splits"]["train"]["runs"])]
+    assert "contact loss not known" in (tmp_path / "set" / "README.md").read_text()

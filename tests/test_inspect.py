@@ -104,11 +104,13 @@ def test_real_chatter_speed_and_line() -> None:
     record = inspect(MANIFESTS / "milling_chatter.yaml", folder=MEASUREMENTS).records[0]
     assert record.speed_basis == "side bands" and record.speed_found == pytest.approx(4500 * np.pi / 30, rel=3e-3)
     assert any("nominal spindle speed 5000 rpm, found 4" in note for note in record.notes)
-    assert record.lines[0].kind == "other" and record.lines[0].frequency == pytest.approx(684, abs=3)
+    assert record.lines[0].kind == "chatter" and record.lines[0].frequency == pytest.approx(684, abs=3)
+    assert record.chatter.verdict == "chatter" and record.chatter.frequency == pytest.approx(684, abs=3)
     assert any(line.kind == "hum" and abs(line.frequency - 150) < 0.5 for line in record.lines)
     assert any("stored twice" in note for note in record.notes) and record.recording.sampling_rate == 5000.0
-    assert record.chatter.frequency[0] == pytest.approx(746, abs=4) and record.chatter.loudest[1] == pytest.approx(684, abs=3)
-    assert record.chatter.time[0] < 3.85 and record.chatter.time[-1] > 4.85
+    assert record.chatter_line.frequency[0] == pytest.approx(746, abs=4)
+    assert record.chatter_line.loudest[1] == pytest.approx(684, abs=3)
+    assert record.chatter_line.time[0] < 3.85 and record.chatter_line.time[-1] > 4.85
     rate, values = 5000, record.recording.channels["acceleration"]
     _, frequencies, _ = follow_line(values[round(3.4 * rate) : round(4.85 * rate)], rate, 746.0, window=0.15)
     assert frequencies[:6].mean() == pytest.approx(747, abs=4) and frequencies[-4:].mean() == pytest.approx(684, abs=4)
@@ -120,6 +122,7 @@ def test_real_forces_are_steady_and_turn_at_6000_rpm() -> None:
         assert [part.kind for part in record.segments] == ["steady"] and record.noise.basis == "repeated periods"
         assert record.speed_found == pytest.approx(200 * np.pi, rel=1e-3)
         assert (record.lines[0].kind, record.lines[0].order) == ("tooth-passing", 1)
+        assert record.chatter.verdict != "chatter"  # stable slots with runout
 
 
 @needs("tap_test")

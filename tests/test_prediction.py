@@ -12,7 +12,7 @@ from testbed.cut import Sampling, whole_cut_sampling
 from testbed.engines import fast
 from testbed.engines import sampling_kernel as sk
 from testbed.engines.packing import stiffening
-from testbed.engines.predict import predict_cuts
+from testbed.engines.predict import MOST_STEPS, predict_cuts
 from tests.validation.claims import FLEXURE, rpm
 from tests.validation.effects import example
 
@@ -128,3 +128,26 @@ def test_a_first_run_that_would_be_another_beside_others_is_simulated(first):
     wrong = np.ones_like(together[:1])
     lent = predict_cuts([first, second], [COURSE] * 2, [sampling] * 2, ["displacement"], first=wrong)
     assert np.array_equal(lent, together, equal_nan=True)
+
+
+@pytest.mark.parametrize("runaway", [
+    FLEXURE.with_values({"natural_frequency": 1e5}).with_effect("dry_friction", force=1.0, presliding_displacement=1e-11),
+    FLEXURE.with_values({"natural_frequency": 1e4}).with_effect("cubic_stiffness", coefficient=1e20),
+])
+def test_a_run_that_takes_absurdly_many_steps_is_not_followed(runaway, monkeypatch):
+    """A descent's trial at a bound; the runs beside it come out as they do without it."""
+    run, taken = fast._Batch._run, []
+
+    def counted(self, packed, linear):
+        taken.extend(one.steps_of_pass for one in packed)
+        return run(self, packed, linear)
+
+    monkeypatch.setattr(fast._Batch, "_run", counted)
+    sampling = whole_cut_sampling(COURSE, 1, 12800.0)
+    stirred = replace(COURSE, initial_displacement=1e-3)
+    ordinary = FLEXURE.with_effect("edge_force", tangential=1e4, normal=5e3)
+    alone = predict_cuts([ordinary], [COURSE], [sampling], ["displacement"])
+    together = predict_cuts([ordinary, runaway], [COURSE, stirred], [sampling] * 2, ["displacement"])
+    assert np.array_equal(together[0], alone[0], equal_nan=True) and np.nanmax(np.abs(alone)) > 1e-5
+    assert np.isnan(together[1]).all()
+    assert max(taken) <= MOST_STEPS * 12800.0 * COURSE.tooth_passing_period(1)

@@ -119,10 +119,10 @@ def test_a_comma_that_is_both_delimiter_and_decimal_point_is_refused(tmp_path: P
 
 
 def test_doubled_names_are_made_distinct_and_text_columns_left_out(tmp_path: Path) -> None:
-    rows = "".join(f"10:00:{index:02d};{value};{2 * value}\n" for index, value in enumerate(DISP))
-    table = read_table(_file(tmp_path, "clock;disp;disp\n" + rows))
+    rows = "".join(f"shot {index};{value};{2 * value}\n" for index, value in enumerate(DISP))
+    table = read_table(_file(tmp_path, "shot;disp;disp\n" + rows))
     assert list(table.columns) == ["disp", "disp_2"]
-    assert any("clock" in note for note in table.notes) and any("disp_2" in note for note in table.notes)
+    assert any("shot" in note for note in table.notes) and any("disp_2" in note for note in table.notes)
 
 
 def test_skip_rows_and_delimiter_override_what_is_found(tmp_path: Path) -> None:

@@ -17,12 +17,14 @@ import numpy as np
 from analysis.comparison.adequacy import Adequacy, adequacy_tests, controlled
 from analysis.estimate import Estimate
 from analysis.fit.doubted_marks import with_marks_doubted
-from analysis.fit.estimates import at_bound, estimates
+from analysis.fit.estimates import at_bound
 from analysis.fit.fit_state import WaveformFit
-from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled, record_error
+from analysis.fit.held_guesses import with_guesses_held
+from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled, pooled_doubt, record_error
 from analysis.fit.model_fit import model_fit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
+from analysis.fit.plausible import against_adequacy
 from analysis.fit.prediction import Plant, predict
 from analysis.fit.spindle_speed import at_modelled_speed
 from analysis.fit.waveform import Fitter
@@ -68,7 +70,10 @@ class RecordComparison:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The whole answer; fit and fitter are kept for the pictures. errors hold the held-out residuals."""
+    """The whole answer; fit and fitter are kept for the pictures. errors hold the held-out residuals.
+
+    against: in words, why little that is left would say nothing for the model.
+    """
 
     error: float
     noise_floor: float
@@ -79,11 +84,12 @@ class Comparison:
     fitter: Fitter
     fit: WaveformFit
     errors: tuple[RecordError, ...]
+    against: tuple[str, ...] = ()
 
     @property
     def adequate(self) -> bool:
-        """Whether nothing but noise is left of any record."""
-        return not any(test.fails for test in self.tests)
+        """Whether nothing but noise is left of any record, by a machine that can be."""
+        return not any(test.fails for test in self.tests) and not self.against
 
     @property
     def silent(self) -> tuple[str, ...]:
@@ -115,6 +121,8 @@ def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
     """Refit the model to all records with every nuisance and say where, and by how much, it fails."""
     records = at_modelled_speed(records, model.effects, catalogue)
     fitter, fit = with_marks_doubted(*model_fit(plant, records, model, catalogue))
+    held = with_guesses_held(fitter, fit, model, catalogue)
+    fitter, fit = held.fitter, held.fit
     errors, held_out = held_out_errors(fitter, fit), holds_out(records)
     rows, tests = [], []
     for index, (record, error) in enumerate(zip(fitter.records, errors, strict=True)):
@@ -126,8 +134,9 @@ def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
         place = fit.names.index("mark_angle")
         shared = {"mark_angle": mark_angle(fit, model.cutter.pitch if model.cutter else 2 * math.pi),
                   "mark_angle_interval": Z_95 * float(fit.covariance[place, place]) ** 0.5}
-    return Comparison(overall, noise, tuple(rows), shared, estimates(fitter, fit, catalogue), tuple(controlled(tests)),
-                      fitter, fit, tuple(errors))
+    against = against_adequacy(fitter, fit, model, catalogue, overall / noise, pooled_doubt(errors))
+    return Comparison(overall, noise, tuple(rows), shared, held.values, tuple(controlled(tests)),
+                      fitter, fit, tuple(errors), tuple(against))
 
 
 def _record(plant: Plant, record: Observed, error: RecordError, fit: WaveformFit, index: int,
@@ -140,6 +149,14 @@ def _record(plant: Plant, record: Observed, error: RecordError, fit: WaveformFit
                             tuple(map(float, record.noise)), record.noise_basis, held_out, chi_square, segments, nuisances)
 
 
+def used_part(record: Observed) -> dict[str, float]:
+    """From when to when (s) a record is predicted, and which share of it that is."""
+    stop = record.start + record.samples / record.rate
+    whole = max(stop, *(part.stop for part in record.segments)) - min(record.start, *(part.start for part in record.segments)) \
+        if record.segments else stop - record.start
+    return {"start": record.start, "stop": stop, "share": (stop - record.start) / whole}
+
+
 def segment_error(record: Observed, residual: np.ndarray, segment: Segment) -> SegmentError | None:
     """The error within one segment, from the residual (channels, samples) in the channels' units; None without samples."""
     first = max(0, round((segment.start - record.start) * record.rate))
@@ -149,8 +166,9 @@ def segment_error(record: Observed, residual: np.ndarray, segment: Segment) -> S
     rest, data = residual[:, first:last], record.data[:, first:last]
     size = data.std(axis=1)
     scale = 1.0 / np.maximum(size, 1e-300)
-    share = np.sqrt(np.mean((rest * scale[:, None]) ** 2))
-    noise = np.sqrt(np.mean((record.noise * scale) ** 2))
+    with np.errstate(over="ignore"):  # at rest, within a converter's step: no ratio
+        share = np.sqrt(np.mean((rest * scale[:, None]) ** 2))
+        noise = np.sqrt(np.mean((record.noise * scale) ** 2))
     chi_square = np.mean((rest / record.noise[:, None]) ** 2)
     return SegmentError(segment.kind, segment.start, segment.stop, float(share), float(noise), float(chi_square),
                         last - first)
@@ -191,9 +209,9 @@ def as_json(result: Comparison) -> dict[str, Any]:
             "name": one.name, "kind": one.kind, "channels": list(one.channels), "error": one.error,
             "error_fit": one.error_fit, "noise_floor": one.noise_floor, "held_out": one.held_out,
             "chi_square": one.chi_square, "noise": dict(zip(one.channels, one.noise, strict=True)),
-            "noise_basis": one.noise_basis, "segments": [vars(segment) for segment in one.segments],
+            "noise_basis": one.noise_basis, "used": used_part(own), "segments": [vars(segment) for segment in one.segments],
             "nuisances": one.nuisances, "tests": tests_of(one.name),
-        } for one in result.records],
+        } for one, own in zip(result.records, result.fitter.records, strict=True)],
         "nuisances": dict(result.nuisances),
         "parameters": {path: one.as_json() for path, one in result.parameters.items()},
     }

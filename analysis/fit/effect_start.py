@@ -15,6 +15,7 @@ from analysis.fit.observed import Observed
 from analysis.fit.pass_search import begun_otherwise, place_entries, settle_passes, turn_phases
 from analysis.fit.prediction import Plant
 from analysis.fit.recurring_start import SCREENED, recurring_starts, residual_peaks
+from analysis.fit.shown_range import parameter_bounds
 from analysis.fit.starts import anchored_states, free_parameters, polish, softened
 from analysis.fit.waveform import Fitter
 from testbed.effect import Effect
@@ -64,10 +65,10 @@ def starting_points(
     """Parameter values a fit of the effect starts from: frequencies at the residual's lines, angles all round, signs both."""
     choices: list[list[float]] = []
     for parameter in effect.parameters:
-        low, high = parameter.bounds
+        low, high = parameter_bounds(parameter, records)
         if not parameter.vanishes and parameter.unit == "Hz":
             peaks = [peak for peak in residual_peaks(records, fit) if low <= peak <= high]
-            choices.append(peaks or [parameter.start or parameter.example])
+            choices.append(peaks or [min(max(parameter.start or parameter.example, low), high)])
         elif parameter.each_record:
             choices.append([parameter.start or 0.0])  # every record is turned to where it fits
         elif not parameter.vanishes and parameter.unit == "rad":
@@ -86,20 +87,21 @@ def starting_points(
 def effect_parameters(effect: Effect, records: Sequence[Observed]) -> list[Free]:
     """The effect's parameters as unknowns of a fit, but for those that no channel of these records shows."""
     recorded = {channel for record in records for channel in record.channels}
+    swinging = tuple((f"{effect.name}.{position}", f"{effect.name}.{rate}") for position, rate in effect.oscillators)
     free = []
     for parameter in effect.parameters:
         if parameter.channels and recorded.isdisjoint(parameter.channels):
             continue
         size = abs(parameter.example - parameter.neutral) or abs(parameter.example) or 1.0
-        low, high = parameter.bounds
+        low, high = bounds = parameter_bounds(parameter, records)
         if parameter.unit == "Hz":
             size = 0.02 * max(abs(parameter.example), 1.0)
         elif parameter.unit == "rad":
             size = 0.3
         round_about = parameter.unit == "rad" and not parameter.vanishes and high - low >= 2 * math.pi
         step = size if parameter.unit in ("Hz", "rad") else 0.3 * size
-        free.append(Free(f"{effect.name}.{parameter.name}", step, parameter.bounds, round_about, parameter.each_record,
-                         "engagement" in effect.hooks, asks_length([effect.name], {effect.name: effect})))
+        free.append(Free(f"{effect.name}.{parameter.name}", step, bounds, round_about, parameter.each_record,
+                         "engagement" in effect.hooks, asks_length([effect.name], {effect.name: effect}), swinging))
     return free
 
 

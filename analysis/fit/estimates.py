@@ -36,6 +36,16 @@ def said_at_bound(paths: Sequence[str]) -> str:
     return f"{', '.join(paths)} at the end of the range searched: these records do not determine {which} with this model"
 
 
+def not_determined(found: Mapping[str, Estimate]) -> tuple[str, ...]:
+    """Those of the parameters that the data do not tell."""
+    return tuple(path for path, one in found.items() if not one.determined)
+
+
+def said_not_determined(paths: Sequence[str]) -> str:
+    """In words, that the data do not tell parameters."""
+    return f"{', '.join(paths)}: not determined by these records; a value that is given all the same is a guess"
+
+
 def matters(parameter: str) -> float:
     """Relative change of a parameter of the machine from which it counts."""
     return MATTERS.get(parameter, 0.01)
@@ -73,12 +83,12 @@ def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect])
         if one.path in adrift:
             low, high = least, most
         low, high = min(max(low, least), value), max(min(high, most), value)
-        found[one.path] = Estimate(value, low, high, unit_of(one.path, catalogue))
+        found[one.path] = Estimate(value, low, high, unit_of(one.path, catalogue), one.scale, low > least or high < most)
     for direction, strength in adrift.items():
         if direction not in found and strength in found:
             effect, _, parameter = direction.partition(".")
             known = catalogue[effect].parameter(parameter)
-            found[direction] = Estimate(fit.state.model.value(direction), *known.bounds, known.unit)
+            found[direction] = Estimate(fit.state.model.value(direction), *known.bounds, known.unit, bounded=False)
     return found
 
 

@@ -22,7 +22,8 @@ class Free:
     periodic: an angle that goes round, kept between -pi and pi instead of at its bounds. each_record: no parameter of the
     machine, but an angle that every record has for itself, as a shift from the model's value. gradual: of an engagement that
     is not sudden, so that the moment of the first touch, within a pass, is an unknown of every record. by_length: of a law of
-    the length cut, so that what was cut before is an unknown of every record that begins while it cuts.
+    the length cut, so that what was cut before is an unknown of every record that begins while it cuts. states: paths of the
+    states of its effect that swing by themselves, (position, its rate), which a record without a cut may begin with.
     """
 
     path: str
@@ -32,6 +33,7 @@ class Free:
     each_record: bool = False
     gradual: bool = False
     by_length: bool = False
+    states: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -87,8 +89,9 @@ class State:
                                              for own, record in zip(self.nuisances, records, strict=True)))
 
     def without_effect(self, name: str) -> State:
-        """The state whose model lacks one effect, all else as it is."""
-        return replace(self, model=self.model.without_effect(name))
+        """The state whose model lacks one effect, and no record begins with a state of it; all else as it is."""
+        own = tuple(one.without_states_of(name) for one in self.nuisances)
+        return replace(self, model=self.model.without_effect(name), nuisances=own)
 
 
 class Looked(NamedTuple):

@@ -20,6 +20,7 @@ class Nuisances:
     cut. angle (rad): a record's own share of the tooth angle.
     length (m): by how much more the tool had cut before than the record's cut says; of one that begins while it cuts.
     shifts: (path, shift) of the effects' parameters that every record has for itself, added to the model's value.
+    states: (path, value) of the effects' own states at the first sample, where they are not at rest.
     """
 
     displacement: float = 0.0
@@ -32,10 +33,16 @@ class Nuisances:
     late_entry: float = 0.0
     early_exit: float = 0.0
     length: float = 0.0
+    states: tuple[tuple[str, float], ...] = ()
 
     def with_fields(self, **values: float) -> Nuisances:
         """The same with fields of these names at these values."""
         return Nuisances(**{**vars(self), **values})
+
+    def without_states_of(self, effect: str) -> Nuisances:
+        """The same with an effect's own states at rest."""
+        kept = tuple(one for one in self.states if one[0].partition(".")[0] != effect)
+        return self if kept == self.states else replace(self, states=kept)
 
     @property
     def swings(self) -> bool:
@@ -57,6 +64,13 @@ def turned_by(nuisances: Nuisances, path: str, angle: float) -> Nuisances:
     shifts = dict(nuisances.shifts)
     shifts[path] = math.remainder(shifts.get(path, 0.0) + angle, 2 * math.pi)
     return replace(nuisances, shifts=tuple(sorted(shifts.items())))
+
+
+def begun_with(nuisances: Nuisances, path: str, by: float) -> Nuisances:
+    """The nuisances of a record with an effect's own state at its first sample changed."""
+    states = dict(nuisances.states)
+    states[path] = states.get(path, 0.0) + by
+    return replace(nuisances, states=tuple(sorted(states.items())))
 
 
 def end_moved(nuisances: Nuisances, end: str, by: float) -> Nuisances:

@@ -8,27 +8,27 @@ tachometer mark and tooth entry belongs to the campaign.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from analysis.fit.against_force import moves_against
 from analysis.fit.force_window import windowed
 from analysis.fit.nuisances import Nuisances
 from analysis.records.free_decay import spectral_peak
-from analysis.records.noise import noise_floor, rounding
+from analysis.records.noise import noise_floor
 from analysis.records.passing_speed import heard_speed
+from analysis.records.ring_downs import blow_times, said_blows, used_samples
 from analysis.records.segments import Segment, find_segments
 from analysis.records.spindle_clock import along_marks, check_speed, clock_error, clock_of, digital, samples_to_rise, smoothed
 from testbed.cut import Cut, Sampling
 from testbed.machine import Cutter, Model
 
 DRIFT_ORDER = 3  # offset and slow drift: a polynomial of this many terms, and one more for every
-DRIFT_TIME = 1.0  # s of the record
+DRIFT_TIME, DRIFT_PERIODS = 1.0, 100.0  # s of the record, or as many periods of the structure where they are longer
 MOST_DRIFT = 10  # terms
-SWING = 8  # samples at the least in which a free decay's first large swing is looked for
 OPENING = 12  # revolutions from the entry that an opening holds at the least
 UNRESOLVED = 1e-4  # of a channel's rms: the engines' own error, which in data without noise would be a missing effect
 WARM_UP = 60  # revolutions simulated before a record that starts in the cut
@@ -47,6 +47,7 @@ class Observed:
     steady_marks: times (s) of all marks, where they show a constant speed. feed_basis: what the cut's feed a tooth comes from:
     it was written so ("tooth"), is what a table leaves that travels as stated ("travel"), or was taken so ("table", from what
     was written by feed_ratio); a table leaves less where the spindle turns faster than the period says. swung_front: see Cut.
+    turned: names of channels that moved against the force, whose sign is turned here.
     """
 
     name: str
@@ -80,6 +81,7 @@ class Observed:
     filled: np.ndarray | None = None
     swung_front: bool = False
     length_summed: bool = False
+    turned: tuple[str, ...] = ()
 
     @property
     def forces_only(self) -> bool:
@@ -112,6 +114,11 @@ class Observed:
             return self.cut.feed_per_tooth if self.cut is not None else 1e-4
         place, order, omega = self.motion
         return float(np.std(self.data[place])) / omega**order or 1.0
+
+    @property
+    def main_frequency(self) -> float:
+        """Angular frequency (rad/s) of the strongest motion; by forces alone, that of 100 Hz."""
+        return 2 * math.pi * 100.0 if self.motion is None else self.motion[2]
 
     @property
     def count(self) -> int:
@@ -280,8 +287,9 @@ def drift_basis(samples: int, order: int = DRIFT_ORDER) -> np.ndarray:
     return np.asfortranarray(np.linalg.qr(powers)[0])  # column by column it is projected out twice as fast
 
 
-def _drift_order(duration: float) -> int:
-    return min(MOST_DRIFT, DRIFT_ORDER + int(duration / DRIFT_TIME))
+def _drift_order(duration: float, frequency: float) -> int:
+    """Terms for a record (s) of a structure whose natural frequency (Hz) is this: what is slow is so beside its vibration."""
+    return min(MOST_DRIFT, DRIFT_ORDER + int(duration / max(DRIFT_TIME, DRIFT_PERIODS / frequency)))
 
 
 DERIVATIVES = {"displacement": 0, "velocity": 1, "acceleration": 2}
@@ -299,11 +307,13 @@ def observe(record: Any, model: Model) -> Observed:
         raise ValueError(f"record {record.name} has no channel that a model predicts")
     segments = find_segments(recording, kind=record.kind)
     data = np.array([recording.channels[name] for name in names], dtype=float)
-    first, last = _used(record.kind, segments, recording, names[0], model.structure.natural_frequency)
+    blows = blow_times(recording) if record.kind == "ring-down" else ()
+    if blows:
+        raise ValueError(f"{said_blows(blows)} are no single free decay: give from and to")
+    first, last = used_samples(recording, record.kind, segments, names[0], model.structure.natural_frequency)
     data = data[:, first:last]
     floors = [noise_floor(recording, segments, name) for name in names]
-    noise = np.array([max(floor.rms, rounding(row), UNRESOLVED * float(np.std(row)), 1e-300)
-                      for floor, row in zip(floors, data, strict=True)])
+    noise = np.array([max(floor.rms, UNRESOLVED * float(np.std(row)), 1e-300) for floor, row in zip(floors, data, strict=True)])
     conditions = record.conditions
     known = ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth", "feed_per_revolution")
     condition = (record.kind, *(round(float(conditions[key]), 9) for key in known if key in conditions))
@@ -315,7 +325,7 @@ def observe(record: Any, model: Model) -> Observed:
         recording.sampling_rate,
         recording.start + first / recording.sampling_rate,
         noise, floors[0].basis,
-        drift_basis(data.shape[1], _drift_order(data.shape[1] / recording.sampling_rate)),
+        drift_basis(data.shape[1], _drift_order(data.shape[1] / recording.sampling_rate, model.structure.natural_frequency)),
         segments,
         condition,
         noise_doubt=floors[0].doubt,
@@ -324,7 +334,8 @@ def observe(record: Any, model: Model) -> Observed:
     )
     if excited:
         drive = next(name for name in record.excitations)
-        return replace(base, force=windowed(np.asarray(recording.channels[drive], dtype=float))[first:last])
+        force = windowed(np.asarray(recording.channels[drive], dtype=float))[first:last]
+        return _with_the_force(replace(base, force=force), force)
     if record.kind == "ring-down":
         return replace(base, force=np.zeros(data.shape[1]))
     ready = _with_clock(base, record, (model.cutter or Cutter()).flutes)
@@ -334,23 +345,12 @@ def observe(record: Any, model: Model) -> Observed:
     return ready
 
 
-def _used(kind: str, segments: Sequence[Segment], recording: Any, name: str, frequency: float) -> tuple[int, int]:
-    """The samples of a record that are predicted: all, but a free decay only from its first large swing on.
-
-    Before that, something pushed the structure or held it: a single sample of that weighs more than all the noise. A velocity
-    or an acceleration swings most while it is still pushed: of those, half a period more is left out. frequency: Hz, believed.
-    """
-    count = len(recording)
-    for segment in segments:
-        if kind == "ring-down" and segment.kind == "ring-down":
-            first = max(0, min(count - 64, round((segment.start - recording.start) * recording.sampling_rate)))
-            values = np.asarray(recording.channels[name], dtype=float)
-            opening = np.abs(values[first : first + max(SWING, (count - first) // 50)] - float(np.median(values)))
-            first += int(np.argmax(opening))
-            if DERIVATIVES.get(name, 0) > 0:
-                first += math.ceil(0.5 * recording.sampling_rate / frequency)
-            return max(0, min(count - 64, first)), count
-    return 0, count
+def _with_the_force(record: Observed, force: np.ndarray) -> Observed:
+    """The driven record with those channels turned that move against the force."""
+    rows = zip(record.channels, record.data, record.noise, strict=True)
+    turned = [moves_against(force, values, record.rate, DERIVATIVES[name], float(noise)) for name, values, noise in rows]
+    names = tuple(name for name, one in zip(record.channels, turned, strict=True) if one)
+    return replace(record, data=np.where(np.array(turned)[:, None], -record.data, record.data), turned=names)
 
 
 def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
@@ -372,7 +372,7 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
             kept = smoothed(marks, 1.0 / base.rate, halfway=halfway)
             anchor = float(kept[0])
     else:
-        period = 2 * math.pi / (_heard_speed(base, cut.spindle_speed, flutes) or cut.spindle_speed)
+        period = 2 * math.pi / (heard_in(base, cut.spindle_speed, flutes) or cut.spindle_speed)
     travels = record.feed is not None and record.feed.per == "second"
     if travels:  # as stated, whatever the spindle does
         cut = replace(cut, feed_per_tooth=record.feed.per_tooth(2 * math.pi / period, flutes))
@@ -391,7 +391,7 @@ def _with_clock(base: Observed, record: Any, flutes: int) -> Observed:
     )
 
 
-def _heard_speed(base: Observed, stated: float, flutes: int) -> float | None:
+def heard_in(base: Observed, stated: float, flutes: int) -> float | None:
     """Spindle speed (rad/s) by the harmonics of the longest steady stretch, else of the cut; None where none stand out."""
     steady = [(one.start, one.stop) for one in base.segments if one.kind == "steady"]
     cutting = [(one.start, one.stop) for one in base.segments if one.kind in ("entry", "exit")]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -20,8 +20,15 @@ STIFF = 100.0  # stiffness over K b from which forces are those of a rigid machi
 class Plant(Protocol):
     """The engine the analysis is handed: variants of one record in, predicted channels (runs, channels, samples) out."""
 
-    predict_cuts: Callable[..., np.ndarray]
-    predict_driven: Callable[..., np.ndarray]
+    @property
+    def predict_cuts(self) -> Callable[..., np.ndarray]:
+        """Variants of a cut."""
+        ...
+
+    @property
+    def predict_driven(self) -> Callable[..., np.ndarray]:
+        """Variants of a structure that a measured force, or nothing, drives."""
+        ...
 
 
 def immovable(model: Model, observed: Observed) -> Model:
@@ -51,7 +58,10 @@ def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, fl
     variants = [(own.shifted(model), angle, own) for model, angle, own in variants]
     if observed.cut is None:
         states = [(n.displacement, n.velocity) for _, _, n in variants]
-        return plant.predict_driven([m for m, _, _ in variants], states, observed.force, observed.rate, observed.channels)
+        own = [dict(n.states) for _, _, n in variants]
+        more: dict[str, Any] = {"own": own} if any(own) else {}
+        models = [model for model, _, _ in variants]
+        return plant.predict_driven(models, states, observed.force, observed.rate, observed.channels, **more)
     lines = [observed.timeline(angle, nuisances) for _, angle, nuisances in variants]
     if observed.forces_only:
         variants = [(immovable(model, observed), angle, nuisances) for model, angle, nuisances in variants]

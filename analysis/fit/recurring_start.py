@@ -17,6 +17,7 @@ from analysis.fit.fit_state import WaveformFit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import predict
+from analysis.fit.shown_range import parameter_bounds
 from analysis.fit.waveform import Fitter
 from analysis.records.lines import standing_out
 from testbed.effect import Effect, Parameter
@@ -24,9 +25,11 @@ from testbed.effect import Effect, Parameter
 SMALL = 1e-4  # of the example, at which a prediction is still linear in the amplitude
 SCREENED = 3  # records, the worst fitted, that are asked and on which starting points are compared
 FASTEST = 0.5  # of the tooth passing frequency: speed that varies faster is no longer a speed
+REST, FEWEST = 0.02, 64  # shares of the energy left out before and after the part that rings, and the samples it has at least
 MOST = 96  # frequencies asked about
 KEPT = 4  # frequencies that a fit starts from
 SAME = 0.02  # relative distance up to which lines are one
+DRIFT, SLOW = 5.0, 1.0 / 30.0  # Hz, or that share of a record's main frequency if that is less: slower is drift
 ALONE = 5.5  # times its surroundings that a line of one record alone must stand
 LEVELS = (1.0, 3.0)  # times the amplitude of the linear solution: what is large shows less than in proportion
 
@@ -40,17 +43,31 @@ def residual_peaks(records: Sequence[Observed], fit: WaveformFit, count: int = 6
     loud: set[float] = set()
     for index, (record, rest) in enumerate(zip(records, fit.residuals, strict=True)):
         for values in record.on_samples(rest):
-            for frequency, amplitude, height in standing_out(values, record.rate, count=count):
-                found.append((amplitude, frequency, index))
-                if height > ALONE or len(records) == 1:
-                    loud.add(frequency)
+            for part in (values, *_where_it_rings(record, values)):
+                for frequency, amplitude, height in standing_out(part, record.rate, count=count):
+                    found.append((amplitude, frequency, index))
+                    if height > ALONE or len(records) == 1:
+                        loud.add(frequency)
     kept: list[float] = []
+    drifting = min([DRIFT, *(SLOW * record.main_frequency / (2 * math.pi) for record in records)])
     for _, frequency, index in sorted(found, reverse=True):
-        if frequency <= 5.0 or any(abs(frequency / other - 1) <= SAME for other in kept):
+        if frequency <= drifting or any(abs(frequency / other - 1) <= SAME for other in kept):
             continue
         if frequency in loud or any(where != index and abs(frequency / other - 1) <= SAME for _, other, where in found):
             kept.append(frequency)
     return kept[:count]
+
+
+def _where_it_rings(record: Observed, values: np.ndarray) -> list[np.ndarray]:
+    """The part that holds nearly all of what is left (samples,) of a record without a cut, if that is a small part of it.
+
+    A mode that has long died away is a broad hill in the spectrum of the whole record, and stands out of that of this part.
+    """
+    if record.cut is not None:
+        return []
+    energy = np.cumsum(values**2)
+    first, last = np.searchsorted(energy, np.array([REST, 1.0 - REST]) * energy[-1])
+    return [values[first : last + 1]] if FEWEST <= last + 1 - first < len(values) / 2 else []
 
 
 def recurring_starts(fitter: Fitter, effect: Effect, fit: WaveformFit) -> list[dict[str, float]]:
@@ -80,8 +97,8 @@ def recurring_starts(fitter: Fitter, effect: Effect, fit: WaveformFit) -> list[d
 
 def _asked(fitter: Fitter, effect: Effect, fit: WaveformFit, frequency: Parameter, worst: Sequence[int]) -> list[float]:
     """Frequencies (Hz) worth asking about: the residual's lines, or, of the speed, all that the records can tell apart."""
-    low, high = frequency.bounds
     records = [fitter.records[index] for index in worst]
+    low, high = parameter_bounds(frequency, records)
     if "speed" not in effect.hooks:
         return [peak for peak in residual_peaks(fitter.records, fit) if low <= peak <= high]
     longest = max(record.samples / record.rate for record in records)

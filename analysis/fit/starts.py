@@ -21,6 +21,7 @@ from analysis.fit.parts_of_passes import with_parts_of_passes
 from analysis.fit.pass_count import cut_elsewhere, recounted
 from analysis.fit.pass_search import begun_otherwise, entered, place_entries, place_exits, recently_entered, settle_passes
 from analysis.fit.prediction import Plant, predict
+from analysis.fit.shown_range import frequency_bounds, mass_bounds
 from analysis.fit.structure_start import decay_start, structure_start
 from analysis.fit.waveform import Fitter
 from analysis.threads import threaded
@@ -38,7 +39,7 @@ LOST = 2.0  # where another has more than this: a law that is a little wrong lea
 LATE = 4.0  # standard errors of a mean square, by which a record that starts in its cut is off
 FEWEST = 3  # such records, that the course of others may be found again by them
 UNEVEN = 1.5  # mean square residual of the worst record over the median's, from which the worst are doubted
-_STRUCTURE_BOUNDS = {"natural_frequency": (1.0, 1e5), "damping_ratio": (1e-6, 0.9), "mass": (1e-12, 1e12)}
+_DAMPING_BOUNDS = (1e-6, 0.9)
 
 
 def free_parameters(records: Sequence[Observed], model: Model) -> list[Free]:
@@ -53,11 +54,12 @@ def free_parameters(records: Sequence[Observed], model: Model) -> list[Free]:
     if moving:
         structure = model.structure
         free += [
-            Free("natural_frequency", 0.01 * structure.natural_frequency, _STRUCTURE_BOUNDS["natural_frequency"]),
-            Free("damping_ratio", max(0.2 * structure.damping_ratio, 1e-4), _STRUCTURE_BOUNDS["damping_ratio"]),
+            Free("natural_frequency", 0.01 * structure.natural_frequency,
+                 frequency_bounds(records, structure.natural_frequency)),
+            Free("damping_ratio", max(0.2 * structure.damping_ratio, 1e-4), _DAMPING_BOUNDS),
         ]
     if "excited" in kinds:
-        free.append(Free("mass", 0.05 * model.structure.mass, _STRUCTURE_BOUNDS["mass"]))
+        free.append(Free("mass", 0.05 * model.structure.mass, mass_bounds(records, model.structure.mass)))
     if "cut" in kinds and model.cutting is not None:
         size = max(abs(model.cutting.tangential_coefficient), abs(model.cutting.normal_coefficient))
         free += [

@@ -21,4 +21,10 @@ def taken_notes(records: Sequence[Observed], used: Sequence[Observed]) -> list[s
     """In words, a line each. used: the records, or some of them, as a fit has them, by the same names."""
     stated = {record.name: record for record in records}
     same = [stated[record.name] for record in used]
-    return [*length_note(same, used), *feed_note(same, used), *front_note(same, used)]
+    return [*_turned_note(used), *length_note(same, used), *feed_note(same, used), *front_note(same, used)]
+
+
+def _turned_note(used: Sequence[Observed]) -> list[str]:
+    names = ", ".join(f"{one.name} ({' and '.join(one.turned)})" for one in used if one.turned)
+    return [f"{names}: the response moves against the force, so the sensor, or the hammer's sign, is turned round; fitted with "
+            "its sign turned: if that is how it was, give the channel, or the force, scale: -1"] if names else []

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from analysis.fit.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit, linearised, names_of, padded
-from analysis.fit.nuisances import MISSING, Nuisances, end_moved, end_moved_in_arc, turned_by
+from analysis.fit.nuisances import MISSING, Nuisances, begun_with, end_moved, end_moved_in_arc, turned_by
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant, predict
 from analysis.threads import threaded
@@ -64,6 +64,7 @@ class Fitter:
         self.free = tuple(one for one in free if not one.each_record)
         self.shifting = tuple(one for one in free if one.each_record)
         self.gradual = any(one.gradual for one in free)
+        self.swinging = tuple(dict.fromkeys(pair for one in free for pair in one.states))
         self.fits_angle = any(record.cut is not None and record.first_mark is not None for record in records)
         self.names = (*(one.path for one in self.free), *(("mark_angle",) if self.fits_angle else ()))
 
@@ -109,19 +110,22 @@ class Fitter:
                 own.append({"length": LENGTH_STEP})
         own += [{end: PART_STEP} for end in nuisances.ends_in_arc(self.gradual)]
         if not record.starts_in_cut or nuisances.swings:  # still swinging at a recent entry
-            size = record.motion_size
-            own += [{"displacement": size}, {"velocity": size * 2 * math.pi * 100.0}]
+            size, omega = record.motion_size, record.main_frequency
+            own += [{"displacement": size}, {"velocity": size * omega}]
+            pairs = self.swinging if record.cut is None else ()
+            own += [change for position, rate in pairs for change in ({position: size}, {rate: size * omega})]
         if record.cut is not None and record.first_mark is None:
             own += [{"angle": 0.1}, {"speed": 1e-3}]
         elif record.clock_error is not None:  # held by what the marks know of them, see Observed.off_marks
             own += [{"angle": record.clock_error[0]}, {"speed": record.clock_error[1]}]
         return own
 
-    @staticmethod
-    def _nudged(nuisances: Nuisances, change: Mapping[str, float], amount: float, arc: float) -> Nuisances:
+    def _nudged(self, nuisances: Nuisances, change: Mapping[str, float], amount: float, arc: float) -> Nuisances:
         values: dict[str, Any] = {}
         for key, size in change.items():
-            if "." in key:
+            if any(key in pair for pair in self.swinging):
+                nuisances = begun_with(nuisances, key, amount * size)
+            elif "." in key:
                 nuisances = turned_by(nuisances, key, amount * size)
             elif key == "late_entry":
                 nuisances = end_moved(nuisances, "entry", amount * size)

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from analysis.multipliers.floquet import once_per_period_samples, tooth_period
-from analysis.records.segments import white_noise
+from analysis.records.white_noise import white_noise
 from testbed.recording import Recording
 
 

@@ -13,7 +13,8 @@ from scipy.interpolate import CubicSpline
 from analysis.linear.delay_equation import milling_equation
 from analysis.linear.spectral_elements import multipliers
 from analysis.linear.stability import classify
-from analysis.multipliers.verdict import once_per_tooth_samples, simulated_verdict
+from analysis.multipliers.verdict import changing_part, once_per_tooth_samples, simulated_verdict
+from analysis.records.segments import main_channel
 from testbed.cut import Cut
 from testbed.machine import Model
 from testbed.recording import Recording
@@ -78,11 +79,12 @@ def contact_loss_time(recording: Recording, immersion: float, noise: float = 0.0
     return float(times[1:][lost].min()) if lost.any() else math.nan
 
 
-def labels(recording: Recording, linear: LinearClass, immersion: float, noise: float,
+def labels(recording: Recording, linear: LinearClass, immersion: float, noise: Mapping[str, float],
            effects: tuple[str, ...]) -> Mapping[str, Any]:
-    """All label columns of a run. immersion: of the true machine; noise (m): rms of the displacement's sensor."""
+    """All label columns of a run. immersion: of the true machine; noise: rms of each channel's sensor, its unit."""
     try:
-        when: float | None = contact_loss_time(recording, immersion, noise, int(recording.conditions["flutes"]))
+        when: float | None = contact_loss_time(recording, immersion, noise.get("displacement", 0.0),
+                                               int(recording.conditions["flutes"]))
     except ValueError:
         when = None
     lost = None if when is None else not math.isnan(when)
@@ -91,17 +93,22 @@ def labels(recording: Recording, linear: LinearClass, immersion: float, noise: f
             "contact_loss_time": when if lost else None, "effects": sorted(effects)}
 
 
-def observed(recording: Recording, noise: float) -> str:
-    """The samples' verdict on the cut alone; undecided where the run is too short, broken off or has no marks."""
+def observed(recording: Recording, noise: Mapping[str, float]) -> str:
+    """What the cut did alone, by the displacement, else the velocity, the acceleration, a force; noise: rms of each channel's.
+
+    Undecided where the run is too short, broken off or has no marks.
+    """
     known, passes = recording.conditions, recording.pass_times
     first, last = int(known["idle_passes"]), int(known["idle_passes"]) + int(known["passes"])
-    if "displacement" not in recording.channels or len(recording) < 8 or passes.size <= last:
+    if len(recording) < 8 or passes.size <= last:
         return "undecided"
     cut = {"entry_time": float(passes[first]), "exit_time": float(passes[last])}
-    flutes = int(known["flutes"])
+    flutes, channel = int(known["flutes"]), main_channel(recording)
     marks = recording.marks if recording.marks.size >= 3 else passes[::flutes]
     timed = replace(recording, marks=marks, conditions={**known, **cut})
     try:
-        return simulated_verdict(once_per_tooth_samples(timed, flutes), noise).outcome
-    except (ValueError, IndexError):
+        samples = (once_per_tooth_samples(timed, flutes) if channel == "displacement"
+                   else changing_part(timed, flutes, channel))
+        return simulated_verdict(samples, noise.get(channel, 0.0)).outcome
+    except (ValueError, IndexError, np.linalg.LinAlgError):
         return "undecided"

@@ -1,6 +1,8 @@
 """What a cut did, read from its once-per-tooth samples as in the paper's experiments, without any model.
 
-The displacement is looked at once a tooth. Two windows of up to 60 teeth, the last and the one before, are compared:
+The displacement is looked at once a tooth; in another channel of motion or force, where a sample may fall on a jump, the
+part of PHASES samples a tooth that changes most from tooth to tooth. Two windows of up to 60 teeth, the last and the one
+before, are compared:
 
 - stable: the samples have settled, to within four times the noise or 2 % of how far they swung before; or their
   spread has at least halved from window to window;
@@ -27,6 +29,7 @@ from testbed.recording import Recording
 
 Observed = Literal["stable", "flip", "neimark_sacker", "undecided"]
 WINDOW, LEAST = 60, 20  # teeth
+PHASES = 24  # samples a tooth
 SETTLED, NOISES = 0.02, 4.0
 HALVED, KEPT = 0.5, 0.9
 ALTERNATES = 1.0 / 3.0
@@ -56,6 +59,19 @@ def once_per_tooth_samples(recording: Recording, flutes: int = 1, channel: str =
     end = float(recording.conditions.get("exit_time", recording.start + len(recording) / recording.sampling_rate))
     first = float(recording.marks[recording.marks >= begin][0])
     return once_per_period_samples(recording, period, first, end, 1, channel)[:, 0]
+
+
+def changing_part(recording: Recording, flutes: int, channel: str) -> np.ndarray:
+    """One number a tooth (teeth,), in the channel's unit, with the noise of one sample: the first principal component of
+    PHASES samples a tooth over the cut, whose cut is as in `once_per_tooth_samples`."""
+    period = tooth_period(recording, flutes)
+    begin, end = (float(recording.conditions[name]) for name in ("entry_time", "exit_time"))
+    rows = once_per_period_samples(recording, period, begin, end, PHASES, channel)
+    late = rows[-min(WINDOW, len(rows)) :]
+    calm = np.argsort(late.std(axis=0))[: PHASES // 2]  # a sample beside a jump scatters by when it was taken
+    rows, late = rows[:, calm], late[:, calm]
+    direction = np.linalg.svd(late - late.mean(axis=0), full_matrices=False)[2][0]
+    return np.asarray(rows @ direction)
 
 
 def simulated_verdict(samples: np.ndarray, noise: float = 0.0) -> SampleVerdict:

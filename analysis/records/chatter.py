@@ -1,74 +1,252 @@
-"""The chatter line of a cut: found where it is strong, followed through the record while it drifts.
+"""Did the cut chatter? Told from its record alone, by a line that the cut feeds.
 
-A line that is no multiple of the spindle, no hum and not the free vibration's own, and yet the strongest of the cut, is the
-cut's self-excited vibration (at odd multiples of half the tooth-passing frequency where it repeats every other pass); its
-frequency moves as the amplitude grows.
+What repeats with the spindle is taken out of the last revolutions of the cut. A line that is left there is chatter where it
+lasts or grows, is none that stood there before the entry (hum, another machine), and is loud. Loud is measured against the
+feed: the motion changes from one tooth to the next by so much that teeth leave the work, or nearly; where no channel tells
+metres, or no feed is known, against the tooth passing. Before no idling was recorded, a line on a multiple of the mains is
+the cut's only with side bands at the tooth passing. What dies away was the entry's. With an even number of teeth a flip falls
+on multiples of the spindle's frequency, where runout is, too: there alone the size decides, and the kind stays open.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
-from analysis.records.lines import SpectralLine, follow_line
+from analysis.records.cut_end import STANDS, CutEnd, Line
+from analysis.records.orders import PADDED, turns_of
+from analysis.records.passing_speed import cut_speeds
+from analysis.records.segments import Segment
+from testbed.readers.tachometer import speed as marks_speed
+from testbed.recording import Recording
 
-PERIODS = 100.0  # of the line in a window: long enough to tell it from neighbours, short enough for its drift
-SEEN = 0.15  # of its largest amplitude: below it a neighbour, hum say, may lead the search astray
-FAR = 10.0  # s, how far from the steady cut a line is followed
-FEWEST = 6  # windows
-SELF_EXCITED = ("other", "half tooth-passing")
+Verdict = Literal["chatter", "none", "unknown"]
+Kind = Literal["neimark_sacker", "flip", "flip_or_runout"]
+FEWEST_TURNS, FEWEST_TEETH = 8, 16  # of the cut that are needed
+SHORTEST_END, LONGEST_END = 12, 64  # revolutions of its end that are looked at, half of the cut otherwise
+FEWEST_SIDES = 2  # side bands that the cut's own line has at the least
+BEFORE = 0.4  # of a line, that stands before the entry where it is none of the cut's
+DYING, DYING_A_TOOTH = 0.5, 0.98  # of a line, from one half of the end to the other, and a tooth: a transient
+GROWS, GROWS_ABOVE = 1.3, 10.0  # the same for one that grows, and how far it must stand out
+LOUD = 0.3  # of the feed, in motion from tooth to tooth; of the tooth passing, in a force: a line between the orders
+LOUD_UNMEASURED = 1.0  # of the loudest order, in a motion that cannot be measured against the feed; doubted from LOUD on
+LOUD_ORDER, DOUBTED_ORDER = 0.7, 0.4  # of the feed: what repeats with the spindle only; runout is less than the first
+LOUD_FORCE, DOUBTED_FORCE = 1.1, 0.6  # of the teeth's: the same in a force, where runout itself shows and not what it moves
+DOUBTED_UNMEASURED = 1.0  # of the teeth's: odd halves of the tooth passing in a motion that cannot be measured
+AT_ONCE, SOON = 0.4, 3  # of that part: how near to its last size, and after how many revolutions, runout is when teeth enter
+RAISED = 4.0  # times its median: the spectrum's floor where a motion has no lines,
+LOUD_IRREGULAR, LEAST_IRREGULAR = 0.5, 0.05  # as loud as a line; where integrated, of what repeats in the channel, too
+HANN_NOISE = 1.5  # bins, that noise counts for under a Hann window
+HALF_LEADS = 1.0  # times all other such orders, from which the odd halves of the tooth passing are a flip's
+_MOTION = {("displacement", "m"): 0, ("velocity", "m/s"): 1, ("acceleration", "m/s^2"): 2}
+_QUANTITIES = ("displacement", "velocity", "acceleration", "force")
 
 
 @dataclass(frozen=True)
-class LineTrack:
-    """A line through the record: time (s), frequency (Hz), amplitude (the channel's unit), (windows,) each."""
+class Chatter:
+    """The answer for a cut: frequency (Hz) of its strongest line, ratio of that to the line at tooth passing, the channel, and
+    for `none` and `unknown` the reason in words. kind: None where there is no chatter, or no line in it."""
 
-    time: np.ndarray
-    frequency: np.ndarray
-    amplitude: np.ndarray
+    verdict: Verdict
+    reason: str
+    kind: Kind | None = None
+    frequency: float | None = None
+    ratio: float | None = None
+    channel: str | None = None
 
-    def as_json(self) -> dict[str, float | list[float]]:
+    def as_json(self) -> dict[str, Any]:
         """SI values, for `--json`."""
-        return {"start": float(self.time[0]), "stop": float(self.time[-1]), "first_frequency": float(self.frequency[0]),
-                "last_frequency": float(self.frequency[-1]), "loudest_frequency": self.loudest[1],
-                "time": self.time.tolist(), "frequency": self.frequency.tolist(),
-                "amplitude": self.amplitude.tolist()}  # fmt: skip
-
-    @property
-    def loudest(self) -> tuple[float, float]:
-        """(time in s, frequency in Hz) where it is loudest."""
-        place = int(np.argmax(self.amplitude))
-        return float(self.time[place]), float(self.frequency[place])
+        return {"verdict": self.verdict, "kind": self.kind, "frequency": self.frequency, "ratio": self.ratio,
+                "channel": self.channel, "reason": self.reason}  # fmt: skip
 
 
-def chatter_track(
-    values: np.ndarray, rate: float, lines: Sequence[SpectralLine], middle: float, start: float = 0.0
-) -> LineTrack | None:
-    """The strongest line of the cut (lines, strongest first) through a record (samples,), if it is none that belongs there.
+def judge_cut(recording: Recording, segments: Sequence[Segment]) -> Chatter:
+    """Whether a recorded cut chattered, by its `segments`; at the tachometer's speed, else at that which its lines show.
 
-    middle: a time (s) amid the stretch that the lines were found in; start: time of the first sample. None where the
-    strongest line is the spindle's, hum or the structure's own, and where it cannot be followed.
+    Of several channels of motion or force that one answers in which a line of the cut stands out most.
     """
-    if not lines or lines[0].kind not in SELF_EXCITED:
+    answers = []
+    for name in recording.channels:
+        quantity = name.removesuffix("_x").removesuffix("_y").removesuffix("_z")
+        if quantity in _QUANTITIES:
+            answers.append(_of_channel(recording, segments, name, quantity))
+    if not answers:
+        return Chatter("unknown", "no channel of motion or force")
+    return max(answers, key=lambda one: one[0])[1]
+
+
+def _of_channel(recording: Recording, segments: Sequence[Segment], name: str, quantity: str) -> tuple[float, Chatter]:
+    """(how far the cut stands out, the answer) of one channel."""
+    cutting = [part for part in segments if part.kind in ("entry", "steady")]
+    flutes = int(recording.conditions.get("flutes") or 1)
+    if not cutting:
+        return 0.0, Chatter("unknown", "no cut is found in the record")
+    time = recording.time
+    inside = (time >= min(part.start for part in cutting)) & (time < max(part.stop for part in cutting))
+    speeds, sure = _speeds(recording, inside, name, flutes)
+    if not speeds:
+        return 0.0, Chatter("unknown", "no tachometer and no spindle speed, or the cut is too short", channel=name)
+    best = None
+    for speed in speeds:
+        end = _end_of(recording, inside, speed, sure, name, quantity)
+        if end is None:
+            return 0.0, Chatter("unknown", "the cut is too short", channel=name)
+        lines = end.lines()
+        stands = max(float(end.amplitudes[1:].max() / np.median(end.spectrum[1])), *(one.stands for one in lines), 0.0)
+        found = stands, _told(replace(_answer(end, lines), channel=name), "flutes" in recording.conditions)
+        if best is None or (found[1].verdict == "chatter" and best[1].verdict != "chatter"):
+            best = found
+    assert best is not None
+    return best
+
+
+def _told(found: Chatter, flutes: bool) -> Chatter:
+    """The answer, with what it is worth where the number of flutes is not given."""
+    if flutes:
+        return found
+    reason = "the number of flutes is not given, so no tooth passing was looked for"
+    return replace(found, ratio=None, reason=f"{found.reason}; {reason}" if found.reason else reason)
+
+
+def _speeds(recording: Recording, inside: np.ndarray, name: str, flutes: int) -> tuple[tuple[float, ...], bool]:
+    """Spindle speeds (rad/s) to judge at, and whether the first is sure; none where nothing tells any."""
+    speed, stated = marks_speed(recording.marks), recording.conditions.get("spindle_speed")
+    if speed is not None:
+        return (speed,), True
+    if not stated or np.count_nonzero(inside) * stated < 2.0 * math.pi * FEWEST_TURNS * recording.sampling_rate:
+        return (), False
+    values, first = np.asarray(recording.channels[name], dtype=float), int(np.argmax(inside))
+    return cut_speeds(values[inside], recording.sampling_rate, stated, flutes, values[:first] if first > 1 else None)
+
+
+def _end_of(recording: Recording, inside: np.ndarray, speed: float, sure: bool, name: str, quantity: str) -> CutEnd | None:
+    """The end of the cut in a channel, laid out at that speed; None where the cut is too short."""
+    values, known = np.asarray(recording.channels[name], dtype=float), recording.conditions
+    flutes = int(known.get("flutes") or 1)
+    whole = turns_of(values[inside], recording.time[inside], recording.marks, 2.0 * math.pi / speed)
+    if len(whole.rows) < FEWEST_TURNS or len(whole.rows) * flutes < FEWEST_TEETH:
         return None
-    line = lines[0].frequency
-    window = PERIODS / line
-    half, here = round(0.5 * window * rate), round((middle - start) * rate)
-    after = values[max(here - half, 0) : here + round(FAR * rate)]
-    before = values[max(here - round(FAR * rate), 0) : here + half][::-1]
-    if min(len(after), len(before)) <= 2 * half:
+    count = min(len(whole.rows), max(len(whole.rows) // 2, SHORTEST_END), LONGEST_END)
+    feed = known.get("feed_per_tooth") or (known.get("feed_per_revolution") or 0.0) / flutes
+    integrals = _MOTION.get((quantity, recording.units[name])) if feed else None
+    return CutEnd(whole.last(count), whole, flutes, values[: int(np.argmax(inside))], recording.sampling_rate, integrals,
+                  feed, quantity == "force", sure)  # fmt: skip
+
+
+def _answer(end: CutEnd, lines: Sequence[Line]) -> Chatter:
+    tooth = float(end.amplitudes[end.flutes]) if end.flutes < len(end.amplitudes) else math.nan
+    hum = [line for line in lines if end.on_mains(line.order) and line.sides < FEWEST_SIDES]
+    least = max(DYING, DYING_A_TOOTH ** (0.5 * end.count * end.flutes))
+    found: tuple[float, Chatter] | None = None
+    doubt: Chatter | None = None
+    for line in lines:
+        loud, enough = _loudness(end, line)
+        grows = line.kept > GROWS and line.stands > GROWS_ABOVE
+        before = end.before(line.order) / line.amplitude
+        if line.kept < least or (loud < LOUD and not grows) or end.folded(line) or before > BEFORE:
+            continue
+        here = _chatter_at(end, line.order, line.amplitude, tooth, _kind(end, line.order))
+        if math.isnan(before) and line in hum:
+            alone = replace(here, verdict="unknown", reason="it may be hum: nothing was recorded before the cut")
+            doubt = doubt or (alone if len(hum) == 1 else None)
+        elif loud < enough and not grows:
+            why = "without unit and feed it cannot be told whether it is loud"
+            doubt = doubt or replace(here, verdict="unknown", reason=why)
+        elif found is None or loud > found[0]:
+            found = loud, here
+    return _of_orders(end, tooth, doubt, found)
+
+
+def _loudness(end: CutEnd, line: Line) -> tuple[float, float]:
+    """(how loud a line is, how loud it must be to be chatter)."""
+    if end.measured:
+        return line.amplitude * abs(end.from_tooth_to_tooth(np.array([line.order]))[0]), LOUD
+    if end.is_force:
+        return line.amplitude / max(float(end.amplitudes[end.flutes :: end.flutes].max(initial=0.0)), 1e-300), LOUD
+    return line.amplitude / float(end.amplitudes[1:].max()), LOUD_UNMEASURED
+
+
+def _kind(end: CutEnd, order: float) -> Kind:
+    """A flip's line is at an odd half of the tooth passing."""
+    halves = order / end.flutes - 0.5
+    return "flip" if abs(halves - round(halves)) * end.flutes < 0.75 / end.count else "neimark_sacker"
+
+
+def _chatter_at(end: CutEnd, order: float, amplitude: float, tooth: float, kind: Kind | None) -> Chatter:
+    return Chatter("chatter", "", kind, order / end.turns.period, amplitude / tooth if tooth > 0.0 else None)
+
+
+def _of_orders(end: CutEnd, tooth: float, doubt: Chatter | None, found: tuple[float, Chatter] | None) -> Chatter:
+    """The answer with what repeats with the spindle, but not with the teeth. found: (loudness, answer) of a line between."""
+    pattern = np.fft.rfft(end.turns.pattern)
+    orders = np.arange(len(pattern))
+    before = [end.before(order) > BEFORE * amplitude for order, amplitude in enumerate(end.amplitudes)]
+    others = np.where((orders % end.flutes > 0) & ~np.array(before), pattern, 0.0)
+    unheard = math.isnan(end.before(1.0)) and not end.on_mains(1.0)  # nothing tells hum from what repeats with the spindle
+    sure = np.where([unheard and end.on_mains(float(order)) for order in orders], 0.0, others)
+    half = others * (orders % end.flutes == end.flutes / 2)
+    flips = bool(np.linalg.norm(half) > HALF_LEADS * np.linalg.norm(others - half))
+    teeth = max(float(np.linalg.norm(pattern[orders % end.flutes == 0])), 1e-300)
+    if end.measured:
+        size, most = (float(np.abs(np.fft.irfft(one * end.from_tooth_to_tooth(orders), len(end.turns.pattern))).max())
+                      for one in (sure, others))  # fmt: skip
+        loud, doubted = LOUD_ORDER, DOUBTED_ORDER
+    elif end.is_force:
+        size, most, loud, doubted = *(float(np.linalg.norm(one)) / teeth for one in (sure, others)), LOUD_FORCE, DOUBTED_FORCE
+    else:
+        size = most = float(np.linalg.norm(half)) / teeth
+        loud, doubted = math.inf, DOUBTED_UNMEASURED
+    top = int(np.argmax(np.abs(half if flips else others)))
+    amplitude = float(np.abs(pattern[top])) * 2.0 / len(end.turns.pattern)
+    of_orders = _chatter_at(end, top, amplitude, tooth, "flip_or_runout" if flips else "neimark_sacker")
+    if found is not None and (size < loud or found[0] > size or not flips):
+        return found[1]
+    if size > loud:
+        return of_orders
+    irregular = _irregular(end, tooth)
+    if irregular is not None:
+        return irregular
+    if most > doubted and not _at_once(end, others):
+        return replace(of_orders, verdict="unknown", kind="flip_or_runout", reason="it may be runout")
+    return _nothing(end, doubt)
+
+
+def _nothing(end: CutEnd, doubt: Chatter | None) -> Chatter:
+    """The answer where nothing is chatter for sure."""
+    if doubt is not None:
+        return doubt
+    if not end.sure:
+        return Chatter("unknown", "the spindle speed is not known well enough")
+    if float(end.amplitudes[1:].max()) < STANDS * np.median(end.spectrum[1]):
+        return Chatter("unknown", "the cut does not stand out of the noise")
+    return Chatter("none", "every line repeats with the teeth, dies away, or is there without the cut")
+
+
+def _irregular(end: CutEnd, tooth: float) -> Chatter | None:
+    """Chatter without lines: the spectrum's floor itself stands far above the noise, as loud as a line must be."""
+    lines, floor = end.spectrum
+    orders = np.arange(len(lines)) / (end.count * PADDED)
+    hum = np.array([end.on_mains(float(order)) for order in orders]) & math.isnan(end.before(1.0))
+    raised = (floor > RAISED * np.median(floor)) & (orders > 2.0 / end.count) & ~hum
+    power = raised * floor**2 / (math.log(2.0) * HANN_NOISE * PADDED)
+    loud = of_pattern = math.sqrt(float(np.sum(power))) / max(float(np.linalg.norm(end.amplitudes[1:])), 1e-300)
+    if end.measured:
+        loud = math.sqrt(float(np.sum(power * np.abs(end.from_tooth_to_tooth(orders)) ** 2)))
+    faint = bool(end.integrals) and (math.isnan(end.before(1.0)) or of_pattern < LEAST_IRREGULAR)  # hum grows when integrated
+    if loud < LOUD_IRREGULAR or faint or not (end.measured or end.is_force):
         return None
-    later, frequencies, sizes = follow_line(after, rate, line, window=window, start=start + max(here - half, 0) / rate)
-    earlier, *backwards = follow_line(before, rate, line, window=window)
-    time = np.concatenate([(start + (here + half) / rate - earlier)[:0:-1], later])
-    frequency = np.concatenate([backwards[0][:0:-1], frequencies])
-    amplitude = np.concatenate([backwards[1][:0:-1], sizes])
-    loud, begin = amplitude > SEEN * amplitude.max(), len(earlier) - 1
-    if not loud[begin]:
-        return None
-    first = begin - int(np.argmin(np.append(loud[begin::-1], False))) + 1
-    last = begin + int(np.argmin(np.append(loud[begin:], False)))
-    part = slice(first, last)
-    return LineTrack(time[part], frequency[part], amplitude[part]) if last - first >= FEWEST else None
+    top = int(np.argmax(np.abs(lines) * raised))
+    return _chatter_at(end, float(orders[top]), float(np.abs(lines[top])), tooth, None)
+
+
+def _at_once(end: CutEnd, others: np.ndarray) -> bool:
+    """Whether what repeats with the spindle is there as soon as the teeth enter, as runout is."""
+    if len(end.idle) < end.turns.rows.shape[1] or len(end.whole.rows) < SOON + end.count // 2:
+        return False
+    shape = np.fft.irfft(others, end.turns.rows.shape[1])
+    shares = end.whole.rows @ shape / max(float(shape @ shape), 1e-300)
+    return bool((np.abs(shares[SOON - 1 : SOON + 3] - 1.0) < AT_ONCE).all())

@@ -22,7 +22,8 @@ _OFFSET_LINES = 6  # first lines of a fourfold padded spectrum, in which what is
 class FreeDecay:
     """x(t) = e^(-decay t) (a cos wt + b sin wt) + offset + drift s + bend s^2, t in samples from `first`, s = t / span.
 
-    frequency (cycles a sample), decay (1/sample); rest: standard deviation of what the fit leaves, the signal's unit.
+    frequency (cycles a sample), decay (1/sample), with standard errors; rest: standard deviation of what the fit leaves, the
+    signal's unit.
     """
 
     first: int
@@ -32,6 +33,7 @@ class FreeDecay:
     weights: np.ndarray
     rest: float
     decay_error: float
+    frequency_error: float
 
     def at(self, samples: np.ndarray) -> np.ndarray:
         """The fitted signal at sample numbers."""
@@ -82,8 +84,8 @@ def fit_free_decay(values: np.ndarray, first: int, frequency: float, decay: floa
     basis = _basis(time, span, frequency, decay)
     weights, *_ = np.linalg.lstsq(basis, data, rcond=None)
     left = float((data - basis @ weights).std())
-    error = left * float(np.sqrt(np.linalg.inv(normal)[1, 1]))
-    return FreeDecay(first, span, float(frequency), float(decay), weights, left, error)
+    errors = left * np.sqrt(np.diag(np.linalg.inv(normal)))
+    return FreeDecay(first, span, float(frequency), float(decay), weights, left, float(errors[1]), float(errors[0]))
 
 
 def spectral_peak(values: np.ndarray) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.records.chatter import LineTrack
+from analysis.records.chatter_line import LineTrack
 from analysis.records.lines import amplitude_spectrum
 from analysis.records.noise import samples_of
 from analysis.records.record_report import RecordReport
@@ -50,7 +50,7 @@ def draw(report: RecordReport) -> Any:
 
     recording = report.recording
     names = list(recording.channels)
-    panels = len(names) + 1 + (report.chatter is not None)
+    panels = len(names) + 1 + (report.chatter_line is not None)
     figure = Figure(figsize=(10, 2.0 * (panels - 1) + 3.2), layout="constrained")
     axes = figure.subplots(panels, 1, squeeze=False)[:, 0]
     for axis, name in zip(axes, names, strict=False):
@@ -71,8 +71,8 @@ def draw(report: RecordReport) -> Any:
     axes[0].set_title(_title(report))
     axes[len(names) - 1].set_xlabel("time [s]")
     _draw_spectrum(axes[len(names)], report)
-    if report.chatter is not None:
-        _draw_chatter(axes[-1], report.chatter)
+    if report.chatter_line is not None:
+        _draw_chatter(axes[-1], report.chatter_line)
     return figure
 
 

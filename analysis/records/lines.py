@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from analysis.records.hum import MAINS
 
-LineKind = Literal["hum", "spindle", "tooth-passing", "half tooth-passing", "natural", "other"]
+LineKind = Literal["hum", "spindle", "tooth-passing", "half tooth-passing", "natural", "chatter", "other"]
 _HARMONICS_OF_HUM = 40
 FARTHEST = 0.6, 1.7  # of the nominal speed: between one half and twice it, which explain the lines of it as well
 CLEARLY = 1.25  # times the score, by which a spacing far from the nominal one must explain more
@@ -107,12 +108,32 @@ def spectral_lines(
             abs(frequency - other) < max(width, quiet_width) and level > 0.3 * amplitude for other, level in quiet
         )
         kind, order = _of_the_spindle(frequency, turning, flutes, width)
-        if mains and _on_comb(frequency, mains, max(width, 0.1)) and (kind == "other" or in_idle):
+        natural = any(abs(frequency - one) < max(width, 0.02 * one) for one in natural_frequencies)
+        if natural and kind == "other" and not in_idle:  # hum does not die away
+            kind = "natural"
+        elif mains and _on_comb(frequency, mains, max(width, 0.1)) and (kind == "other" or in_idle):
             kind, order = "hum", round(frequency / mains)
-        elif kind == "other" and any(abs(frequency - one) < max(width, 0.02 * one) for one in natural_frequencies):
+        elif kind == "other" and natural:
             kind = "natural"
         lines.append(SpectralLine(frequency, amplitude, kind, order))
     return tuple(lines)
+
+
+def fed_by_the_cut(
+    lines: Sequence[SpectralLine], chatter: float, spindle_speed: float | None, flutes: int, near: float = 5e-3
+) -> tuple[SpectralLine, ...]:
+    """The lines with the chatter line (Hz) and its side bands at the tooth passing named so; spindle_speed in rad/s.
+
+    A line of the spindle keeps its name, of the mains only where it is no side band. near: relative, how far they may drift.
+    """
+    passing = spindle_speed * flutes / (2 * np.pi) if spindle_speed else math.inf
+    named = []
+    for line in lines:
+        away = [abs(line.frequency - sign * chatter) for sign in (1.0, -1.0)]
+        off = min(abs(one - round(one / passing) * passing) for one in away)
+        own = off < near * chatter and line.kind not in ("spindle", "tooth-passing", "half tooth-passing")
+        named.append(replace(line, kind="chatter", order=0) if own else line)
+    return tuple(named)
 
 
 def _of_the_spindle(frequency: float, turning: float | None, flutes: int, width: float) -> tuple[LineKind, int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -12,11 +12,11 @@ import numpy as np
 from analysis.records.free_decay import FreeDecay, fit_free_decay, spectral_peak
 from analysis.records.hum import MAINS
 from analysis.records.periods import period_changes, revolutions
-from analysis.records.segments import Segment, main_channel, revolution_period, white_noise
+from analysis.records.segments import Segment, main_channel, revolution_period
+from analysis.records.white_noise import read_white_noise, rounding, white_noise
 from testbed.recording import Recording
 
 PAIRED = 1.5  # samples that count as one: of changes between neighbours, which are correlated by -1/2
-SAME_VALUE = 1e-9  # of a channel's range, within which two values are one step of its converter
 VIBRATIONS = 3  # that are taken out of idling
 FEWEST_QUIET = 128  # samples of idling that are left when its loud beginning is taken away
 EARLY = 2 / 3  # of idling, that no tooth has entered
@@ -28,21 +28,29 @@ MAINS_DRIFT = 0.002  # which itself is so many parts off at the most
 TRANSIENTS = 4  # directions in which revolutions may differ while a transient dies or grows: two free vibrations
 LASTING = 0.01  # that a motion's size changes by in a revolution, at the least, to be a transient
 RESTS = 4  # revolutions more than directions, without which they tell no noise
+INTERPOLATED, LOUD = 32, 1.3  # samples a revolution, below which what interpolation leaves may be as loud as noise, or louder
+ROUNDED = 0.5  # of what a vibration leaves, that rounding makes: what is left beyond the white part is then motion
 FOURTH = 2.63  # of fourth differences: the sum of their squared autocorrelations, (70, -56, 28, -8, 1) / 70
-Basis = Literal["idle", "ring-down", "repeated periods", "high-frequency residual"]
+Basis = Literal["idle", "ring-down", "repeated periods", "high-frequency residual", "upper bound"]
 
 
 @dataclass(frozen=True)
 class Noise:
     """rms of a channel's noise in the channel's unit, and what it was read from.
 
-    doubt: standard error of the rms over the rms, as for white noise: over few samples it is a few per cent.
+    doubt: standard error of the rms over the rms, as for white noise: over few samples it is a few per cent. An upper bound is
+    no reading: the noise is not known, but cannot be louder.
     """
 
     rms: float
     basis: Basis
     channel: str
     doubt: float = 0.0
+
+    @property
+    def known(self) -> bool:
+        """Whether the record tells its noise."""
+        return self.basis != "upper bound"
 
 
 def samples_of(recording: Recording, segment: Segment) -> slice:
@@ -59,13 +67,21 @@ def noise_floor(recording: Recording, segments: Sequence[Segment], channel: str 
     vibrations leave of it, taken only where that is white. repeated periods: rms of the change from one revolution to the
     next over sqrt(2), median over steady cutting, taken only where the cut repeats itself (not in chatter); or of what a
     transient leaves that has not died yet, where that is white. high-frequency residual: fourth differences, which see white
-    noise only.
+    noise only. upper bound: the same where a motion as fast as the sampling may be all that they see. Never below the
+    converter's rounding, of what was measured, nor above the record's own rms.
     """
     name = channel or main_channel(recording)
     values = np.asarray(recording.channels[name], dtype=float)
+    found = _read(recording, segments, name, values)
+    most, least = float(np.std(values)), rounding(np.delete(values, recording.filled))
+    return replace(found, rms=max(min(found.rms, most), least))
+
+
+def _read(recording: Recording, segments: Sequence[Segment], name: str, values: np.ndarray) -> Noise:
+    """The noise as the first basis tells it that the record has."""
     period = revolution_period(recording)
     turn = (period or 64 / recording.sampling_rate) * recording.sampling_rate
-    rate, enough = recording.sampling_rate, max(min(TURNS * turn, ENOUGH * recording.sampling_rate), 64)
+    rate, enough = recording.sampling_rate, max(min(TURNS * turn, ENOUGH * recording.sampling_rate), 64) if period else 64
     parts = [(segment.kind, values[samples_of(recording, segment)]) for segment in segments]
     read = [one for kind, part in parts if kind == "idle" and len(part) > enough for one in _of_idling(part, rate, turn)]
     if read:
@@ -76,21 +92,15 @@ def noise_floor(recording: Recording, segments: Sequence[Segment], channel: str 
         rms, used = _quietest(read)
         return Noise(rms, "ring-down", name, _doubt(used))
     longest = max((part for kind, part in parts if kind == "steady"), key=len, default=np.empty(0))
-    white = white_noise(values)
+    white = read_white_noise(values)
     if period and len(longest) > 6 * turn:
         change, level = period_changes(longest, turn)
         read = _of_changes(change, turn)
         if _quietest(read)[0] < 0.25 * float(np.median(level)):
             rms, used = _quietest([*read, *_beside_transients(longest, turn)])
-            return Noise(rms, "repeated periods", name, _doubt(used, PAIRED))
-    return Noise(white, "high-frequency residual", name, _doubt(len(values), FOURTH))
-
-
-def rounding(values: np.ndarray) -> float:
-    """rms error of rounding to the converter's step, its own unit: what noise cannot be below, however quiet the idle."""
-    steps = np.diff(np.unique(values))
-    steps = steps[steps > SAME_VALUE * float(np.ptp(values))]
-    return float(steps.min()) / math.sqrt(12.0) if len(steps) else 0.0
+            if turn >= INTERPOLATED or rms < LOUD * white.rms or not white.known:
+                return Noise(rms, "repeated periods", name, _doubt(used, PAIRED))
+    return Noise(white.rms, "high-frequency residual" if white.known else "upper bound", name, _doubt(len(values), FOURTH))
 
 
 def _of_idling(values: np.ndarray, rate: float, turn: float) -> list[tuple[float, int]]:
@@ -135,7 +145,8 @@ def _beside_transients(values: np.ndarray, turn: float) -> list[tuple[float, int
     rows = rows - rows.mean(axis=1, keepdims=True)
     left, sizes, _ = np.linalg.svd(rows - rows.mean(axis=0), full_matrices=False)
     count, length = rows.shape
-    freedom = np.array([(count - 1 - taken) * (length - taken) for taken in range(max(0, count - RESTS))])
+    most = min(count, length) - RESTS  # directions that leave enough to tell noise by
+    freedom = np.array([(count - 1 - taken) * (length - taken) for taken in range(max(0, most))])
     power = np.cumsum(sizes[::-1] ** 2)[::-1][: len(freedom)]
     rest = np.sqrt(power / (freedom * gains.mean()))
     for taken in range(min(TRANSIENTS, len(rest) - 2) + 1):
@@ -187,14 +198,15 @@ def _beside_ringing(values: np.ndarray, rate: float, rms: float) -> float:
     A structure that was pushed before the record still rings while idling, perhaps amid another vibration: that is motion, not
     noise. Hum stays.
     """
-    white, rest, before = max(white_noise(values), rounding(values)), values, rms
+    step, rest, before = rounding(values), values, rms
     for _ in range(VIBRATIONS):
         fit = fit_free_decay(rest, 0, spectral_peak(rest))
         if fit is None or fit.rest > 0.98 * before or _is_hum(fit, rate, len(values)):
             return rms
-        if fit.rest <= 1.3 * white:
-            return fit.rest
         rest, before = rest - fit.at(np.arange(len(rest))), fit.rest
+        white = max(white_noise(rest), step)
+        if fit.rest <= 1.3 * white:
+            return min(fit.rest, white) if step > ROUNDED * fit.rest else fit.rest
     return rms
 
 

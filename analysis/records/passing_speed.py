@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from analysis.records.hum import MAINS
 from analysis.records.lines import amplitude_spectrum, comb_speed
 
 REACH = 0.03  # of the stated speed, that is searched about it
@@ -21,6 +22,8 @@ FEWEST = 4.0  # passes
 PADDED = 8  # times the record's length: the spectrum's points
 BETWEEN = 0.1  # of what the highest harmonic resolves: step of the search
 FLOOR = 50  # resolved frequencies to either side, whose median is what a line stands above
+FAR_REACH = 0.045  # of it, where a cut may chatter: further than a log book errs
+SIDES, SIDE_HARMONICS = 12, 40  # side bands to either side, and harmonics beside them
 SURE = 6.0  # standard deviations of the sum at frequencies that are no harmonics, by which it must stand out
 
 
@@ -61,3 +64,37 @@ def _heights(values: np.ndarray, rate: float) -> tuple[np.ndarray, float]:
     width = min(len(spectrum) // 4 * 2 + 1, 2 * FLOOR * PADDED + 1)
     floor = median_filter(spectrum, size=width, mode="nearest")
     return np.log1p((spectrum / (2.0 * np.maximum(floor, 1e-300))) ** 2), float(frequencies[1])
+
+
+def cut_speeds(values: np.ndarray, rate: float, stated: float, flutes: int,
+               idle: np.ndarray | None = None) -> tuple[tuple[float, ...], bool]:  # fmt: skip
+    """Spindle speeds (rad/s) that a cut which may chatter can have run at, likeliest first, and whether the first is sure.
+
+    As `heard_speed`; where that finds none near the stated one, the side bands of the loudest line that is no multiple of the
+    mains count as much as the harmonics, and what was heard elsewhere is another speed to try.
+    """
+    heard = heard_speed(values, rate, stated, flutes, idle)
+    if heard is not None and abs(heard / stated - 1.0) < FAR_REACH:
+        return (heard,), True
+    passing, resolved = stated * flutes / (2.0 * math.pi), rate / len(values)
+    heights, step = _heights(np.asarray(values, dtype=float), rate)
+    orders = np.arange(1, max(HARMONICS[0], min(SIDE_HARMONICS, int(NYQUIST * rate / passing))) + 1)
+    trials = np.arange(passing * (1.0 - FAR_REACH), passing * (1.0 + FAR_REACH), BETWEEN * resolved / len(orders))
+    sides = np.concatenate([np.arange(-SIDES, 0), np.arange(1, SIDES + 1)])
+    places = np.abs(np.column_stack([trials[:, None] * orders, _loudest(values, rate) + trials[:, None] * sides]))
+    inside = (places > 3.0 * resolved) & (places < NYQUIST * rate)
+    at = np.minimum(places / step, len(heights) - 2.0)
+    below = at.astype(int)
+    sums = np.where(inside, heights[below] + (at - below) * (heights[below + 1] - heights[below]), 0.0).sum(axis=1)
+    best, count = int(np.argmax(sums)), places.shape[1]
+    by_chance = count * heights.mean() + SURE * math.sqrt(count) * heights.std()
+    near, sure = float(trials[best]) * 2.0 * math.pi / flutes, bool(sums[best] > by_chance)
+    return ((near,), sure) if sure or heard is None else ((heard, near), False)
+
+
+def _loudest(values: np.ndarray, rate: float) -> float:
+    """Frequency (Hz) of the loudest line that is no multiple of the mains."""
+    frequencies, spectrum = amplitude_spectrum(values, rate, PADDED)
+    resolved = rate / len(values)
+    hum = [np.abs(frequencies - base * np.maximum(np.round(frequencies / base), 1.0)) < resolved for base in MAINS]
+    return float(frequencies[np.argmax(np.where(np.any(hum, axis=0) | (frequencies < 3.0 * resolved), 0.0, spectrum))])

@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from analysis.records.chatter import LineTrack, chatter_track
-from analysis.records.lines import SpectralLine, comb_speed, spectral_lines
+from analysis.records.chatter import Chatter, judge_cut
+from analysis.records.chatter_line import LineTrack, chatter_track
+from analysis.records.lines import SpectralLine, comb_speed, fed_by_the_cut, spectral_lines
 from analysis.records.noise import Noise, noise_floor, samples_of
+from analysis.records.ring_downs import Decay, blow_times, free_vibrations, notes_of, used_times
 from analysis.records.segments import Segment, find_segments, main_channel
 from testbed.readers import checks
 from testbed.readers.tachometer import speed as marks_speed
@@ -46,7 +48,18 @@ class RecordReport:
     dropped: int
     repeated: int
     notes: tuple[str, ...]
-    chatter: LineTrack | None = None
+    chatter: Chatter | None = None  # of a cut alone
+    chatter_line: LineTrack | None = None
+    blows: tuple[float, ...] = ()
+    vibrations: tuple[Decay, ...] = ()
+    used: tuple[float, float] | None = None
+
+    @property
+    def share(self) -> float:
+        """Share of the record that a fit uses."""
+        if self.used is None:
+            return 0.0
+        return (self.used[1] - self.used[0]) * self.recording.sampling_rate / len(self.recording)
 
     def as_json(self) -> dict[str, Any]:
         """SI values, for `--json`."""
@@ -81,13 +94,17 @@ class RecordReport:
             },
             "segments": [{"kind": part.kind, "start": part.start, "stop": part.stop} for part in self.segments],
             "noise_floor": None
-            if self.noise is None
+            if self.noise is None or not self.noise.known
             else {"rms": self.noise.rms, "basis": self.noise.basis, "channel": self.noise.channel},
             "lines": [
                 {"frequency": line.frequency, "amplitude": line.amplitude, "kind": line.kind, "order": line.order}
                 for line in self.lines
             ],
-            "chatter_line": None if self.chatter is None else self.chatter.as_json(),
+            "blows": list(self.blows),
+            "free_vibrations": [one.as_json() for one in self.vibrations],
+            "used": None if self.used is None else {"start": self.used[0], "stop": self.used[1], "share": self.share},
+            "chatter": None if self.chatter is None else self.chatter.as_json(),
+            "chatter_line": None if self.chatter_line is None else self.chatter_line.as_json(),
             "dropped_samples": self.dropped,
             "repeated_samples": self.repeated,
             "notes": list(self.notes),
@@ -104,8 +121,9 @@ def report(recording: Recording, name: str, kind: str, notes: tuple[str, ...]) -
     }
     conditions = recording.conditions
     if recording.outcome != "ok" or len(recording) < 64:
+        unknown = Chatter("unknown", "the run broke off, or is too short") if kind == "cut" else None
         return RecordReport(
-            name, kind, recording, channels, conditions, None, "none", (), None, (), 0, 0, (*notes, *more)
+            name, kind, recording, channels, conditions, None, "none", (), None, (), 0, 0, (*notes, *more), unknown
         )
     segments = find_segments(recording, kind=kind) if kind != "file" else ()
     noise = noise_floor(recording, segments) if kind != "excited" else None
@@ -113,12 +131,22 @@ def report(recording: Recording, name: str, kind: str, notes: tuple[str, ...]) -
     if basis not in ("tachometer", "none"):
         more += checks.speed_notes(conditions.get("spindle_speed"), found, basis)
     lines = _lines(recording, segments, channel, found)
+    chatter = judge_cut(recording, segments) if kind == "cut" else None
+    track = None
+    if chatter is not None and chatter.verdict == "chatter" and chatter.frequency is not None:
+        lines = fed_by_the_cut(lines, chatter.frequency, found, int(conditions.get("flutes", 1)))
+        track = _chatter_line(recording, segments, chatter.channel or channel, chatter.frequency)
     if kind == "cut" and not any(part.kind == "steady" for part in segments):
         more.append("the cut never settles: it grows (chatter), or it is too short")
     if noise is not None and noise.basis == "high-frequency residual":
         more.append(
             "no idling and no repeating cut: the noise floor is a high-frequency residual, which sees white noise only"
         )
+    if noise is not None and not noise.known:
+        more.append(f"the noise cannot be known: what is fast in the record may be its motion; at most it is {noise.rms:.3g} "
+                    f"{recording.units[noise.channel]} rms")
+    vibrations = free_vibrations(recording, segments) if kind == "ring-down" else ()
+    more += notes_of(recording, kind)
     return RecordReport(
         name,
         kind,
@@ -133,20 +161,22 @@ def report(recording: Recording, name: str, kind: str, notes: tuple[str, ...]) -
         int(conditions.get("dropped_samples", 0)),
         int(conditions.get("repeated_samples", 0)),
         (*notes, *more),
-        _chatter(recording, segments, channel, lines) if kind == "cut" and found is not None else None,
+        chatter,
+        track,
+        blow_times(recording) if kind == "ring-down" else (),
+        vibrations,
+        used_times(recording, kind, segments, channel, vibrations),
     )
 
 
-def _chatter(
-    recording: Recording, segments: tuple[Segment, ...], channel: str, lines: tuple[SpectralLine, ...]
+def _chatter_line(
+    recording: Recording, segments: tuple[Segment, ...], channel: str, frequency: float
 ) -> LineTrack | None:
-    """The chatter line of a cut whose speed is known: without it no line can be told from the tooth's passing."""
-    steady = [part for part in segments if part.kind == "steady"]
-    if not steady:
-        return None
-    longest = max(steady, key=lambda part: part.duration)
-    values, middle = np.asarray(recording.channels[channel]), 0.5 * (longest.start + longest.stop)
-    return chatter_track(values, recording.sampling_rate, lines, middle, recording.start)
+    """The chatter line, followed from the end of the cut, where it was found."""
+    cutting = [part for part in segments if part.kind in ("entry", "steady")]
+    start, stop = min(part.start for part in cutting), max(part.stop for part in cutting)
+    values = np.asarray(recording.channels[channel])
+    return chatter_track(values, recording.sampling_rate, frequency, 0.25 * start + 0.75 * stop, recording.start)
 
 
 def _finite(recording: Recording) -> tuple[Recording, list[str]]:

@@ -12,9 +12,11 @@ from typing import Literal
 
 import numpy as np
 
+from analysis.records.blows import decays, find_blows, grows, swing_length
 from analysis.records.free_decay import free_decay_end, free_decay_start
 from analysis.records.hum import hum_lag, without_hum
 from analysis.records.periods import period_changes
+from analysis.records.white_noise import white_noise
 from testbed.readers.tachometer import speed as marks_speed
 from testbed.recording import Recording
 
@@ -22,7 +24,6 @@ Kind = Literal["idle", "entry", "steady", "exit", "ring-down"]
 _STILL, _STILL_SAMPLES = 0.1, 16  # share of a swing that is none, and samples in which that is seen
 _ABRUPT = 2.5  # growth of the level within two revolutions that ends idling
 _RESOLVED = 2e-3  # of the range: what is smaller than this is not looked for
-_FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -84,20 +85,13 @@ def find_segments(
     if end < 4 * turn and kind == "cut":
         return (Segment("steady", start, start + end / rate),)
     if kind == "ring-down":
-        places = _tap(values, turn if end > 16 * turn else max(8, end // 100))
+        turn = turn if end > 16 * turn else max(8, end // 100)
+        places = _tap(values, max(turn, min(swing_length(values), end // 16)))
     else:
         places = _cut(values, period * rate, hum_lag(values, rate, period * rate))
     return tuple(
         Segment(name, start + first / rate, start + last / rate) for name, first, last in places if last > first
     )
-
-
-def white_noise(values: np.ndarray) -> float:
-    """Standard deviation of the white part of a smooth signal, from its fourth differences (robust), its own unit."""
-    if len(values) < 16:
-        return 0.0
-    fourth = np.convolve(values, _FOURTH, "valid")
-    return float(1.4826 * np.median(np.abs(fourth - np.median(fourth))) / np.sqrt(70.0))
 
 
 def _levels(values: np.ndarray, window: int) -> _Levels:
@@ -266,13 +260,23 @@ def _still(values: np.ndarray, swing: float) -> bool:
 
 
 def _tap(values: np.ndarray, turn: int) -> list[tuple[Kind, int, int]]:
-    """Segments of a tap test: quiet, the free decay from its largest swing, quiet again."""
+    """Segments of a tap test: of each blow quiet, the free decay from its largest swing, quiet again."""
+    if grows(values) is not None:
+        first = _idle_end(values, turn, white_noise(values))
+        return [("idle", 0, first), ("ring-down", first, len(values))]
+    blows = [(first, _blow(values[first:last], turn)) for first, last in decays(values)]
+    return [(kind, first + start, first + stop) for first, parts in blows for kind, start, stop in parts]
+
+
+def _blow(values: np.ndarray, turn: int) -> list[tuple[Kind, int, int]]:
+    """The same of one blow; between quiet and decay lies the blow itself."""
     white = white_noise(values)
     line = np.median(values)
-    largest = int(np.argmax(np.abs(values - line)))
+    largest, struck = int(np.argmax(np.abs(values - line))), find_blows(values)[:1]
     before = _idle_end(values, turn, white) if largest > 8 * turn else 0
-    ringing = largest < 4 * turn and not _still(values[: largest // 2] - line, abs(float(values[largest] - line)))
-    first = min(before, largest) if before else (0 if ringing else largest)
-    idle_level = float(np.median(_levels(values[:first], turn).level)) if first > 2 * turn else white
+    still = _still(values[: largest // 2] - line, abs(float(values[largest] - line)))
+    quiet = min(struck[0] if struck else before or (max(0, largest - turn) if still else 0), largest)
+    first = largest if quiet and not before else min(before, largest)
+    idle_level = float(np.median(_levels(values[:quiet], turn).level)) if quiet > 2 * turn else white
     stop = _faded(values, turn, max(idle_level, white))
-    return [("idle", 0, first), ("ring-down", first, max(stop, first)), ("idle", max(stop, first), len(values))]
+    return [("idle", 0, min(quiet, first)), ("ring-down", first, max(stop, first)), ("idle", max(stop, first), len(values))]

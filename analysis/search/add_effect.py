@@ -10,13 +10,15 @@ from typing import Any
 from analysis.estimate import Estimate
 from analysis.fit.doubted_marks import with_marks_doubted
 from analysis.fit.effect_start import ANCHOR, applicable, extended, origins_of, state_without
-from analysis.fit.estimates import at_bound, estimates
+from analysis.fit.estimates import at_bound
 from analysis.fit.fine_steps import finely, has_kinks
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.force_jumps import at_its_jumps
+from analysis.fit.held_guesses import with_guesses_held
 from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observed import Observed
+from analysis.fit.plausible import remarks_on
 from analysis.fit.prediction import Plant
 from analysis.fit.spindle_speed import at_modelled_speed
 from analysis.fit.starts import at_a_bound, polish, to_its_end
@@ -31,6 +33,7 @@ from analysis.search.diagnosis import ADEQUATE, Candidate, judged_on
 from analysis.search.unheard import SOUND, agreed, misfit
 from testbed.effect import Effect
 from testbed.machine import Model
+from testbed.units import format_quantity
 
 WIDE = 0.5  # half an interval over its value from which the value is called poorly known
 
@@ -40,7 +43,8 @@ class Addition:
     """The model with the effect, held-out errors without and with it, parameters with intervals, and warnings.
 
     effects: what was added, in that order. fit: with them; bare: the fit before, without, on the same records. unheard: names
-    of records without a say in the fit with them. at_bound: parameters that ended where the range searched ends.
+    of records without a say in the fit with them. at_bound: parameters that ended where the range searched ends. held: paths of
+    those that the records do not tell, which stay as believed.
     """
 
     effects: tuple[str, ...]
@@ -58,6 +62,7 @@ class Addition:
     bare: WaveformFit
     unheard: tuple[str, ...] = ()
     at_bound: tuple[str, ...] = ()
+    held: tuple[str, ...] = ()
 
     @property
     def effect(self) -> str:
@@ -98,7 +103,7 @@ def add_effects(plant: Plant, records: Sequence[Observed], model: Model, effects
         say(f"fitting with {' and '.join(names)} from the model as it was")
         found = min(found, agreed(*model_fit(plant, step.records, with_examples(model, names, known), known)),
                     key=lambda one: misfit(*one)[0])
-    return _told(names, step.records, before, *with_marks_doubted(*found), known)
+    return _told(names, model, before, *with_marks_doubted(*found), known)
 
 
 @dataclass(frozen=True)
@@ -132,15 +137,19 @@ def _with_one_more(plant: Plant, records: Sequence[Observed], model: Model, effe
     return _Step(records, wider, with_it, fit, before)
 
 
-def _told(names: tuple[str, ...], records: Sequence[Observed], before: _Step, fitter: Fitter, fit: WaveformFit,
+def _told(names: tuple[str, ...], believed: Model, before: _Step, fitter: Fitter, fit: WaveformFit,
           catalogue: Mapping[str, Effect]) -> Addition:
-    """What the effects of these names did to the fit without them, which is that of the step `before`."""
-    fitter, fit = at_least_strength(fitter, fit, catalogue)
-    after, found = held_out_errors(fitter, fit), estimates(fitter, fit, catalogue)
-    result = Addition(names, fit.state.model, pooled(before.errors)[0], pooled(after)[0], pooled(after)[1], before.errors,
+    """What the effects of these names did to the believed model, whose fit without them is that of the step `before`."""
+    records = before.records
+    held = with_guesses_held(*at_least_strength(fitter, fit, catalogue), believed, catalogue)
+    fitter, fit, found = held.fitter, held.fit, held.values
+    after = held_out_errors(fitter, fit)
+    result = Addition(names, held.model, pooled(before.errors)[0], pooled(after)[0], pooled(after)[1], before.errors,
                       tuple(after), holds_out(records), found, fit.converged, (), fit, before.bare,
-                      tuple(record.name for record in fitter.records if not record.heard), at_bound(fitter.free, found))
-    return replace(result, warnings=(*_warnings(result, fitter, catalogue), *taken_notes(records, fitter.records)))
+                      tuple(record.name for record in fitter.records if not record.heard), at_bound(fitter.free, found),
+                      held.held)
+    return replace(result, warnings=(*_warnings(result, fitter, catalogue), *taken_notes(records, fitter.records),
+                                     *remarks_on(believed, held.model)))
 
 
 def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
@@ -212,19 +221,22 @@ def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect])
     said += direction_notes(fitter, result.fit.state.model, catalogue)
     bounds = {one.path: one.bounds for one in fitter.free}
     for path, one in result.parameters.items():
-        if path not in bounds:  # a direction held
+        if path in result.held:
+            said.append(f"{path} is not determined by these records, or only together with others: held at "
+                        f"{format_quantity(one.value, one.unit, 5)}, as believed")
+        if path not in bounds:  # held
             continue
         name, _, parameter = path.partition(".")
         low, high = bounds[path]
         half = 0.5 * (one.high - one.low)
-        nothing = half <= 0.0 or not math.isfinite(half) or (one.low <= low and one.high >= high)
+        nothing = half <= 0.0 or not math.isfinite(half) or not one.bounded
         if parameter and not nothing:
             known = catalogue[name].parameter(parameter)
             if known.vanishes and one.low <= known.neutral <= one.high:
                 said.append(f"{path} cannot be told from {known.neutral:g}, where {name} vanishes")
                 continue
         if nothing:
-            said.append(f"{path} has no influence on these records, or only together with others: its value is a guess")
+            said.append(f"{path} is not determined by these records, or only together with others: its value is a guess")
         elif one.low <= low or one.high >= high:
             said.append(f"the interval of {path} reaches the bound of what the law allows")
         elif half > WIDE * abs(one.value):

@@ -24,7 +24,7 @@ from analysis.fit.pass_count import cut_elsewhere, recounted
 from analysis.fit.scale_hops import hopped
 from analysis.fit.starts import at_a_bound, polish, rested
 from analysis.fit.waveform import Fitter
-from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate
+from analysis.search.diagnosis import ADEQUATE, CERTAIN, COMPLETE, Candidate
 from analysis.search.first_looks import (
     BEHIND,
     FAINT,
@@ -48,7 +48,6 @@ CREEP = 15  # iterations of a law with a kink before its scales are looked for i
 HELPS = 0.95  # share of the cost that a candidate may leave for its scales to be looked for in other valleys too
 SOME = 20.0  # gain in minus the log likelihood from which it is asked whether the cuts were elsewhere: by then it is an effect
 HALVES = 0.5  # share of the excess that a candidate may leave for parts of passes to be looked for at once, not if it is named
-CERTAIN = 100.0  # gain in BIC from which an effect is there although the error is that of the noise: no chance gives that
 RIVAL = 1.5  # times the cost of the best of its round above which a candidate is given up where that explains everything,
 CLOSE = 0.3  # or above it by this share of what that takes away: so much no rival of it leaves
 MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far,

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+from analysis.fit.budget import BUDGET, Budgeted, BudgetSpent
 from analysis.fit.held_out import pooled
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
@@ -21,24 +22,25 @@ from analysis.fit.swing_start import marks_show
 from analysis.search.begun_anew import from_believed
 from analysis.search.believed_look import BelievedLook
 from analysis.search.candidate_round import by_noise, candidate_of
-from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, excess, told_of_base, verdict_of
+from analysis.search.common_factor import PLAINLY, explained_otherwise, instead_of, written_wrongly
+from analysis.search.diagnosis import COMPLETE, Candidate, Diagnosis, excess, never_nothing, told_of_base, verdict_of
 from analysis.search.forward_search import ROUGH, forward
 from analysis.search.gates import against
 from analysis.search.irregular import followed, irregular
+from analysis.search.judged import HOPELESS, as_far_as, of_a_machine, too_slow
 from analysis.search.law_form import with_form_asked, with_other_form
-from analysis.search.misstated import misstated
+from analysis.search.misstated import contradicted
 from analysis.search.next_test import next_test
 from analysis.search.odd_records import with_odd_records
 from analysis.search.other_way import other_way
 from analysis.search.second_look import looked_again
-from analysis.search.unheard import agreed
 from testbed.effect import Effect
 from testbed.machine import Model
 
 LONG = 16384  # samples of an excited record that are searched
 MOST_EFFECTS = 3
-SUSPECTS = 2  # records, the worst fitted, without which the others are asked whether they agree
 FEWEST = 3  # cuts whose entries are seen, from which the others may be left out
+FEW = 6_000  # simulations of every record that a search is worth which begins with a model that foretells next to nothing
 CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
 
 
@@ -50,14 +52,27 @@ def diagnose(
     *,
     most: int = MOST_EFFECTS,
     say: Callable[[str], None] = lambda text: None,
+    budget: float = BUDGET,
 ) -> Diagnosis:
     """Name what the model lacks, `most` effects at the most. Deterministic: no random numbers are drawn.
 
+    budget: simulations of every record, after which the search ends with what is known; none of time, so that it always ends
+    at the same place. No verdict stands on values that no machine has.
     Long excited records are searched in their loudest part; the errors that are told are those of the whole records.
     Where marks show that the speed varies, that is an effect which a model at a constant speed lacks, if the catalogue has it;
     else what the marks show is no fault of the model's, and it is searched at the speed measured.
     """
     records = at_modelled_speed(records, model.effects, catalogue)
+    counted = Budgeted(plant, records, budget, say)
+    try:
+        return of_a_machine(_at_its_speed(counted, records, model, catalogue, most, say), model, catalogue)
+    except BudgetSpent as spent:
+        return as_far_as(spent, counted, records, say)
+
+
+def _at_its_speed(plant: Budgeted, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], most: int,
+                  say: Callable[[str], None]) -> Diagnosis:  # fmt: skip
+    """The diagnosis at a constant speed, at the one that the marks show, or with an effect that rules it; see `diagnose`."""
     swing = speed_swing(records)
     if not swing:
         return _diagnosed(plant, records, model, catalogue, most, say)
@@ -67,6 +82,7 @@ def diagnose(
     as_measured = f"The speed, which varies by {swing:.2%}, is the tachometer's."
     say("at the speed that the tachometer shows")
     base = _as_believed(plant, records, model, catalogue, say)
+    plant.known = base
     measured, at_constant = base.error_where_known, None
     if measured <= COMPLETE * pooled(base.errors)[1]:
         say("at a constant speed")
@@ -88,16 +104,23 @@ def _complete(found: Diagnosis) -> bool:
     return found.verdict == "missing_effect" and found.best.error_where_known <= COMPLETE * found.noise_floor
 
 
-def _diagnosed(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], most: int,
+def _diagnosed(plant: Budgeted, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], most: int,
                say: Callable[[str], None], base: Candidate | None = None) -> Diagnosis:  # fmt: skip
     """The diagnosis of records as they are. base: the believed model fitted to them, where that is at hand."""
     parts = [record.loudest(LONG) for record in records]
     if all(part is record for part, record in zip(parts, records, strict=True)):
         base = base or _as_believed(plant, records, model, catalogue, say)
+        plant.known = plant.known or base
+        if base.error_fit > HOPELESS:
+            plant.allow(FEW)
+        restated = explained_otherwise(base, model, catalogue, say)
+        if restated is not None and base.error_where_known > PLAINLY * (noise := pooled(base.errors)[1]):
+            return written_wrongly(verdict_of(base, base, [base], (), noise, ()), restated[0])
         found, first = _without_irregular(base, plant, model, catalogue, most, say)
         if found is None:
             found = _search(base, plant, model, catalogue, most, say, first)
             found = _without_late(found, base, plant, model, catalogue, most, say)
+        found = instead_of(found, restated)
         return told_of_base(with_odd_records(_with_next_test(found, plant, records, say), plant, model, catalogue, say))
     found = _search(_as_believed(plant, parts, model, catalogue, say), plant, model, catalogue, most, say)
     say("fitting the whole records")
@@ -183,29 +206,6 @@ def _left_out(names: Sequence[str]) -> str:
             f"motions that begin almost at one place part there: {they} chaotic, or close to it, and a fit may not follow.")
 
 
-def _contradicted(base: Candidate, noise: float, say: Callable[[str], None]) -> Diagnosis | None:
-    """The diagnosis where one record alone contradicts the model, and would not had another condition been written down."""
-    assert base.fitter is not None and base.fit is not None
-    if base.error_where_known <= ADEQUATE * noise:
-        return None
-    fitter, fit = agreed(base.fitter, base.fit)
-    for suspect in base.fit.worst(SUSPECTS):  # the wrong one need not stand out: it has bent the fit to all others
-        if all(record.heard for record in fitter.records):
-            fitter, fit = agreed(base.fitter, base.fit, suspect)
-    strange = [place for place, record in enumerate(fitter.records) if not record.heard]
-    if len(strange) != 1:
-        return None
-    name = fitter.records[strange[0]].name
-    say(f"{name} alone contradicts the model: looking at its conditions")
-    found = misstated(fitter, fit.state, strange[0])
-    if found is None:
-        return None
-    told = candidate_of(fitter, fit, (), None, 1.0)
-    result = verdict_of(told, told, [told], (), noise, ())
-    sentence = f"All records but {name} agree with the model as it is. {found.sentence}"
-    return replace(result, verdict="unexplained", sentence=sentence)
-
-
 def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:
     """A step of the search on parts of the records, fitted to the whole ones."""
     assert step.fitter is not None and step.fit is not None
@@ -235,11 +235,10 @@ def _search(
 ) -> Diagnosis:
     """The rounds of candidates from the base fit and, where much is left, from another beginning. first: a set found before."""
     noise = pooled(base.errors)[1]
-    if slow := _too_slow(base):
+    if slow := too_slow(base):
         return replace(verdict_of(base, base, [base], (), noise, ()), verdict="undecided", sentence=slow)
-    contradicted = _contradicted(base, noise, say)
-    if contradicted is not None:
-        return contradicted
+    if (told := contradicted(base, noise, say)) is not None:
+        return told
     if turned := other_way(base, model, catalogue):
         return replace(verdict_of(base, base, [base], (), noise, ()), verdict="unexplained", sentence=turned)
     begun = [base, *([first] if first is not None else _swung(base, plant, model, catalogue, say))]
@@ -248,16 +247,7 @@ def _search(
     seen = sorted(path.seen, key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))
     found = verdict_of(path.steps[0], path.end, path.steps, tuple(seen), noise, path.tied)
     found = with_other_form(found, path.form) if path.form is not None else with_form_asked(found, catalogue, say)
-    return replace(found, sentence=f"{found.sentence} {path.hum}") if path.hum else found
-
-
-def _too_slow(base: Candidate) -> str:
-    """In words, which records of a motion were sampled too slowly for the structure's vibration to be told; empty if none."""
-    assert base.fitter is not None and base.fit is not None
-    fastest = base.fit.state.model.structure.natural_frequency
-    slow = [one.name for one in base.fitter.records if one.rate < 2.0 * fastest and not one.forces_only]
-    return (f"{', '.join(slow)}: sampled less than twice in a period of the natural frequency, {fastest:.4g} Hz; such records "
-            "can tell nothing of what the model lacks.") if slow else ""
+    return replace(found, sentence=f"{found.sentence} {path.hum}") if path.hum else never_nothing(found)
 
 
 def _swung(base: Candidate, plant: Plant, model: Model, catalogue: Mapping[str, Effect],

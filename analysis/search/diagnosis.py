@@ -18,7 +18,9 @@ from testbed.machine import BASE_UNITS, Model
 ADEQUATE = 1.02  # error over noise floor up to which nothing is looked for
 FAINT_REST = 1.05  # error over noise floor up to which what no effect lowers is no claim that something is missing
 SURE = 2.0  # standard errors of the noise floor by which that is widened: a floor from a short idle is a few per cent off
+CERTAIN = 100.0  # gain in BIC from which an effect is there although the error is that of the noise: no chance gives that
 COMPLETE = 1.15  # error over noise floor above which something is still missing
+FORETOLD = 1.0 / 3.0  # share of what an effect explains in the fit that it must explain held out: its own doubt takes less
 EXPLAINED = 0.99  # share of the excess that one effect must take away where more is left: else the law is unknown
 MOSTLY = 0.9  # share of it that they must take away where more is left than noise may be: a known law does, if it is the one
 MANY = 3  # effects from which they must leave no more than ADEQUATE: a law of no catalogue is soon made up of several known
@@ -92,7 +94,10 @@ class OtherForm:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The verdict and the numbers behind it. form: another one of a named effect's law, where that explains more."""
+    """The verdict and the numbers behind it. form: another one of a named effect's law, where that explains more.
+
+    misstated: a condition that was written down wrongly in all records, and the true one over that (of flutes, their number).
+    """
 
     verdict: str
     effects: tuple[str, ...]
@@ -107,6 +112,7 @@ class Diagnosis:
     next_test: NextTest | None = None
     separates: tuple[str, ...] = ()
     form: OtherForm | None = None
+    misstated: tuple[str, float] | None = None
 
     @property
     def held_out(self) -> bool:
@@ -127,6 +133,22 @@ def unaided(model: Model) -> str:
 def excess(error: float, noise: float) -> float:
     """Squared error beyond the noise's."""
     return max(error**2 - noise**2, 0.0)
+
+
+def highest_floor(noise: float, errors: Sequence[RecordError]) -> float:
+    """The noise floor as high as it may be, as well as the records' own samples tell it."""
+    return noise * (1.0 + SURE * pooled_doubt(errors))
+
+
+def beyond_chance(one: Candidate, base: Candidate) -> bool:
+    """Whether a set is likelier than another beyond chance, and foretells no worse what was left out of the fit."""
+    return one.delta_bic > CERTAIN and one.error_where_known < base.error_where_known
+
+
+def certain(one: Candidate, base: Candidate) -> bool:
+    """Whether a set is better beyond chance, and foretells as well as it explains: what is really there does."""
+    foretold = base.error_where_known**2 - one.error_where_known**2
+    return beyond_chance(one, base) and foretold > FORETOLD * (base.error_fit**2 - one.error_fit**2)
 
 
 def verdict_of(
@@ -158,7 +180,9 @@ def verdict_of(
             "tell them apart.",
         )
     many = len(best.effects) >= MANY
-    helps = left <= ADEQUATE or share >= PARTIAL  # of a little that is left, what takes a part of it is no name for it
+    # of a little that is left, what takes a part of it is no name for it, unless the rest may be noise
+    as_noise = certain(best, base) and best.error_where_known <= highest_floor(noise, base.errors)
+    helps = left <= ADEQUATE or share >= PARTIAL or as_noise
     faint = FAINT_REST + SURE * pooled_doubt(base.errors)
     single = len(best.effects) == 1  # of several that leave much, a law of no catalogue may be made up
     complete = left <= COMPLETE and (left <= faint or share >= MOSTLY) or share >= EXPLAINED and single
@@ -188,6 +212,19 @@ def verdict_of(
         (),
         f"Something is missing (error {ratio:.3g} times the noise floor) that no effect of the catalogue explains.",
     )
+
+
+def never_nothing(found: Diagnosis) -> Diagnosis:
+    """The diagnosis, but "undecided" for "adequate" where an effect is certain although no gate let it pass."""
+    names = [one.effects[0] for one in found.candidates if len(one.effects) == 1 and beyond_chance(one, found.base)]
+    if found.verdict != "adequate" or not names:
+        return found
+    gain = max(one.delta_bic for one in found.candidates if one.effects == (names[0],))
+    lower = f"{' and '.join(names)} {'lower' if len(names) > 1 else 'lowers'}"
+    return replace(found, verdict="undecided", effects=tuple(names), sentence=(
+        f"The error is {found.base.error_where_known / found.noise_floor:.3f} of the noise floor, and yet {lower} it beyond "
+        f"chance (gain in BIC {gain:.0f}; chance gives less than 10). Most of what is beyond the noise stays: something small "
+        "is missing, and these records cannot tell what."))
 
 
 def told_of_base(found: Diagnosis) -> Diagnosis:
@@ -300,6 +337,7 @@ def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
             "separates": list(result.separates),
             "difference": result.next_test.difference,
         },
+        "misstated": None if result.misstated is None else dict(zip(("condition", "factor"), result.misstated, strict=True)),
         "other_law": None if result.form is None else result.form.as_json(),
         "history": [
             {"effects": list(step.effects), "error": step.error_held_out, "noise_floor": result.noise_floor}

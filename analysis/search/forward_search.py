@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from analysis.fit.budget import BudgetSpent
 from analysis.fit.effect_start import ANCHOR, Origin, is_required, origins_of, state_without
 from analysis.fit.evidence import effective_size
 from analysis.fit.fine_steps import has_kinks
@@ -23,8 +24,8 @@ from analysis.fit.taken import asked_again
 from analysis.fit.waveform import Fitter
 from analysis.search.begun_anew import begun_anew, switched_on_too
 from analysis.search.believed_look import BelievedLook
-from analysis.search.candidate_round import CERTAIN, by_noise, candidate_of, certain_candidates, try_candidates
-from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, OtherForm
+from analysis.search.candidate_round import by_noise, candidate_of, certain_candidates, try_candidates
+from analysis.search.diagnosis import ADEQUATE, CERTAIN, COMPLETE, Candidate, OtherForm
 from analysis.search.exchanged import exchanged
 from analysis.search.gates import against, below_a_guess, certain_ones, passing_gates, vanishes
 from analysis.search.law_form import FormsAsked
@@ -157,6 +158,7 @@ def _faint(steps: Sequence[Candidate], model: Model, catalogue: Mapping[str, Eff
         found = sorted((against(one, refitted) for one in found), key=lambda one: -one.delta_bic)
         end = refitted if current is end else settled(refitted, catalogue)
         current, steps = refitted, [*steps[:-1], end]
+        seen = tuple(map(_told, found))
     passing = [one for one in certain_ones(found, current, steps[0], noise) if not vanishes(one, catalogue)]
     tied = tuple(one.effects[-1] for one in passing if tied_with(passing[0], one, current, noise))  # the first with itself
     if not passing or (len(tied) > 1 and current.effects):  # which of them it is, so faint, is not asked beside what is known
@@ -271,13 +273,23 @@ def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Ef
             say: Callable[[str], None], look: BelievedLook | None = None) -> Path:  # fmt: skip
     """Rounds of candidates from the last of the steps `begun` (the first: the base model), until there are `most` effects.
 
-    look: at the believed machine, for the first round.
+    look: at the believed machine, for the first round. BudgetSpent carries what was found until then.
     """
-    base, current, steps = begun[0], begun[-1], list(begun)
+    steps, seen = list(begun), list[Candidate]()
+    try:
+        return _forward(steps, seen, model, catalogue, most, say, look)
+    except BudgetSpent as spent:
+        spent.steps, spent.seen = tuple(steps), tuple(seen)
+        raise
+
+
+def _forward(steps: list[Candidate], seen: list[Candidate], model: Model, catalogue: Mapping[str, Effect], most: int,
+             say: Callable[[str], None], look: BelievedLook | None) -> Path:  # fmt: skip
+    """The same from the steps, which grow, as do the candidates `seen`."""
+    base, current = steps[0], steps[-1]
     noise = pooled(base.errors)[1]
-    if not current.effects and (known := _known(begun, model, catalogue, noise, say)) is not None:
+    if not current.effects and (known := _known(steps, model, catalogue, noise, say)) is not None:
         return known
-    seen: list[Candidate] = []
     tied: tuple[str, ...] = ()
     rivals: list[Candidate] = []
     fine: tuple[Candidate, Candidate] | None = None  # a set, and the same with finer steps
@@ -314,7 +326,7 @@ def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Ef
         current = _named(first, model, catalogue, noise, say, look)
         steps.append(current)
         if current is not first:  # begun anew, its law is asked once more
-            seen = [*(one for one in seen if one.effects != current.effects), _told(current)]
+            seen[:] = [*(one for one in seen if one.effects != current.effects), _told(current)]
             if (form := _first_form([current], last, steps[-2], noise, forms)) is not None:
                 break
         finer = _with_finer_steps(current, noise, catalogue, say)

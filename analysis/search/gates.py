@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from analysis.fit.evidence import DELTA_BIC, bic, effective_size
-from analysis.search.candidate_round import CERTAIN, GAIN
-from analysis.search.diagnosis import ADEQUATE, COMPLETE, MANY, PARTIAL, Candidate, excess
+from analysis.search.candidate_round import GAIN
+from analysis.search.diagnosis import ADEQUATE, CERTAIN, COMPLETE, MANY, PARTIAL, Candidate, certain, excess, highest_floor
 from testbed.effect import Effect
 
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
@@ -92,11 +92,13 @@ def vanishes(one: Candidate, catalogue: Mapping[str, Effect]) -> bool:
 def certain_ones(found: Sequence[Candidate], current: Candidate, base: Candidate, noise: float) -> list[Candidate]:
     """Those that many samples make certain and that take away most of what the current set leaves, known or held out.
 
-    Beside effects that are named already, what is small against their gain in BIC may be the form of their laws.
+    What is left of a model without effects may be noise as far as the floor's own doubt goes. Beside effects that are named
+    already, what is small against their gain in BIC may be the form of their laws.
     """
-    least = CERTAIN if not current.effects else max(CERTAIN, OWN_FORM * against(current, base).delta_bic)
-    return [one for one in found if one.delta_bic > least and one.error_where_known < current.error_where_known
-            and _takes_most(one, current, noise)]
+    least, floor = CERTAIN, highest_floor(noise, current.errors)
+    if current.effects:
+        least, floor = max(CERTAIN, OWN_FORM * against(current, base).delta_bic), noise
+    return [one for one in found if certain(one, current) and one.delta_bic > least and _takes_most(one, current, floor)]
 
 
 def _takes_most(one: Candidate, current: Candidate, noise: float) -> bool:

@@ -8,6 +8,7 @@ have it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,10 +19,13 @@ from analysis.fit.held_out import own_refit
 from analysis.fit.observed import Observed
 from analysis.fit.pass_search import place_entries, place_exits
 from analysis.fit.waveform import Fitter
-from analysis.search.unheard import SOUND
+from analysis.search.candidate_round import candidate_of
+from analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, verdict_of
+from analysis.search.unheard import SOUND, agreed
 
 CONDITIONS = {"axial_depth_of_cut": "depth of cut", "feed_per_tooth": "feed per tooth"}
 WIDEST = 4.0  # times the stated value, or its inverse, that is looked at
+SUSPECTS = 2  # records, the worst fitted, without which the others are asked whether they agree
 GRID = 9  # points of a first look
 CLOSE = 1e-3  # of the logarithm of the value
 PLAIN = 0.1  # of that logarithm, below which a record is off by no more than a log is
@@ -42,6 +46,29 @@ class Misstated:
         """In words, what is to be checked."""
         return (f"{self.record} agrees as well if its {CONDITIONS[self.condition]} was {self.found * 1e3:.3g} mm, "
                 f"not {self.stated * 1e3:.3g} mm: check what was written down of it.")
+
+
+def contradicted(base: Candidate, noise: float, say: Callable[[str], None]) -> Diagnosis | None:
+    """The diagnosis where one record alone contradicts the model, and would not had another condition been written down."""
+    assert base.fitter is not None and base.fit is not None
+    if base.error_where_known <= ADEQUATE * noise:
+        return None
+    fitter, fit = agreed(base.fitter, base.fit)
+    for suspect in base.fit.worst(SUSPECTS):  # the wrong one need not stand out: it has bent the fit to all others
+        if all(record.heard for record in fitter.records):
+            fitter, fit = agreed(base.fitter, base.fit, suspect)
+    strange = [place for place, record in enumerate(fitter.records) if not record.heard]
+    if len(strange) != 1:
+        return None
+    name = fitter.records[strange[0]].name
+    say(f"{name} alone contradicts the model: looking at its conditions")
+    found = misstated(fitter, fit.state, strange[0])
+    if found is None:
+        return None
+    told = candidate_of(fitter, fit, (), None, 1.0)
+    result = verdict_of(told, told, [told], (), noise, ())
+    sentence = f"All records but {name} agree with the model as it is. {found.sentence}"
+    return replace(result, verdict="unexplained", sentence=sentence)
 
 
 def misstated(fitter: Fitter, state: State, place: int) -> Misstated | None:

@@ -19,7 +19,8 @@ MOST_LOOKED_AT = 5  # sets of effects that are fitted without the records that s
 def with_odd_records(result: Diagnosis, plant: Plant, model: Model, catalogue: Mapping[str, Effect],
                       say: Callable[[str], None]) -> Diagnosis:  # fmt: skip
     """An unexplained campaign's diagnosis with what all records but a few agree on, or what each has as its own."""
-    if result.verdict not in ("unexplained", "not_converged") or not result.candidates or result.form is not None:
+    if result.verdict not in ("unexplained", "not_converged") or not result.candidates or result.form is not None \
+            or result.misstated is not None:
         return result  # nothing was searched, because what is wrong with the campaign is told; or a law explains all records
     told = _with_strange_records(result, say) if result.verdict == "unexplained" else result
     return told if told is not result else _with_each_alone(result, plant, model, catalogue, say)

@@ -18,7 +18,8 @@ from testbed.atomic import write_text
 from testbed.cli._places import check_outputs, check_place
 
 MOST_DIGITS = 12  # of a number, however narrow its interval
-_NUMBER = re.compile(r"[+-]?\.?\d|[+-]?(inf|nan)\b|-?$|unknown$")  # or what stands where there is none
+NOT_DETERMINED = "not determined"  # in place of an interval that spans decades
+_NUMBER = re.compile(r"[+-]?\.?\d|[+-]?(inf|nan)\b|-?$|unknown$|not determined$")  # or what stands where there is none
 
 
 def plain(value: Any) -> Any:
@@ -112,10 +113,10 @@ def shown(value: float, unit: str, digits: int = 5) -> str:
 
 
 def interval_shown(one: Any) -> tuple[str, str, str]:
-    """Value, low and high of an estimate for people, with as many digits as tell the ends apart; unknown beyond measure."""
+    """Value, low and high of an estimate for people, with as many digits as tell the ends apart."""
     width = one.high - one.low
-    if not one.known:
-        return shown(one.value, one.unit), "unknown", "unknown"
+    if not one.determined:
+        return shown(one.value, one.unit), NOT_DETERMINED, NOT_DETERMINED
     digits = 5 if width <= 0.0 or one.value == 0.0 else math.ceil(math.log10(abs(one.value) / width)) + 2
     value, low, high = (shown(number, one.unit, min(max(digits, 5), MOST_DIGITS)) for number in (one.value, one.low, one.high))
     return value, low, high

@@ -75,6 +75,7 @@ def doubts(records: Sequence[Any], model: Any) -> list[str]:
     """What is doubtful of each record: what reading found, sampling too slow for the model, a speed that the signal of a cut
     without tachometer contradicts."""
     from analysis.records.record_report import report
+    from analysis.records.ring_downs import notes_of
     from testbed.readers.checks import rate_notes
 
     found = []
@@ -82,6 +83,7 @@ def doubts(records: Sequence[Any], model: Any) -> list[str]:
         notes = [note for note in record.notes if "uncalibrated" not in note]
         if record.kind != "cut":  # whose spindle may stand still
             notes = [note for note in notes if not note.startswith("tachometer")]
+        notes += notes_of(record.recording, record.kind)
         notes += rate_notes(record.recording.sampling_rate, model.structure.natural_frequency)
         if record.kind == "cut" and not len(record.recording.marks):
             seen = report(record.recording, record.name, "cut", ())
@@ -112,9 +114,17 @@ def of_the_range(records: Sequence[Any]) -> list[str]:
             "such records leave unexplained may be nothing else; measure them again with a wider range, or take them out"]
 
 
+def of_the_parts(records: Sequence[Any]) -> list[str]:
+    """A line for each ring-down of which a fit uses a part only."""
+    from analysis.records.ring_downs import used_note
+
+    return [f"{record.name}: {note}" for record in records for note in used_note(record.recording, record.kind)]
+
+
 def notes_on(records: Sequence[Any], model: Any) -> list[str]:
     """All that is to be said of records as read before a fit of the model is believed."""
-    return [*uncalibrated(records), *doubts(records, model), *of_the_mass(records, model), *of_the_range(records)]
+    return [*uncalibrated(records), *doubts(records, model), *of_the_parts(records), *of_the_mass(records, model),
+            *of_the_range(records)]
 
 
 def channel_units(records: Sequence[Any]) -> dict[str, str]:

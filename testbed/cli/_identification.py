@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from statistics import median
 from typing import Any
 
 from testbed.cli._fitting import observed_records, plant_of
@@ -11,6 +13,10 @@ from testbed.cli._records import unfit
 from testbed.problem import InputProblem
 
 MOTIONS = ("displacement", "velocity", "acceleration")
+FAR_OFF = 0.2  # relative difference from which a decay is another mode's, or the belief is wrong,
+FEWEST_ALIKE, MOST_OF = 2, 0.6  # if so many decays, and such a share of them, ring within
+RING_ALIKE = 0.05  # of one frequency; what multipliers find beyond that of where the structure rings contradicts it
+CONTRADICTED = "the free decays ring"
 RATIO_DOUBT = 0.2  # standard error of the logarithm of the coefficients' ratio that a model is believed to have
 
 
@@ -64,11 +70,8 @@ def entry_and_exit(segments: Sequence[Any]) -> dict[str, float]:
     return times | ({"exit_time": end[0]} if end else {})
 
 
-def start_from_ring_downs(model: Any, records: Sequence[Any], tests: Sequence[CutTest]) -> Any:
-    """The model with frequency and damping of the free decays after the cuts and of the taps; as it was without any.
-
-    The decay with the smallest interval of damping is taken.
-    """
+def free_decays(records: Sequence[Any], tests: Sequence[CutTest]) -> list[Any]:
+    """The free decays after the cuts and of the taps, those that say anything."""
     from analysis.multipliers.ring_down import ring_down
 
     found = []
@@ -80,14 +83,44 @@ def start_from_ring_downs(model: Any, records: Sequence[Any], tests: Sequence[Cu
         channel = motion_channel(record)
         if record.kind == "ring-down" and channel is not None:
             found += _decay(ring_down, record.recording, None, None, channel)
-    wide = 0.2 * model.structure.natural_frequency  # a decay of another mode, or a misread one, is no start
-    close = [decay for decay in found if abs(decay.natural_frequency[0] - model.structure.natural_frequency) < wide
-             and 0 < decay.damping_ratio[0] < 0.5]
+    return [decay for decay in found if 0 < decay.damping_ratio[0] < 0.5]
+
+
+def start_from_ring_downs(model: Any, records: Sequence[Any], tests: Sequence[CutTest]) -> Any:
+    """The model with frequency and damping of the free decays after the cuts and of the taps; as it was without any.
+
+    The decay with the smallest interval of damping is taken, of those near the believed frequency. One far off may be another
+    mode's, or misread; where most of several ring alike elsewhere, it is the belief that is wrong.
+    """
+    decays = free_decays(records, tests)
+    believed = model.structure.natural_frequency
+    close = _alike(decays, believed, FAR_OFF)
+    if not close and decays:
+        rung = float(median(float(decay.natural_frequency[0]) for decay in decays))
+        alike = _alike(decays, rung, RING_ALIKE)
+        close = alike if len(alike) >= max(FEWEST_ALIKE, MOST_OF * len(decays)) else []
     if not close:
         return model
     best = min(close, key=lambda decay: decay.damping_ratio_high[0] - decay.damping_ratio_low[0])
     return model.with_values({"natural_frequency": float(best.natural_frequency[0]),
                               "damping_ratio": float(best.damping_ratio[0])})
+
+
+def _alike(decays: Sequence[Any], frequency: float, reach: float) -> list[Any]:
+    return [decay for decay in decays if abs(float(decay.natural_frequency[0]) / frequency - 1.0) < reach]
+
+
+def _of_the_decays(believed: Any, start: Any, found: Any) -> tuple[str, ...]:
+    """In words, that free decays ring elsewhere than was believed, or than the machine that was found."""
+    rings, was = start.structure.natural_frequency, believed.structure.natural_frequency
+    now = found.structure.natural_frequency
+    said = []
+    if abs(rings / was - 1.0) >= FAR_OFF:
+        said.append(f"the free decays ring at {rings:.4g} Hz, where the model has {was:.4g} Hz: identified from theirs")
+    if start != believed and abs(now / rings - 1.0) > RING_ALIKE:
+        said.append(f"{CONTRADICTED} at {rings:.4g} Hz, the multipliers would have {now:.4g} Hz: nothing is identified; "
+                    "try --method waveform, and look at the records with testbed inspect")
+    return tuple(said)
 
 
 def _decay(ring_down: Any, recording: Any, start: float | None, stop: float | None, channel: str) -> list[Any]:
@@ -115,6 +148,7 @@ class Identified:
 def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, seed: int, *,
                             ratio_doubt: float = RATIO_DOUBT) -> Identified:
     """Fit the characteristic multipliers of the cuts. ValueError where they do not suffice."""
+    from analysis.fit.plausible import remarks_on
     from analysis.multipliers.identify import at_an_end, identify_multipliers
     from analysis.multipliers.recorded_cut import measured_multipliers
 
@@ -126,9 +160,12 @@ def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, se
                                  ratio_doubt=ratio_doubt)
     rows = tuple(_row(test, result.measured, result.model, result.used, result.reason)
                  for test, result in zip(tests, found.tests, strict=True))
-    return Identified(found.model, found.parameters, rows,
+    said, parameters = _of_the_decays(model, start, found.model), found.parameters
+    if any(one.startswith(CONTRADICTED) for one in said):
+        parameters = {path: replace(one, low=-math.inf, high=math.inf) for path, one in parameters.items()}
+    return Identified(found.model, parameters, rows,
                       {"chi_square": found.chi_square, "converged": found.converged, "ratio_slope": found.ratio_slope},
-                      at_an_end(start, found.model))
+                      at_an_end(start, found.model), (*said, *remarks_on(model, found.model)))
 
 
 def _row(test: CutTest, measured: Any, model: Any, used: bool, reason: str) -> dict[str, Any]:
@@ -161,18 +198,22 @@ def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path
 
 def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catalogue: Any, model_file: object) -> Identified:
     """Fit the whole waveform of every record with the simulator, the parameters of the model's effects too."""
-    from analysis.fit.estimates import at_bound, estimates
+    from analysis.fit.doubted_marks import with_marks_doubted
+    from analysis.fit.estimates import at_bound
+    from analysis.fit.held_guesses import with_guesses_held
     from analysis.fit.held_out import errors_in_fit, pooled
     from analysis.fit.model_fit import model_fit
+    from analysis.fit.plausible import remarks_on
     from analysis.fit.spindle_speed import at_modelled_speed
     from analysis.fit.taken import taken_notes
 
     observed = at_modelled_speed(observed_records(records, model, path, model_file), model.effects, catalogue)
-    fitter, fit = model_fit(plant_of(catalogue), observed, model, catalogue)
+    fitter, fit = with_marks_doubted(*model_fit(plant_of(catalogue), observed, model, catalogue))  # as testbed compare does
+    held = with_guesses_held(fitter, fit, model, catalogue)
+    fitter, fit, found = held.fitter, held.fit, held.values
     chi_square = fit.squares / max(1, sum(residual.size for residual in fit.residuals) - len(fit.names))
     noise = pooled(errors_in_fit(fitter, fit))[1]
     rows = _multipliers_beside(fit.state.model, records, catalogue, path)
-    found = estimates(fitter, fit, catalogue)
     quality = {"chi_square": chi_square, "converged": fit.converged, "noise_floor": noise}
-    return Identified(fit.state.model, found, rows, quality, at_bound(fitter.free, found),
-                      tuple(taken_notes(observed, fitter.records)))
+    return Identified(held.model, found, rows, quality, at_bound(fitter.free, found),
+                      (*taken_notes(observed, fitter.records), *remarks_on(model, held.model)))

@@ -114,3 +114,9 @@ def cutting_model(path: str, catalogue: Any = None, otherwise: str = "") -> Any:
     if model.cutter is None:
         raise InputProblem(path, "has no cutter and cutting", f"add both: this command is about a cut{otherwise}")
     return model
+
+
+def guesses_note(model: Any) -> list[str]:
+    """A line where a model has parameters that no record told: what it foretells is a guess as far as it hangs on them."""
+    told = ", ".join(f"{path} ({model.value(path):.4g})" for path in model.not_determined)
+    return [f"guesses, not determined by the records behind this model: {told}; what follows hangs on them"] if told else []

@@ -12,14 +12,18 @@ KNOWN = ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth", "flutes")  # w
 
 
 def load_records(path: str | Path) -> tuple[Any, ...]:
-    """The records of a data set or a campaign (testbed.campaign.Record). InputProblem where the file is neither."""
+    """The records of a data set or a campaign (testbed.campaign.Record), each blow by itself.
+
+    InputProblem where the file is neither.
+    """
     from testbed.data_set import is_data_set, read_data_set
 
     name = Path(path)
     if name.suffix.lower() in (".yaml", ".yml"):
+        from analysis.records.ring_downs import separated
         from testbed.campaign import load_campaign
 
-        return load_campaign(name).records
+        return separated(load_campaign(name).records)
     if name.is_file() and not is_data_set(name) and name.suffix.lower() not in (".h5", ".hdf5"):
         raise InputProblem(path, "is no data set of `testbed run` and no campaign.yaml",
                            "write a campaign.yaml that names your files")

@@ -29,6 +29,7 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
     The errors before and after are those on records whose operating condition the fit left out. Intervals are 95 %.
     Nothing here is random: --seed changes nothing.
     """
+    from analysis.fit.plausible import unlike_a_machine
     from analysis.search.add_effect import add_effects, as_json
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
     from testbed.model_file import write_model
@@ -50,7 +51,7 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
         raise
     except ValueError as problem:
         raise InputProblem(campaign, str(problem), "add a record that shows it") from None
-    write_model(found.model, output, catalogue)
+    write_model(found.model, output, catalogue, unlike_a_machine(found.model))
     notes = notes_on(read, model)
     _say(answer, found, notes)
     answer.say(f"written: {output}")

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from testbed.cli._answer import Answer, progress
-from testbed.cli._options import DEPTH, SPEED, catalogue_of, cutting_model, effects_option, shared
+from testbed.cli._options import DEPTH, SPEED, catalogue_of, cutting_model, effects_option, guesses_note, shared
 from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
@@ -45,7 +45,7 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     folder = output_folder(output)
     speeds, depths = np.array(speed), np.array(depth)
     chart = _with_effects(model, speeds, depths, catalogue, quiet) if model.effects else _linear(model, speeds, depths)
-    known, notes = chart.classes >= 0, [FEED_ONLY]
+    known, notes = chart.classes >= 0, [*guesses_note(model), FEED_ONLY]
     stable = f"{np.mean(chart.classes[known] == 0):.0%} stable" if known.any() else "none with multipliers to be trusted"
     answer.say(f"{len(speed)} x {len(depth)} cells, {stable}")
     if not known.all():

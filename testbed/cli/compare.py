@@ -28,6 +28,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     error = rms(measured - predicted) / rms(measured about its mean). Nothing here is random: --seed changes nothing.
     """
     from analysis.comparison.compare import as_json, compare
+    from analysis.fit.plausible import remarks_on
     from analysis.fit.switched import switch_note
     from analysis.fit.taken import taken_notes
     from analysis.search.mark_delay import delay_note
@@ -43,7 +44,8 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
         turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
     unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
     notes = [*notes_on(read, model), *turned, *unlike, *taken_notes(records, found.fitter.records),
-             *delay_note(records, found.fitter, found.fit)]
+             *delay_note(records, found.fitter, found.fit), *remarks_on(model, found.fit.state.model)]
+    notes += [one for one in found.against if not any(one in note for note in notes)]
     _say(answer, found, notes, model)
     notes += _of_silence(found)
     if pictures is not None:
@@ -69,13 +71,15 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
 
 def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
     from analysis.comparison.adequacy import LEFT_EXPLAINED, said_left
+    from analysis.comparison.compare import used_part
     from analysis.fit.estimates import said_at_bound
 
     for note in notes:
         answer.say(note)
-    answer.table(("record", "error", "noise floor", "residual / noise", "what is left is"),
-                 [(one.name, f"{one.error:.4f}", f"{one.noise_floor:.4f}", f"{one.chi_square**0.5:.2f}",
-                   said_left(found.tests, one.name)) for one in found.records])
+    answer.table(("record", "used", "error", "noise floor", "residual / noise", "what is left is"),
+                 [(one.name, _used(used_part(own)), f"{one.error:.4f}", f"{one.noise_floor:.4f}", f"{one.chi_square**0.5:.2f}",
+                   said_left(found.tests, one.name))
+                  for one, own in zip(found.records, found.fitter.records, strict=True)])
     if not found.adequate:
         answer.say(LEFT_EXPLAINED)
     answer.say(f"all records: error {found.error:.4f}, noise floor {found.noise_floor:.4f}"
@@ -95,6 +99,11 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
         answer.say(_in_words(found))
 
 
+def _used(part: dict[str, float]) -> str:
+    share = "all" if part["share"] > 0.9995 else f"{100 * part['share']:.3g} %"
+    return f"{share}: {part['start']:.5g} to {part['stop']:.5g} s"
+
+
 def _of_silence(found: Any) -> list[str]:
     """That records hold hardly anything but noise."""
     if not found.silent:
@@ -104,6 +113,10 @@ def _of_silence(found: Any) -> list[str]:
 
 def _in_words(found: Any) -> str:
     """What the error says of the model."""
+    from analysis.search.diagnosis import FAINT_REST
+
+    if found.against and found.error <= FAINT_REST * found.noise_floor:
+        return f"little is left, but that says nothing for the model: {'; '.join(found.against)}"
     if found.adequate:
         return "the model explains every record down to its noise"
     if found.slight:

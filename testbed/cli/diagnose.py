@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from analysis.fit.budget import BUDGET
 from testbed.cli._answer import Answer, shown
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
 from testbed.cli._places import output_folder
@@ -28,11 +29,13 @@ MANY = 6  # effects that --until-adequate adds at the most
 @click.option("--false-alarms", "alarms", type=click.IntRange(min=1), metavar="N",
               help="Repeat the diagnosis on N campaigns simulated without a hidden effect: how often is one named?")
 @click.option("--decoys", is_flag=True, help="Offer laws that no machine has beside the real ones: none should be named.")
+@click.option("--budget", type=click.FloatRange(min=1.0), default=BUDGET, show_default=True, metavar="N",
+              help="End with what is known after N simulations of every record (counted, not timed: the same answer anywhere).")
 @effects_option
 @shared
 def command(campaign: str, model_file: str, output: str | None, until_adequate: bool, propose: str | None,
-            alarms: int | None, decoys: bool, folders: tuple[str, ...], json_file: str | None, seed: int | None,
-            quiet: bool) -> None:
+            alarms: int | None, decoys: bool, budget: float, folders: tuple[str, ...], json_file: str | None,
+            seed: int | None, quiet: bool) -> None:
     """Fit MODEL.yaml to the campaign, then with each effect of the catalogue, and compare on records held out of the fit.
 
     With one operating condition nothing can be held out: the errors are then those in the fit, and the answer says so.
@@ -53,16 +56,18 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     catalogue = catalogue_of((*folders, str(DECOYS)) if decoys else folders)
     model, records, read = read_both(campaign, model_file, catalogue)
     with sign_of_life("fitting the believed model to all records", quiet) as say:
-        found = diagnose(plant_of(catalogue), records, model, catalogue, say=say,
+        found = diagnose(plant_of(catalogue), records, model, catalogue, say=say, budget=budget,
                          **({"most": MANY} if until_adequate else {}))
         turned = []
         if found.candidates:  # else no search was made, for what was found before it
             turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
-    stuck, of_the_fit = _of_the_best_fit(found, records, catalogue)
+    stuck, guesses, of_the_fit = _of_the_best_fit(found, records, model, catalogue)
     notes = [*notes_on(read, model), *turned, *of_the_fit]
     for note in notes:
         answer.say(note)
     said = as_json(found, model) | {"at_bound": list(stuck), "notes": notes}
+    for name, one in said["base_parameters"].items():
+        one["determined"] = name not in guesses
     next_step = next_command(found, campaign, model_file, bool(propose), folders)
     _say(answer, found, said, unaided(model))
     if found.form is not None:
@@ -88,18 +93,24 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     answer.finish(said)
 
 
-def _of_the_best_fit(found: Any, records: Any, catalogue: Any) -> tuple[tuple[str, ...], list[str]]:
-    """(parameters at a bound, notes) of the fit of the best set of effects."""
-    from analysis.fit.estimates import at_bound, estimates, said_at_bound
+def _of_the_best_fit(
+    found: Any, records: Any, model: Any, catalogue: Any
+) -> tuple[tuple[str, ...], tuple[str, ...], list[str]]:
+    """(parameters at a bound, those not determined, notes) of the fit of the best set of effects."""
+    from analysis.fit.estimates import at_bound, estimates, not_determined, said_at_bound, said_not_determined
+    from analysis.fit.plausible import remarks_on
     from analysis.fit.taken import taken_notes
     from analysis.search.mark_delay import delay_note
 
     fitter, fit = found.best.fitter, found.best.fit
     if fitter is None or fit is None:
-        return (), []
-    stuck = at_bound(fitter.free, estimates(fitter, fit, catalogue))
-    notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit)]
-    return stuck, [*notes, *([said_at_bound(stuck)] if stuck else [])]
+        return (), (), []
+    told = estimates(fitter, fit, catalogue)
+    stuck, guesses = at_bound(fitter.free, told), not_determined(told)
+    notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit),
+             *(note for note in remarks_on(model, fit.state.model) if note.partition(":")[0] not in found.sentence)]
+    notes += [said_not_determined(guesses)] if guesses else []
+    return stuck, guesses, [*notes, *([said_at_bound(stuck)] if stuck else [])]
 
 
 def _force_maps(found: Any, catalogue: Any) -> list[Any]:

@@ -52,7 +52,7 @@ def command(data: str, output: str, split_text: str, licence: str, description: 
                              {"licence": licence, "licence_url": LICENCES[licence], "description": description})
     _say(answer, output, content)
     answer.finish(plain({"folder": output, **{key: content[key] for key in (
-        "runs", "splits", "shards", "classes", "contact_losses", "outcomes", "baseline")}}))
+        "runs", "splits", "shards", "classes", "behaviours", "contact_losses", "contact_unknown", "outcomes", "baseline")}}))
 
 
 def _shares(text: str) -> tuple[float, ...]:
@@ -81,6 +81,8 @@ class _Notes:
         self.paths = [path for path in source.truth if path != "mark_angle"]
         self.classes: dict[str, Counter[str]] = {}
         self.contact_losses: Counter[str] = Counter()
+        self.contact_unknown: Counter[str] = Counter()  # runs whose records do not tell: neither with nor without
+        self.behaviours: dict[str, Counter[str]] = {}
         self.known: dict[Any, Any] = {}
         self.features: list[Any] = []
         self.rows: list[int] = []
@@ -98,11 +100,13 @@ class _Notes:
         model = self._model(index)
         linear = self._linear(model, index)
         immersion = model.value("immersion")
-        noise = float(self.source.noise["displacement"][index]) if "displacement" in self.source.noise else 0.0
+        noise = {name: float(values[index]) for name, values in self.source.noise.items()}
         found = labels(recording, linear, immersion, noise, tuple(model.effects))
         split = self.planned.split[index]
         self.classes.setdefault(split, Counter())[found["stability"] or "none"] += 1
         self.contact_losses[split] += bool(found["contact_loss"])
+        self.contact_unknown[split] += found["contact_loss"] is None
+        self.behaviours.setdefault(split, Counter())[found["behaviour"]] += 1
         if index % self.every == 0:
             self.rows.append(index)
             self.features.append(features(recording))
@@ -170,7 +174,8 @@ def _documents(folder: Any, source: Any, planned: Any, written: Any, notes: _Not
     description = said["description"] or f"Simulated milling cuts of the scenario {source.name}, with every run's truth."
     content = write_manifest(folder, planned, written, {
         **said, "description": " ".join(description.split()), "runs": len(source), "classes": notes.classes,
-        "contact_losses": notes.contact_losses, "outcomes": Counter(source.outcome.tolist()), "baseline": notes.baseline()})
+        "behaviours": notes.behaviours, "contact_losses": notes.contact_losses, "contact_unknown": notes.contact_unknown,
+        "outcomes": Counter(source.outcome.tolist()), "baseline": notes.baseline()})
     (folder / "README.md").write_text(card(content, planned.columns), encoding="utf-8")
     (folder / "DATASHEET.md").write_text(datasheet(content, source.scenario_text, source.model_text), encoding="utf-8")
     (folder / "croissant.json").write_text(json.dumps(croissant(content, planned.columns), indent=2) + "\n", encoding="utf-8")
@@ -178,12 +183,14 @@ def _documents(folder: Any, source: Any, planned: Any, written: Any, notes: _Not
 
 
 def _say(answer: Answer, output: str, content: Mapping[str, Any]) -> None:
+    from testbed.export.card import contact_counts
+
     size = sum(one["bytes"] for one in content["shards"].values())
     answer.say(f"{output}: {content['runs']} runs, {len(content['shards'])} Parquet files, {size / 1e6:.1f} MB")
     classes = sorted({name for counts in content["classes"].values() for name in counts})
-    answer.table(("split", "conditions", "runs", *classes, "contact loss"), [
+    answer.table(("split", "conditions", "runs", *classes, "contact loss", "not known"), [
         (name, one["groups"], one["runs"], *(content["classes"].get(name, {}).get(each, 0) for each in classes),
-         content["contact_losses"].get(name, 0)) for name, one in content["splits"].items()])
+         *contact_counts(content, name)) for name, one in content["splits"].items()])
     scores = content["baseline"]
     for one in scores["classifier"]:
         if one["split"] == "test":

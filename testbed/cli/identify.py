@@ -14,7 +14,6 @@ from testbed.problem import InputProblem
 OTHER_SPEED = 5e-4  # relative difference from which a speed that was found is told beside the stated one,
 MOST_TOLD = 6  # of so many cuts
 LEFT_OUT = 1.0 / 3.0  # of the cuts, from which it is said that the machine found is that of the others
-BENT = 1.1  # misfit per degree of freedom from which a fit to waveforms leaves more than noise
 DOUBTED, MISSED = 5.0, 30.0  # misfits per degree of freedom from which a fit by multipliers is doubted, and not believed
 
 
@@ -35,8 +34,9 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
     The multipliers of a cut are those of the linear machine: they know nothing of effects. --method waveform simulates
     the model with its effects, and fits their parameters too. Intervals are 95 %.
     """
-    from analysis.search.diagnosis import SILENT
-    from testbed.cli._fitting import doubts, of_the_mass, uncalibrated
+    from analysis.fit.plausible import unlike_a_machine
+    from analysis.search.diagnosis import FAINT_REST, SILENT
+    from testbed.cli._fitting import doubts, of_the_mass, of_the_parts, uncalibrated
     from testbed.cli._identification import identify_by_multipliers, identify_by_waveform
     from testbed.cli._records import load_records
     from testbed.model_file import read_model, write_model
@@ -57,7 +57,7 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
         raise InputProblem(data, str(problem), "add tests with a clear entry transient, or try --method waveform"
                            if multipliers else "check the records with testbed inspect") from None
     notes = [*([] if multipliers else uncalibrated(records)), *doubts(records, model),  # multipliers have no unit
-             *of_the_mass(records, model), *found.notes]
+             *of_the_parts(records), *of_the_mass(records, model), *found.notes]
     if multipliers and found.quality["chi_square"] > DOUBTED:
         notes.append(_of_the_misfit(found))
     if found.at_bound:
@@ -66,14 +66,14 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
         notes += [*_left_out(found), *_speeds_found(records, found), _of_the_ratio(found)]
     elif found.quality["noise_floor"] > SILENT:
         notes.append("hardly anything but noise was measured: these records say nothing of the machine, whatever the intervals")
-    elif found.quality["chi_square"] > BENT:
+    elif found.quality["chi_square"] > FAINT_REST**2:  # as testbed compare and testbed diagnose have it
         notes.append(f"the model leaves {found.quality['chi_square'] ** 0.5:.2g} times the noise: what it lacks may bend its "
                      "parameters beyond their intervals; testbed diagnose says whether an effect is missing")
     for note in notes:
         answer.say(note)
     _say(answer, found)
     if output is not None:
-        write_model(found.model, output, catalogue)
+        write_model(found.model, output, catalogue, unlike_a_machine(found.model))
         answer.say(f"written: {output}")
     answer.finish({"method": method, "parameters": {name: one.as_json() for name, one in found.parameters.items()},
                    "tests": found.tests, **found.quality, "at_bound": found.at_bound, "notes": notes})

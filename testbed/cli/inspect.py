@@ -13,10 +13,14 @@ from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
 if TYPE_CHECKING:
+    from analysis.records.chatter import Chatter
     from analysis.records.inspection import Inspection
     from analysis.records.record_report import RecordReport
+    from analysis.records.ring_downs import Decay
 
 FASTEST = 1e9  # Hz: no recorder of vibration comes near it
+KINDS = {"neimark_sacker": "Neimark-Sacker", "flip": "flip (period doubling)", None: "irregular",
+         "flip_or_runout": "flip (period doubling), or runout: the flutes are even"}  # fmt: skip
 _RPM = 30.0 / math.pi
 _SHOWN = {"m": (1e6, "um"), "m/s": (1e3, "mm/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}
 
@@ -138,9 +142,12 @@ def _record(record: RecordReport) -> list[str]:
         lines.append(f"  speed: {nominal * _RPM:.1f} rpm nominal, not confirmed by tachometer or spectrum")
     if record.segments:
         lines.append(
-            "  segments: " + ", ".join(f"{part.kind} {part.start:.4f}-{part.stop:.4f} s" for part in record.segments)
+            "  segments: " + ", ".join(f"{part.kind} {_seconds(part.start, part.stop, recording)}" for part in record.segments)
         )
-    if record.noise is not None:
+    if record.used is not None:
+        lines.append(f"  used in a fit: {_seconds(*record.used, recording)}, {100 * record.share:.3g} % of the record")
+    lines += [_vibration(one, recording) for one in record.vibrations]
+    if record.noise is not None and record.noise.known:
         own = recording.units[record.noise.channel]
         factor, unit = _SHOWN.get(own, (1.0, own or "?"))
         lines.append(
@@ -151,18 +158,50 @@ def _record(record: RecordReport) -> list[str]:
         lines.append(
             "  lines: "
             + ", ".join(
-                f"{line.frequency:.1f} Hz {line.kind}{f' x{line.order}' if line.order else ''}"
+                f"{_hertz(line.frequency)} Hz {line.kind}{f' x{line.order}' if line.order else ''}"
                 for line in record.lines[:8]
             )
         )
     if record.chatter is not None:
-        track, (loud, at) = record.chatter, record.chatter.loudest
+        lines.append(f"  {_chatter(record.chatter)}")
+    if record.chatter_line is not None:
+        track, (loud, at) = record.chatter_line, record.chatter_line.loudest
         lines.append(
             f"  chatter line: {track.frequency[0]:.1f} to {track.frequency[-1]:.1f} Hz from {track.time[0]:.3f} to "
             f"{track.time[-1]:.3f} s, loudest {at:.1f} Hz at {loud:.3f} s"
         )
     lines.append(f"  dropped samples: {record.dropped}, repeated samples: {record.repeated}")
     return lines + [f"  note: {note}" for note in record.notes]
+
+
+def _seconds(start: float, stop: float, recording: Any) -> str:
+    """A stretch of time, as fine as its samples."""
+    digits = max(4, math.ceil(math.log10(recording.sampling_rate)))
+    return f"{start:.{digits}f}-{stop:.{digits}f} s"
+
+
+def _hertz(frequency: float) -> str:
+    return f"{frequency:.1f}" if frequency >= 100.0 else f"{frequency:.4g}"
+
+
+def _vibration(one: Decay, recording: Any) -> str:
+    """A free vibration with its 95 % intervals."""
+    frequency, damping = one.natural_frequency, one.damping_ratio
+    return (f"  free vibration {_seconds(one.start, one.stop, recording)}: {frequency.value:.5g} Hz "
+            f"({frequency.low:.5g} to {frequency.high:.5g}), damping ratio {damping.value:.3g} "
+            f"({damping.low:.3g} to {damping.high:.3g})")
+
+
+def _chatter(found: Chatter) -> str:
+    """One sentence: chatter or not, of which kind, at which frequency, how strong against the tooth passing."""
+    where = f" ({found.channel})" if found.channel else ""
+    at = "" if found.frequency is None else f" at {found.frequency:.1f} Hz"
+    times = "" if found.ratio is None else f", {found.ratio:.3g} times the line at tooth passing"
+    if found.verdict == "none":
+        return f"chatter: none{where}: {found.reason}"
+    if found.verdict == "unknown":
+        return f"chatter: not known{where}: " + (f"a line{at}{times}: " if at else "") + found.reason
+    return f"chatter: yes, {KINDS[found.kind]}{at}{times}{where}" + (f" ({found.reason})" if found.reason else "")
 
 
 def _conditions(known: Any) -> list[str]:

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from testbed.cli._answer import Answer, shown
-from testbed.cli._options import DEPTH, SPEED, catalogue_of, cutting_model, effects_option, shared
+from testbed.cli._options import DEPTH, SPEED, catalogue_of, cutting_model, effects_option, guesses_note, shared
 from testbed.problem import InputProblem
 
 MOST_SWINGS = 1000.0  # periods of the structure within a tooth pass up to which a loop with effects is linearised
@@ -50,11 +50,14 @@ def command(model_file: str, speed: list[float], depth: list[float], feed_text: 
     place = model_file if model.effects else f"--speed {shown(speed[0], 'rad/s')}, --depth {depth[0] * 1e3:.6g} mm"
     found = multipliers(model, Cut(speed[0], depth[0], feed), catalogue, place)
     values, period = found["multipliers"][:count], found["period_passes"]
+    for note in (notes := guesses_note(model)):
+        answer.say(note)
     answer.say(f"{MEANING[found['class']]}, over {period} tooth passing period{'s' if period > 1 else ''}")
     errors = found["error"][:count]
     answer.table(("multiplier", "modulus", "error below"),
                  [(f"{value:+.6f}", f"{abs(value):.6f}", f"{error:.0e}") for value, error in zip(values, errors, strict=True)])
-    answer.finish({**found, "multipliers": values, "error": errors, "spindle_speed": speed[0], "axial_depth_of_cut": depth[0]})
+    answer.finish({**found, "multipliers": values, "error": errors, "spindle_speed": speed[0], "axial_depth_of_cut": depth[0],
+                   "notes": notes})
 
 
 def multipliers(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, Any]:

@@ -29,7 +29,7 @@ EFFECT = Effect(
         Parameter("mass_ratio", "r", "1", "modal mass of the first mode over that of the second, seen at the tool",
                   neutral=0.0, bounds=(0.0, 20.0), example=0.5, start=0.05),
         Parameter("frequency", "f_2", "Hz", "natural frequency of the second mode",
-                  neutral=480.0, bounds=(20.0, 5000.0), example=480.0, start=480.0, vanishes=False),
+                  neutral=480.0, bounds=(1e-3, 1e6), example=480.0, start=480.0, vanishes=False),
         Parameter("damping_ratio", "zeta_2", "1", "damping ratio of the second mode",
                   neutral=0.01, bounds=(0.0, 0.3), example=0.01, start=0.01, vanishes=False),
         Parameter("participation", "p", "1", "motion of the second mode at the sensor over that at the tool",

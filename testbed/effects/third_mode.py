@@ -33,7 +33,7 @@ EFFECT = Effect(
         Parameter("mass_ratio", "r", "1", "modal mass of the first mode over that of the third, seen at the tool",
                   neutral=0.0, bounds=(0.0, 20.0), example=0.5, start=0.05),
         Parameter("frequency", "f_3", "Hz", "natural frequency of the third mode",
-                  neutral=750.0, bounds=(20.0, 5000.0), example=750.0, start=750.0, vanishes=False),
+                  neutral=750.0, bounds=(1e-3, 1e6), example=750.0, start=750.0, vanishes=False),
         Parameter("damping_ratio", "zeta_3", "1", "damping ratio of the third mode",
                   neutral=0.01, bounds=(0.0, 0.3), example=0.01, start=0.01, vanishes=False),
         Parameter("participation", "p", "1", "motion of the third mode at the sensor over that at the tool",

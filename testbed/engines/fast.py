@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
@@ -69,6 +70,7 @@ class _Batch:
     refinement: int
     forces: bool
     shape: tuple[int, int, int]  # channels, samples, passes
+    most_steps: float  # within one sample, beyond which a run is not followed
 
     def of(self, runs: Sequence[int]) -> _Batch:
         """The same of some runs."""
@@ -81,7 +83,23 @@ class _Batch:
                 for model, cut, stiff in zip(self.models, self.cuts, assumed, strict=True)]  # fmt: skip
 
     def run(self, packed: Sequence[Packed], linear: bool = False) -> BatchResult:
-        """The runs as they are packed. linear: by the kernel of the base model alone."""
+        """The runs as they are packed; NaN for those beyond `most_steps`. linear: by the kernel of the base model alone."""
+        followed = [run for run, one in enumerate(packed)
+                    if one.steps_of_pass <= self.most_steps * self.clock[run, 1] * one.nominal_pass]  # fmt: skip
+        if len(followed) == len(packed):
+            return self._run(packed, linear)
+        runs, (signals, count, passes) = len(packed), self.shape
+        whole = BatchResult(np.full((runs, signals, count), np.nan), np.full((runs, passes + 1), np.nan),
+                            np.full((runs, passes + 1, 2), np.nan), np.full(runs, fk.OUTCOME_DIVERGED),
+                            np.zeros(runs))  # fmt: skip
+        if followed:
+            part = self.of(followed)._run([packed[run] for run in followed], linear)
+            for one in fields(BatchResult):
+                getattr(whole, one.name)[followed] = getattr(part, one.name)
+        return whole
+
+    def _run(self, packed: Sequence[Packed], linear: bool) -> BatchResult:
+        """The runs as they are packed, all of them followed."""
         runs, (signals, count, passes) = len(packed), self.shape
         A, P, G, I, O, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIOY")  # noqa: E741
         result = BatchResult(np.empty((runs, signals, count)), np.empty((runs, passes + 1)), np.empty((runs, passes + 1, 2)),
@@ -109,14 +127,15 @@ def simulate_batch(
     signals: int = sk.N_CHANNELS,
     alike: bool = False,
     refinement: int = 1,
+    most_steps: float = math.inf,
 ) -> BatchResult:
     """Simulate runs side by side; every run's samples and passes are padded with NaN to the longest.
 
     durations: measured times of the tooth passes (s), one array a run, in place of the nominal speed. general: take the
     general kernel even where the linear one would do. signals: how many channels `out` holds: 1 (the displacement), 3 (the
     motion) or all. alike: the runs differ little, and all may have steps as fine as the first needs. refinement: how many
-    times as many steps as are chosen, a whole number. Arrays are as the sensor sits on the structure, before any effect of
-    the sensor itself.
+    times as many steps as are chosen, a whole number. most_steps: within one sample; a run that takes more is not followed:
+    NaN, outcome "diverged" at 0. Arrays are as the sensor sits on the structure, before any effect of the sensor itself.
     """
     effects = known_effects() if catalogue is None else catalogue
     passes = max(cut.total_passes for cut in cuts)
@@ -125,7 +144,7 @@ def simulate_batch(
         row[: len(values)] = values
     clock = np.array([[sampling.start, sampling.rate] for sampling in samplings])
     batch = _Batch(models, cuts, effects, clock, table, steps, refinement, forces,
-                   (signals, max(sampling.count for sampling in samplings), passes))  # fmt: skip
+                   (signals, max(sampling.count for sampling in samplings), passes), most_steps)  # fmt: skip
     assumed = np.ones(len(models))
     packed = batch.packed(assumed)
     if not (general or forces) and all(one.base for one in packed):
@@ -160,7 +179,7 @@ def _refined(batch: _Batch, result: BatchResult, assumed: np.ndarray) -> tuple[B
     movable = [run for run, model in enumerate(models) if stiffens(model, effects)]
     for _ in range(REFINEMENTS):
         again = []
-        for run in movable:
+        for run in (one for one in movable if np.isfinite(result.pass_states[one]).any()):
             x, v = result.pass_states[run, :, 0], result.pass_states[run, :, 1]
             amplitude = float(np.nanmax(np.hypot(x, v / models[run].structure.natural_frequency_rad)))
             found = min(stiffening(models[run], effects, amplitude), STIFFEST)

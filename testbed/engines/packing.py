@@ -45,6 +45,16 @@ class Packed:
         """Whether an active effect has states of its own."""
         return bool(self.I[fk.CARRIED] > 1 or self.I[fk.PLAIN_COUNT] > 0)
 
+    @property
+    def steps_of_pass(self) -> int:
+        """How many steps one tooth pass takes."""
+        return int(self.I[fk.STEPS : fk.STEPS + self.I[fk.SEGMENTS]].sum())
+
+    @property
+    def nominal_pass(self) -> float:
+        """How long a tooth pass lasts at the nominal spindle speed, s."""
+        return float(self.G[lk.PITCH] / self.G[lk.OMEGA])
+
 
 def active_effects(model: Model, catalogue: Mapping[str, Effect]) -> dict[str, Mapping[str, float]]:
     """The model's effects that are not at their neutral value. KeyError, with the known names, for an unknown one."""
@@ -114,6 +124,12 @@ def _layout(catalogue: Mapping[str, Effect]) -> Layout:
     if known is None or known[0] is not catalogue or len(known[1].flag) != len(catalogue):
         known = _layouts[id(catalogue)] = (catalogue, Layout(catalogue))
     return known[1]
+
+
+def state_place(catalogue: Mapping[str, Effect], path: str) -> int:
+    """The place in Y of an effect's own state, by its path `effect.state`. KeyError where there is none."""
+    effect, _, state = path.partition(".")
+    return _layout(catalogue).state[effect, state]
 
 
 def _geometry(cutter: Cutter, cutting: Cutting, structure: Structure, slices: int, lag: float, corners: np.ndarray,

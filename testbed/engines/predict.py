@@ -16,11 +16,14 @@ from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, compose
 from testbed.engines.grid import STEP_PHASE
 from testbed.engines.measure import asks_rates, measured_channels, senses
-from testbed.engines.packing import fastest_frequency, pack
+from testbed.engines.packing import fastest_frequency, pack, state_place
 from testbed.machine import Model
 
 LARGEST = 3.0  # a swing is followed back no further than to where it was exp(3) times what it is at the first sample
 MOST_SUBSTEPS = 200  # steps within one sample, beyond which a driven structure is not followed
+# The same of a cut: half again what a vibration at half the sampling rate takes, the fastest that samples can show. A
+# descent's trial at a bound (100 kHz, a spring of 1e15 N/m^3) would take a hundred times as many, and minutes a record.
+MOST_STEPS = 32
 _STILL = Cut(spindle_speed=1.0, axial_depth_of_cut=0.0)  # a driven structure is not cut
 
 
@@ -35,7 +38,9 @@ def predict_cuts(
     refinement: int = 1,
     first: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Predicted channels of cuts that share their sampling's count, shape (runs, channels, samples); NaN after divergence.
+    """Predicted channels of cuts that share their sampling's count, shape (runs, channels, samples).
+
+    NaN after divergence, and where more than MOST_STEPS steps would be taken within one sample.
 
     refinement: how many times as many steps as the engine would choose. first: what this gave for the first run alone, shape
     (1, channels, samples), where that is at hand: it is then not simulated again if it would come out the same beside others.
@@ -54,7 +59,7 @@ def predict_cuts(
     result = fast.simulate_batch(
         [models[run] for run in moved], [cuts[run] for run in moved], [samplings[run] for run in moved], forces=forces,
         catalogue=effects, durations=None if durations is None else [durations[run] for run in moved], general=forces,
-        refinement=refinement, alike=True, signals=signals)  # fmt: skip
+        refinement=refinement, alike=True, signals=signals, most_steps=MOST_STEPS * refinement)  # fmt: skip
     if not sensed:
         return result.out[:, [fast.CHANNELS[name] for name in channels], : samplings[0].count]
     outs = dict(zip(moved, result.out, strict=True))
@@ -95,11 +100,13 @@ def predict_driven(
     catalogue: Mapping[str, Effect] | None = None,
     limit: float = math.inf,
     refinement: int = 1,
+    own: Sequence[Mapping[str, float]] = (),
 ) -> np.ndarray:
     """Predicted channels of a structure under a sampled force (N), from states (x, v) at the first sample.
 
     Shape (runs, channels, samples); zeros for `force` make it a free decay; NaN where a step would have to be absurdly short.
-    refinement: how many times as many steps as the engine would choose.
+    refinement: how many times as many steps as the engine would choose. own: of each run, the effects' own states at the first
+    sample by their paths (`second_mode.deflection`), where they are not 0.
     """
     effects = known_effects() if catalogue is None else catalogue
     fastest = max(fastest_frequency(model, effects) for model in models)
@@ -109,6 +116,9 @@ def predict_driven(
     packed = [pack(model, _STILL, effects) for model in models]
     A, P, G, integers, O, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIOY")
     Y[:, :2] = states
+    for row, begun in zip(Y, own, strict=False):
+        for path, value in begun.items():
+            row[state_place(effects, path)] = value
     out = np.zeros((len(models), sk.N_CHANNELS, len(force)))
     kernel = compose(effects, (*FAST, "drive_kernel"))
     kernel.drive_batch(

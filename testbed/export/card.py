@@ -68,11 +68,18 @@ def _quoted(text: str) -> str:
     return '"' + " ".join(text.split()).replace("\\", "").replace('"', "'") + '"'
 
 
+def contact_counts(content: Mapping[str, Any], split: str) -> tuple[object, int]:
+    """(runs of a split in which a tooth left the work, runs that do not tell); `-` for the first where none tells."""
+    unknown = int(content.get("contact_unknown", {}).get(split, 0))
+    runs = content["splits"][split]["runs"]
+    return "-" if runs and unknown == runs else content["contact_losses"].get(split, 0), unknown
+
+
 def _split_table(content: Mapping[str, Any]) -> str:
     classes = sorted({name for counts in content["classes"].values() for name in counts})
     rows = [(name, one["groups"], one["runs"], *(content["classes"].get(name, {}).get(each, 0) for each in classes),
-             content["contact_losses"].get(name, 0)) for name, one in content["splits"].items()]
-    return table(("split", "conditions", "runs", *classes, "with contact loss"), rows)
+             *contact_counts(content, name)) for name, one in content["splits"].items()]
+    return table(("split", "conditions", "runs", *classes, "with contact loss", "contact loss not known"), rows)
 
 
 def _baseline(scores: Mapping[str, Any], units: Mapping[str, str]) -> list[str]:

@@ -27,10 +27,13 @@ By `testbed run` with the {engine} engine, seed {seed}, from the scenario and mo
 hash of the data set: `{content_hash}`. Versions: {versions}. Every run can be made again from these, bit by bit.
 
 Labels: `stability` and the multiplier come from the characteristic multipliers of the true machine, effects and all,
-linearised about its periodic motion; `behaviour` from the recorded once-per-tooth samples alone. The two can differ: near the
-border a short cut has not made up its mind, a loud sensor hides a small motion, and a large motion is not linear.
+linearised about its periodic motion; `behaviour` from the recorded once-per-tooth samples alone (of the displacement; where
+it was not recorded, of the velocity, the acceleration or a force, the part that changes most from tooth to tooth). The two can
+differ: near the border a short cut has not made up its mind, a loud sensor hides a small motion, and a large motion is not
+linear.
 `contact_loss` is found from the recorded displacement and the surface that earlier teeth left, the nominal edges taken
-(runout is not followed, and the believed immersion is taken). A gap smaller than six rms of the noise is not seen.
+(runout is not followed, and the believed immersion is taken). A gap smaller than six rms of the noise is not seen. Without a
+recorded displacement it is null: not known, which is not "no".
 In a machine without the effect `contact_loss` the force of such a tooth goes on with the wrong sign: there the
 label marks where the simulation ceases to be physical.
 

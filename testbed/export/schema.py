@@ -45,8 +45,8 @@ _LABELS = (
            "below 1", "label"),
     Column("largest_multiplier_angle", "float", "rad", "angle of that multiplier, 0 to pi, over the principal period",
            "label"),
-    Column("behaviour", "text", "1", "what the once-per-tooth samples of the recording show: stable, neimark_sacker, flip "
-           "or undecided", "label"),
+    Column("behaviour", "text", "1", "what the recording shows once a tooth (displacement, else velocity, acceleration, "
+           "force): stable, neimark_sacker, flip or undecided", "label"),
     Column("contact_loss", "bool", "1", "whether a tooth left the work while engaged, found from the recorded displacement "
            "and the surface that the teeth before left; null without displacement", "label"),
     Column("contact_loss_time", "float", "s", "when it first did; null if it did not", "label"),

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from testbed.problem import InputProblem
+from testbed.readers.lvm import FIRST_LINE
 from testbed.readers.table import Table
 
 __all__ = ["Table", "has_variables", "neighbours", "read_table"]
@@ -33,13 +34,13 @@ _REFUSED = {
     ".joblib": "a pickle",
 }
 _PACKED = {b"\x1f\x8b": "gzip", b"\xfd7zXZ\x00": "xz", b"BZh91AY&SY": "bzip2", b"\x28\xb5\x2f\xfd": "zstd"}
-_WITH_VARIABLES = ("mat", "hdf5", "tdms")
+_WITH_VARIABLES = ("mat", "hdf5", "tdms", "labview")
 
 
 def read_table(path: str | Path, *, skip_rows: int = 0, delimiter: str | None = None, key: str | None = None) -> Table:
     """Read a file of any known format.
 
-    skip_rows and delimiter matter to text only, key (a variable, data set or group) to MAT, HDF5 and TDMS.
+    skip_rows and delimiter matter to text only, key (a variable, data set, group or capture) to MAT, HDF5, TDMS and LVM.
     Raises InputProblem for a file that is missing, empty, damaged or of no known format.
     """
     path = Path(path)
@@ -70,11 +71,11 @@ def read_table(path: str | Path, *, skip_rows: int = 0, delimiter: str | None = 
         return read_parquet(path)
     from testbed.readers.text import read_text
 
-    return read_text(path, skip_rows=skip_rows, delimiter=delimiter)
+    return read_text(path, skip_rows=skip_rows, delimiter=delimiter, key=key)
 
 
 def file_kind(path: Path) -> str:
-    """`text`, `mat`, `hdf5`, `wav`, `tdms`, `uff` or `parquet`, from the first bytes, else from the name's ending.
+    """`text`, `labview`, `mat`, `hdf5`, `wav`, `tdms`, `uff` or `parquet`, from the first bytes, else from the name's ending.
 
     Raises InputProblem.
     """
@@ -115,11 +116,11 @@ def file_kind(path: Path) -> str:
         return _ENDINGS[ending]
     if head.lstrip(b"\r\n").startswith(b"    -1") and b"\0" not in head[:12]:
         return "uff"
-    return "text"
+    return "labview" if head.startswith(FIRST_LINE.encode()) else "text"
 
 
 def has_variables(path: Path) -> bool:
-    """Whether a file is of a format whose variables, data sets or groups a `key` names. Raises InputProblem."""
+    """Whether a file is of a format whose variables, data sets, groups or captures a `key` names. Raises InputProblem."""
     return file_kind(path) in _WITH_VARIABLES
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from testbed.readers import checks
 from testbed.readers.source import base_name
+from testbed.readers.spikes import most_spikes, quantum, spikes
 
 MOTIONS = ("displacement", "velocity")
 DROPOUT = 16  # samples at the most for which a signal is somewhere else
@@ -22,8 +23,8 @@ def unmeasured(name: str, values: np.ndarray, full_scale: float | None = None) -
     wrong = np.zeros(len(values), dtype=bool)
     if base_name(name) not in MOTIONS:
         return wrong
-    lone = checks.spikes(values)
-    if len(lone) <= checks.most_spikes(len(values)):
+    lone = spikes(values)
+    if len(lone) <= most_spikes(len(values)):
         wrong[lone] = True
     for first, stop in _dropouts(values):
         wrong[first:stop] = True
@@ -65,4 +66,5 @@ def _let_go(values: np.ndarray, first: int, length: int) -> bool:
         return False
     steps = np.abs(np.diff(values))
     usual = float(np.median(steps[steps > 0]))
-    return max(float(steps[first - 1]), float(steps[stop - 1])) > STEP * usual
+    smooth = max(STEP * usual, 1.5 * quantum(values))  # one step of a coarse converter is no jump
+    return max(float(steps[first - 1]), float(steps[stop - 1])) > smooth

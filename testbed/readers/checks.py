@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from testbed.problem import InputProblem
+from testbed.readers.spikes import most_spikes, spikes
 from testbed.recording import Recording
 
 _FEW_LEVELS = 16
@@ -121,36 +122,6 @@ def _longest_run(mask: np.ndarray) -> int:
     return int((edges[1::2] - edges[0::2]).max()) if len(edges) else 0
 
 
-def spikes(values: np.ndarray) -> list[int]:
-    """Samples that stand alone off a smooth curve through their neighbours: wrong digits or bit errors, indices.
-
-    What four neighbours (-1/6, 2/3, 2/3, -1/6) leave of a lone wrong sample is 1 at it, -2/3 beside it and 1/6 two
-    away; a real event is never as short as that.
-    """
-    if len(values) < 32:
-        return []
-    rest = np.zeros(len(values))
-    rest[2:-2] = values[2:-2] - (4 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6
-    size = np.abs(rest)
-    usual = 1.4826 * float(np.median(size[2:-2]))
-    limit = max(12 * usual, 1e-3 * float(np.ptp(values)))
-    found = []
-    for place in np.flatnonzero(size > limit):
-        if not 4 <= place < len(values) - 4:
-            continue
-        here = rest[place]
-        beside = np.abs(rest[[place - 1, place + 1]] + 2 / 3 * here)
-        beyond = np.abs(rest[[place - 2, place + 2]] - here / 6)
-        if max(beside.max(), beyond.max()) < 0.2 * abs(here) + 3 * usual:
-            found.append(int(place))
-    return found
-
-
-def most_spikes(samples: int) -> int:
-    """Lone spikes among so many samples beyond which they are the signal's own."""
-    return max(20, samples // 500)
-
-
 def jumps(values: np.ndarray) -> list[int]:
     """Samples at which the signal jumps to, alone among small steps: a hole, a doubled or a foreign piece of the file.
 
@@ -242,7 +213,7 @@ def channel_notes(name: str, values: np.ndarray, full_scale: float | None = None
     frozen = stuck_stretch(values)
     if frozen and not stuck:
         notes.append(
-            f"channel {name}: {frozen[1]} samples stand still at {values[frozen[0]]:.6g}, "
+            f"channel {name}: {frozen[1]} samples stand still at {values[frozen[0]] + 0.0:.6g}, "
             f"from sample {frozen[0] + 1} on"
         )
     levels = len(np.unique(values[:200_000]))

@@ -12,7 +12,7 @@ import numpy as np
 
 from testbed.problem import InputProblem
 from testbed.readers.rehearsal import rehearse
-from testbed.readers.table import Table, matrix_columns, why_unread
+from testbed.readers.table import Table, listed, matrix_columns, why_unread
 
 _RATE_NAMES = ("sampling_rate", "sample_rate", "fs", "Fs", "rate")
 _STEP_NAMES = ("wf_increment", "dt", "increment")
@@ -72,14 +72,14 @@ def _read(path: Path, file: Any, key: str | None, matlab: bool) -> Table:
         []
         if len(wanted) == len(everything)
         else [
-            f"data sets read: {', '.join(wanted)}; others there: "
-            f"{', '.join(name for name in everything if name not in wanted)}"
+            f"data sets read: {listed(wanted, '')}; others there: "
+            f"{listed((name for name in everything if name not in wanted), '')}"
         ]
     )
     if len(set(rates)) > 1:
         raise InputProblem(
             path,
-            f"data sets sampled at different rates ({', '.join(f'{rate:g}' for rate in sorted(set(rates)))} Hz)",
+            f"data sets sampled at different rates ({listed((f'{rate:g}' for rate in sorted(set(rates))), '')} Hz)",
             "name one with `key`",
         )
     length = max(len(values) for values in columns.values())
@@ -106,7 +106,7 @@ def _choose(path: Path, found: dict[str, Any], key: str | None, others: dict[str
         name = key.strip("/").replace(".", "/") if key.strip("/") not in found else key.strip("/")
         hits = {label: item for label, item in found.items() if label == name or label.startswith(f"{name}/")}
         if not hits:
-            raise InputProblem(path, f"no numeric data set '{key}'", f"the file has {', '.join(found) or 'none'}")
+            raise InputProblem(path, f"no numeric data set '{key}'", f"the file has {listed(found, '')}")
         found = hits
     if not found:
         there = "; ".join(f"{name} {why}" for name, why in list(others.items())[:6])

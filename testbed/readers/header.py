@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import csv
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from testbed.channel_units import is_channel_unit
 from testbed.problem import InputProblem
 from testbed.readers.table import DECIMAL_COMMAS, bare_name, listed, simplest_between, unique_names, unit_in_name
 
@@ -20,47 +23,8 @@ _STEP = re.compile(
     re.IGNORECASE,
 )
 _VALUE = re.compile(r"[+-]?\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?")
-_UNIT_WORDS = {
-    "s",
-    "sec",
-    "ms",
-    "us",
-    "µs",
-    "μs",
-    "n",
-    "kn",
-    "v",
-    "mv",
-    "volt",
-    "volts",
-    "m",
-    "mm",
-    "um",
-    "µm",
-    "μm",
-    "nm",
-    "g",
-    "m/s",
-    "mm/s",
-    "m/s^2",
-    "m/s2",
-    "m/s²",
-    "rad",
-    "deg",
-    "hz",
-    "khz",
-    "rpm",
-    "-",
-    "1",
-    "nm/s",
-    "in",
-    "pa",
-    "a",
-    "%",
-    "°",
-    "c",
-    "°c",
-}
+_OTHER_UNITS = ("a", "c", "°c", "degc", "pa", "kpa", "bar", "nm", "n·m", "n*m", "n m", "w", "kw")  # of columns beside
+_LONGEST_NAME = 60
 
 
 @dataclass(frozen=True)
@@ -100,19 +64,43 @@ class Body:
 
 
 def split_fields(line: str, delimiter: str | None) -> list[str]:
-    """Fields of a line without blanks and quotes."""
+    """Fields of a line without blanks and quotes; a delimiter between quotes is none."""
+    if '"' in line and delimiter is None:
+        return [field.strip('"').strip() for field in re.findall(r'"[^"]*"|[^\s"]+', line)]
+    if '"' in line and delimiter is not None and len(delimiter) == 1:
+        with contextlib.suppress(csv.Error):
+            fields = next(csv.reader([line.strip("\r\n")], delimiter=delimiter, skipinitialspace=True))
+            return [field.strip() for field in fields]
     return [field.strip().strip('"').strip() for field in line.split(delimiter)]
+
+
+def _header_fields(line: str, body: Body) -> list[str]:
+    """Fields of a line above the numbers, which may be written otherwise than they are: its split that fits them, if any."""
+    line = _uncommented(line)
+    plain = _shortened(split_fields(line, body.delimiter), body.fields)
+    bare = line.strip()
+    others = []
+    if body.delimiter is None:
+        others = [re.findall(r"\S+?(?:\s*[\[(][^\])]*[\])])|\S+", bare), re.split(r"\t+|\s{2,}", bare)]
+    others += [split_fields(bare, other) for other in ("\t", ";", ",") if other in bare and other != body.delimiter]
+    if body.fields == 1 and len(bare) <= _LONGEST_NAME and not re.search(r"[:=]", bare):
+        others.append([bare.strip('"')])
+    fits = [fields for fields in (plain, *others) if len(fields) == body.fields]
+    return fits[0] if fits else plain
 
 
 def _uncommented(line: str) -> str:
     return line.lstrip("#%/ ") if line.lstrip().startswith(("#", "%", "//")) else line
 
 
-def _is_unit_row(fields: list[str]) -> bool:
+def _is_unit_row(fields: list[str], columns: int) -> bool:
     filled = [field for field in fields if field]
-    if not filled:
+    if not filled or len(filled) == 1 < columns and len(fields) < columns:  # one word over several columns is a title
         return False
-    return all(re.fullmatch(r"[\[(].*[\])]", field) or field.lower() in _UNIT_WORDS for field in filled)
+    bracketed = re.compile(r"[\[(].*[\])]|-")
+    return all(
+        bracketed.fullmatch(field) or field.lower() in _OTHER_UNITS or is_channel_unit(field) for field in filled
+    )
 
 
 def _shortened(fields: list[str], count: int) -> list[str]:
@@ -155,13 +143,13 @@ def _names_and_units(
     """The row of names and the row of units right above the body, None where there is none; and a row of words that
     has another number of fields than the body, [] where there is none."""
     above = [
-        (number < skip_rows, _shortened(split_fields(_uncommented(line), body.delimiter), body.fields))
+        (number < skip_rows, _header_fields(line, body))
         for number, line in enumerate(lines)
         if line.strip()
     ][-4:]
     unit_row, padded = None, False
-    for skipped, fields in reversed(above):
-        is_unit_row = unit_row is None and _is_unit_row(fields)
+    for number, (skipped, fields) in reversed(list(enumerate(above))):
+        is_unit_row = unit_row is None and _is_unit_row(fields, body.fields)
         lacks_one = len(fields) == body.fields - 1
         if lacks_one and (is_unit_row or body.last_is_empty()):
             fields, padded = [*fields, ""], padded or not body.last_is_empty()
@@ -173,6 +161,10 @@ def _names_and_units(
         if is_unit_row:
             unit_row = [field.strip("[]()") for field in fields]
             continue
+        if words and unit_row is None and number:  # units may stand above the names
+            over = above[number - 1][1]
+            fits = len(over) == body.fields and _is_unit_row(over, body.fields)
+            unit_row = [field.strip("[]()") for field in over] if fits else None
         if words:
             return fields, unit_row, []
         break

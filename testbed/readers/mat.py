@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from testbed.problem import InputProblem
-from testbed.readers.table import Table, matrix_columns, why_unread
+from testbed.readers.table import Table, listed, matrix_columns, why_unread
 
 _NUMERIC = ("double", "single", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64", "logical")
 _INFLATION = 1100  # zlib cannot pack better
@@ -33,11 +33,11 @@ def read_mat(path: Path, *, key: str | None = None) -> Table:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            listed = scipy.io.whosmat(path)
+            present = scipy.io.whosmat(path)
         except Exception as error:  # a damaged file raises anything from zlib.error to KeyError
             raise _damaged(path, error) from None
         variables: dict[str, tuple[tuple[int, ...], str]] = {
-            name: (shape, kind) for name, shape, kind in listed if not name.startswith("__")
+            name: (shape, kind) for name, shape, kind in present if not name.startswith("__")
         }
         wanted = _choose(path, variables, key)
         for name in wanted:
@@ -53,7 +53,7 @@ def read_mat(path: Path, *, key: str | None = None) -> Table:
     notes = (
         []
         if key or len(variables) == len(wanted)
-        else [f"variables read: {', '.join(wanted)}; others there: {', '.join(sorted(set(variables) - set(wanted)))}"]
+        else [f"variables read: {listed(wanted, '')}; others there: {listed(sorted(set(variables) - set(wanted)), '')}"]
     )
     length = max(len(values) for values in columns.values())
     unread = {name: why_unread(shape, kind in _NUMERIC, kind, length)
@@ -71,11 +71,11 @@ def _choose(path: Path, variables: dict[str, tuple[tuple[int, ...], str]], key: 
     if key:
         name = key.partition(".")[0]
         if name not in variables:
-            raise InputProblem(path, f"no variable '{name}'", f"the file has {', '.join(variables) or 'none'}")
+            raise InputProblem(path, f"no variable '{name}'", f"the file has {listed(variables, '')}")
         return [name]
     numeric = {name: shape for name, (shape, kind) in variables.items() if kind in _NUMERIC and _size(shape) > 1}
     if not numeric:
-        described = ", ".join(f"{name} ({kind})" for name, (_, kind) in variables.items()) or "nothing"
+        described = listed((f"{name} ({kind})" for name, (_, kind) in variables.items()), "")
         raise InputProblem(path, "no numeric array", f"the file has {described}; give `key: struct.field`")
     length = max(max(shape) for shape in numeric.values())
     return [name for name, shape in numeric.items() if max(shape) == length]
@@ -105,11 +105,14 @@ def _columns(path: Path, name: str, value: object, field: str) -> dict[str, np.n
         here, _, field = field.partition(".")
         names = getattr(getattr(value, "dtype", None), "names", None) or ()
         if here not in names:
-            raise InputProblem(path, f"'{label}' has no field '{here}'", f"it has {', '.join(names) or 'none'}")
+            raise InputProblem(path, f"'{label}' has no field '{here}'", f"it has {listed(names, '')}")
         value = value[here].flat[0]  # type: ignore[index]
         label = f"{label}.{here}"
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub" or value.ndim > 2:
-        inside = ", ".join(getattr(getattr(value, "dtype", None), "names", None) or ())
+        names = getattr(getattr(value, "dtype", None), "names", None)
+        inside = listed(names, "") if names else ""
+        if getattr(getattr(value, "dtype", None), "kind", "") == "c":
+            raise InputProblem(path, f"'{label}' {why_unread((), True, 'complex')}", "give the time record")
         raise InputProblem(
             path,
             f"'{label}' is no real numeric array",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from testbed.problem import InputProblem
-from testbed.readers.table import FORMATS_EXTRA, Table, unit_in_name
+from testbed.readers.table import FORMATS_EXTRA, Table, listed, unit_in_name
 
 _LIMIT = 2_000_000_000  # values
 
@@ -49,7 +49,7 @@ def read_parquet(path: Path) -> Table:
             path, f"not readable as Parquet ({type(error).__name__}: {str(error)[:80]})", "export it again"
         ) from None
     if not columns:
-        raise InputProblem(path, "no numeric column", f"the file has {', '.join(content.schema.names) or 'none'}")
+        raise InputProblem(path, "no numeric column", f"the file has {listed(content.schema.names, '')}")
     return Table(path, columns, units, rate if rate and rate > 0 else None, 0.0, tuple(notes), unread=unread)
 
 

@@ -11,13 +11,15 @@ from testbed.recording import CHANNEL_UNITS
 @dataclass(frozen=True)
 class Source:
     """Where a channel comes from: column (name or number from 1), unit as text (None: the file's), scale (unit per
-    raw value), and for a tachometer its pulses and edge."""
+    raw value), for a tachometer its pulses and edge; file and key: where the channel is not in the record's own file."""
 
     column: str | int
     unit: str | None = None
     scale: float = 1.0
     pulses_per_revolution: int = 1
     edge: Literal["rising", "falling"] = "rising"
+    file: str | None = None
+    key: str | None = None
 
 
 def base_name(channel: str) -> str:

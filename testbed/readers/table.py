@@ -4,32 +4,27 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from testbed.channel_units import channel_unit, is_channel_unit
 from testbed.problem import InputProblem
 
 FORMATS_EXTRA = 'pip install "machining-testbed[formats]"'
 DECIMAL_COMMAS = "if its commas are decimal ones, write decimals with a point, or separate columns by semicolons"
-_UNIT_IN_NAME = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*)[\])]\s*$")
+NO_SPECTRA = "no command takes a frequency response or a spectrum yet"
+_MOST_LISTED = 12  # names in a message
+_BRACKETS = re.compile(r"\s*[\[(<{]([^\[\]()<>{}]*(?:\([^()]*\))?)[\])>}]\s*")
+_BEHIND = re.compile(r"\s*[,;:/]\s*|\s+in\s+")  # `Force, N`, `Kraft / N`, `Zeit in s`
 _TIME_NAMES = {
-    "time",
-    "t",
-    "zeit",
-    "temps",
-    "x_value",
-    "timestamp",
-    "elapsed",
-    "elapsed time",
-    "time_s",
-    "t_s",
-    "sec",
-    "seconds",
-    "time_ms",
-}
+    "time", "t", "zeit", "temps", "tiempo", "tempo", "tid", "x_value", "x_values", "timestamp", "time_stamp", "elapsed",
+    "elapsed time", "relative time", "rel time", "absolute time", "abs time", "time_axis", "date_time", "datetime", "date",
+    "clock", "uhrzeit", "time_s", "t_s", "sec", "seconds", "time_ms", "time_us", "time_sec",
+}  # fmt: skip
+_FREQUENCY_NAMES = {"frequency", "freq", "f", "hz", "frequenz", "frequence", "fréquence", "frequency_hz", "freq_hz"}
 
 
 @dataclass(frozen=True)
@@ -43,6 +38,8 @@ class Table:
     converter saturates, where the format knows it. misfit: names that a header gives, where they are more or fewer
     than the `fields` of a line, whose columns are named by number then. unread: names of what else is in the file, and why
     it is no column, such as `has 100 values against 8459`. commas: whether commas stand between the fields of a line.
+    spectra: names of columns over frequency, and what each is. clocks: names of columns that were written as times of day.
+    order: names of all columns as they stand in the file, also of those left out.
     """
 
     path: Path
@@ -56,6 +53,9 @@ class Table:
     fields: int = 0
     unread: Mapping[str, str] = field(default_factory=dict)
     commas: bool = False
+    spectra: Mapping[str, str] = field(default_factory=dict)
+    clocks: tuple[str, ...] = ()
+    order: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.columns or all(len(values) == 0 for values in self.columns.values()):
@@ -74,8 +74,11 @@ class Table:
             hits = [column for column in names if same(column) == same(wanted)]
             if len(hits) == 1:
                 return hits[0]
-        if wanted.isdigit() and 1 <= int(wanted) <= len(names):
-            return names[int(wanted) - 1]
+        order = self.order or tuple(names)
+        if wanted.isdigit() and 1 <= int(wanted) <= len(order):
+            if order[int(wanted) - 1] in self.columns:
+                return order[int(wanted) - 1]
+            wanted = order[int(wanted) - 1]
         for other, why in self.unread.items():
             if bare_name(other).lower() == bare_name(wanted).lower():
                 raise InputProblem(self.path, f"'{other}' is there, but {why}", "save columns of numbers of one length")
@@ -92,24 +95,55 @@ class Table:
         hint = f"; did you mean '{close[0]}'?" if close else ""
         raise InputProblem(self.path, f"no column '{wanted}'", f"the file has {listed(names)}{hint}")
 
-    def time_column(self) -> str | None:
-        """The column whose name says that it is time, or None."""
-        for column in self.columns:
-            if bare_name(column).strip().lower() in _TIME_NAMES:
-                return column
-        return None
+    def time_column(self, column: str | None = None) -> str | None:
+        """The column that its name, or being times of day, shows to be time, or None: of several the one next to `column`
+        on its left."""
+        names = list(self.columns)
+        times = [name for name in names if _is_named(name, _TIME_NAMES) and name not in self.clocks] or list(self.clocks)
+        before = [] if column is None else [name for name in times if names.index(name) < names.index(column)]
+        return before[-1] if before else times[0] if times else None
+
+
+def is_frequency(name: str, unit: str) -> bool:
+    """Whether a column is a frequency axis by its name or its unit."""
+    return _is_named(name, _FREQUENCY_NAMES) or (bool(unit) and is_channel_unit(unit) and channel_unit(unit).si == "Hz")
+
+
+def _is_named(text: str, names: set[str]) -> bool:
+    """Whether a column has one of these names, whatever its capitals, its unit and the number of a second such column."""
+    name = re.sub(r"[\s_./-]+", "_", bare_name(text).strip().lower()).strip("_")
+    known = {re.sub(r"\s", "_", item) for item in names}
+    stem = re.sub(r"_?\d+$", "", name)  # `t1` may be a temperature
+    return name in known or (stem in known and (len(stem) > 1 or "_" in name))
+
+
+def named(text: str) -> tuple[str, str]:
+    """(name, unit) of a column: `Fx [N]`, `Force, N` and `Kraft / N` have one; of several brackets the last known unit counts.
+
+    The unit is "" without one. A bracket at the end that is no known unit is given as it stands.
+    """
+    text = text.strip()
+    found = list(_BRACKETS.finditer(text))
+    for match in reversed(found):
+        rest = f"{text[: match.start()]} {text[match.end() :]}".strip()
+        if is_channel_unit(match[1]) and rest:
+            return rest.strip("_ "), match[1].strip()
+    for match in () if found or is_channel_unit(text) else _BEHIND.finditer(text):
+        if match.start() and is_channel_unit(text[match.end() :]):
+            return text[: match.start()], text[match.end() :]
+    if found and found[-1].end() == len(text) and text[: found[-1].start()].strip() and not found[-1][1].isdigit():
+        return text[: found[-1].start()].strip(), found[-1][1].strip()
+    return text, ""
 
 
 def bare_name(text: str) -> str:
-    """A column's name without a unit in brackets: `Fx [N]` -> `Fx`."""
-    match = _UNIT_IN_NAME.match(text)
-    return match["name"].strip() if match and match["name"].strip() else text.strip()
+    """A column's name without its unit: `Fx [N]` -> `Fx`."""
+    return named(text)[0]
 
 
 def unit_in_name(text: str) -> str:
-    """The unit in brackets at the end of a column's name, "" where there is none."""
-    match = _UNIT_IN_NAME.match(text)
-    return match["unit"].strip() if match and match["name"].strip() else ""
+    """The unit that a column's name carries, "" where there is none."""
+    return named(text)[1]
 
 
 def unique_names(names: list[str], notes: list[str]) -> list[str]:
@@ -128,10 +162,11 @@ def unique_names(names: list[str], notes: list[str]) -> list[str]:
     return result
 
 
-def listed(names: list[str]) -> str:
-    """Names in quotes, of many the first 24."""
-    shown = ", ".join(f"'{name}'" for name in names[:24])
-    return f"{shown} and {len(names) - 24} more" if len(names) > 24 else shown
+def listed(names: Iterable[str], quote: str = "'") -> str:
+    """Names in quotes, of many the first few and how many more there are; `none` without any."""
+    every = [f"{quote}{name}{quote}" for name in names]
+    more = f" and {len(every) - _MOST_LISTED} more" if len(every) > _MOST_LISTED else ""
+    return ", ".join(every[:_MOST_LISTED]) + more or "none"
 
 
 def matrix_columns(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
@@ -148,6 +183,8 @@ def matrix_columns(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
 
 def why_unread(shape: tuple[int, ...], numeric: bool, kind: str, length: int = 0) -> str:
     """Why a variable is no column beside others of a length; "" where it may be one."""
+    if kind.startswith("complex"):
+        return f"holds complex numbers: {NO_SPECTRA}"
     longest = max(shape, default=0 if 0 in shape else 1)
     if not numeric:
         return f"is not numeric ({kind})"

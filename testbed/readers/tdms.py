@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from testbed.problem import InputProblem
-from testbed.readers.table import FORMATS_EXTRA, Table, simplest_between, unique_names
+from testbed.readers.table import FORMATS_EXTRA, Table, listed, simplest_between, unique_names
+
+UNIT_NAMES = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
 
 
 def read_tdms(path: Path, *, key: str | None = None) -> Table:
@@ -29,7 +31,7 @@ def read_tdms(path: Path, *, key: str | None = None) -> Table:
         raise InputProblem(
             path,
             f"no samples in group '{key}'" if key else "no numeric channel with samples",
-            f"groups: {', '.join(groups) or 'none'}",
+            f"groups: {listed(groups, '')}",
         )
     if status.incomplete_final_segment:
         notes.append("the file's last segment is incomplete: it was cut off while being written")
@@ -37,12 +39,15 @@ def read_tdms(path: Path, *, key: str | None = None) -> Table:
     labels = [name if plain.count(name) == 1 else f"{group}/{name}" for group, name, _, _ in found]
     names = unique_names(labels, notes)
     columns = {name: values for name, (_, _, values, _) in zip(names, found, strict=True)}
-    units = {
-        name: str(properties.get("unit_string", "")) for name, (_, _, _, properties) in zip(names, found, strict=True)
-    }
+    units = {name: _unit(properties) for name, (_, _, _, properties) in zip(names, found, strict=True)}
     return Table(
         path, columns, units, _rate(path, [properties for *_, properties in found]), 1e-9, tuple(notes), unread=others
     )
+
+
+def _unit(properties: dict[str, Any]) -> str:
+    """The unit that a channel's properties state, as LabVIEW, DAQmx or DIAdem name it; "" without."""
+    return next((str(properties[name]).strip() for name in UNIT_NAMES if str(properties.get(name, "")).strip()), "")
 
 
 def _contents(
@@ -82,7 +87,7 @@ def _rate(path: Path, properties: list[dict]) -> float | None:
     if len(steps) > 1:
         raise InputProblem(
             path,
-            f"channels sampled at different rates ({', '.join(f'{1 / step:.6g} Hz' for step in sorted(steps))})",
+            f"channels sampled at different rates ({listed((f'{1 / step:.6g} Hz' for step in sorted(steps)), '')})",
             "give `key` (one group), or export at one rate",
         )
     if not steps:

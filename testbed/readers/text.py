@@ -7,69 +7,22 @@ it. Anything in the body that is not a number is an error that names the line, n
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from testbed.problem import InputProblem
-from testbed.readers.header import Body, read_header, split_fields
-from testbed.readers.table import DECIMAL_COMMAS, Table
+from testbed.readers import lvm
+from testbed.readers.clock import is_clock, seconds
+from testbed.readers.header import Body, read_header
+from testbed.readers.layout import Layout, find_layout, first_row
+from testbed.readers.table import DECIMAL_COMMAS, Table, is_frequency, listed
+from testbed.readers.timebase import looks_like_time
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$|[+-]?(nan|inf|infinity)$", re.IGNORECASE)
-_DELIMITERS = ("\t", ";", ",", "|", None)  # None: any white space
+_COMMENTS = ("#", "%", "//", "!")
 _SIZE_LIMIT = 2 * 1024**3
 _OVERLOADS = {"ovl", "overload", "ovr", "over", "ovld", "ol", "clip", "overflow", "saturated"}
-
-
-@dataclass(frozen=True)
-class _Layout:
-    """How the body is written: its delimiter, its decimal comma or not, its fields and which of them are numbers."""
-
-    delimiter: str | None
-    decimal_comma: bool
-    fields: int
-    numeric: tuple[bool, ...]
-
-    def split(self, line: str) -> list[str]:
-        return split_fields(line, self.delimiter)
-
-    def number(self, field: str) -> float:
-        """The value of one field, NaN when empty. Raises ValueError."""
-        return _number(field, self.decimal_comma)
-
-    def fits(self, line: str) -> bool:
-        """Whether a line has the body's number of fields and numbers where the body has numbers."""
-        fields = self.split(line)
-        if len(fields) != self.fields:
-            return False
-        found = [
-            _is_number(field, self.decimal_comma) for field, wanted in zip(fields, self.numeric, strict=True) if wanted
-        ]
-        return all(hit is not False for hit in found) and any(found)
-
-
-def _number(field: str, decimal_comma: bool) -> float:
-    if not field:
-        return float("nan")
-    if decimal_comma:
-        if "." in field:
-            raise ValueError(field)
-        field = field.replace(",", ".")
-    if not _NUMBER.match(field):
-        raise ValueError(field)
-    return float(field.replace("d", "e").replace("D", "e"))
-
-
-def _is_number(field: str, decimal_comma: bool) -> bool | None:
-    """True or False; None for an empty field."""
-    if not field:
-        return None
-    try:
-        _number(field, decimal_comma)
-    except ValueError:
-        return False
-    return True
 
 
 def decode(path: Path, raw: bytes) -> str:
@@ -101,72 +54,17 @@ def decode(path: Path, raw: bytes) -> str:
         return raw.decode("cp1252", errors="replace")
 
 
-def _candidate(sample: list[str], delimiter: str | None, decimal_comma: bool) -> tuple[float, _Layout] | None:
-    """How well a way of splitting explains the sample: lines that agree, then numbers a line."""
-    rows = [split_fields(line, delimiter) for line in sample]
-    counts = [len(row) for row in rows]
-    fields = max(set(counts), key=counts.count)
-    kept = [row for row in rows if len(row) == fields]
-    marks = [[_is_number(field, decimal_comma) for field in row] for row in kept]
-    numeric, filled = [], 0
-    for column in zip(*marks, strict=True):
-        said = [mark for mark in column if mark is not None]
-        numeric.append(sum(said) >= 0.5 * len(said))
-        filled += bool(said) and numeric[-1]
-    if not filled:
-        return None
-    layout = _Layout(delimiter, decimal_comma, fields, tuple(numeric))
-    share = sum(layout.fits(line) for line in sample) / len(sample)
-    text_columns = fields - sum(numeric)
-    return share - 0.2 * text_columns / fields + 1e-4 * filled, layout
-
-
-def _find_layout(path: Path, lines: list[str], forced: str | None) -> _Layout:
-    filled = [line for line in lines if line.strip()]
-    if not filled:
-        raise InputProblem(path, "the file is empty", "check that the export was finished")
-    middle = filled[len(filled) // 4 :] if len(filled) > 40 else filled
-    sample = middle[:: max(1, len(middle) // 200)]
-    if len(filled) <= 40:  # a short file: the numbers stand at its end
-        sample = filled[len(filled) // 2 :]
-    best: tuple[float, _Layout] | None = None
-    for delimiter in (forced,) if forced else _DELIMITERS:
-        for decimal_comma in (False,) if delimiter == "," else (False, True):
-            if delimiter is not None and not forced and not any(delimiter in line for line in sample):
-                continue  # one that is given may be absent: a single column
-            found = _candidate(sample, delimiter, decimal_comma)
-            if found and (best is None or found[0] > best[0] + 1e-9):
-                best = found
-    if best is None or best[0] < 0.3:
-        raise InputProblem(
-            path, "no table of numbers found in the text", "give `delimiter` and `skip_rows`, or export as CSV"
-        )
-    return best[1]
-
-
-def _first_row(path: Path, lines: list[str], layout: _Layout, skip_rows: int) -> int:
-    """Index of the first line of the body: the first of three (or all that are left) that fit."""
-    for index in range(skip_rows, len(lines)):
-        following = [line for line in lines[index : index + 8] if line.strip()][:3]
-        if lines[index].strip() and following and all(layout.fits(line) for line in following):
-            return index
-    for index in range(len(lines) - 1, skip_rows - 1, -1):  # fewer than three rows
-        if layout.fits(lines[index]):
-            while index > skip_rows and layout.fits(lines[index - 1]):
-                index -= 1
-            return index
-    raise InputProblem(
-        path, "no table of numbers found in the text", "give `delimiter` and `skip_rows`, or export as CSV"
-    )
-
-
-def _body(lines: list[str], first: int, layout: _Layout, notes: list[str]) -> tuple[list[str], list[int]]:
+def _body(lines: list[str], first: int, layout: Layout, notes: list[str]) -> tuple[list[str], list[int]]:
     """The lines of the body and their numbers in the file, without blank ones; a cut-off last line is dropped."""
-    body, numbers = [], []
+    body, numbers, comments = [], [], 0
     for number, line in enumerate(lines[first:], first + 1):
-        if line.strip():
+        if line.lstrip().startswith(_COMMENTS):
+            comments += 1
+        elif line.strip():
             body.append(line)
             numbers.append(number)
+    if comments:
+        notes.append(f"comment lines passed over amid the numbers: {comments}")
     if len(body) > 1 and _is_cut(layout, *body[-2:]):
         notes.append(f"line {numbers[-1]}, the last, is cut off and was dropped: the file may be incomplete")
         body.pop()
@@ -174,13 +72,13 @@ def _body(lines: list[str], first: int, layout: _Layout, notes: list[str]) -> tu
     return body, numbers
 
 
-def _is_cut(layout: _Layout, before: str, last: str) -> bool:
+def _is_cut(layout: Layout, before: str, last: str) -> bool:
     """Whether a last line lacks fields, or the number behind its last delimiter where the line before has one."""
     earlier, fields = layout.split(before), layout.split(last)
     return len(fields) < layout.fields or (layout.numeric[-1] and not fields[-1].strip() and bool(earlier[-1].strip()))
 
 
-def _parse_fast(body: list[str], layout: _Layout) -> np.ndarray | None:
+def _parse_fast(body: list[str], layout: Layout) -> np.ndarray | None:
     """All numeric columns by numpy, None where any line needs a closer look."""
     used = [index for index, numeric in enumerate(layout.numeric) if numeric]
     if layout.delimiter is not None and any(line.count(layout.delimiter) != layout.fields - 1 for line in body):
@@ -200,7 +98,7 @@ def _parse_fast(body: list[str], layout: _Layout) -> np.ndarray | None:
 
 
 def _parse_slowly(
-    path: Path, body: list[str], numbers: list[int], layout: _Layout, names: list[str], misfit: tuple[str, ...]
+    path: Path, body: list[str], numbers: list[int], layout: Layout, names: list[str], misfit: tuple[str, ...]
 ) -> np.ndarray:
     """Line by line. Raises InputProblem at the first field that is no number, naming line and column.
 
@@ -226,19 +124,21 @@ def _parse_slowly(
                 raise InputProblem(
                     path,
                     f"column '{names[column]}' holds {fields[index][:30]!r}, not a number",
-                    _advice(fields[index]),
+                    _advice(fields[index], names[column]),
                     number,
                 ) from None
     return table
 
 
-def _advice(field: str) -> str:
+def _advice(field: str, name: str) -> str:
+    if field == name:
+        return "the header stands there again: split the file into its captures"
     if field.strip("-+<> ").lower() in _OVERLOADS:
         return "the amplifier was overloaded there: measure again with a larger range, or read around it with from/to"
     return "mend or remove the line"
 
 
-def _ending_notes(text: str, body: list[str], layout: _Layout) -> list[str]:
+def _ending_notes(text: str, body: list[str], layout: Layout) -> list[str]:
     """A last line without an end whose last number is shorter than all before it was probably cut."""
     if text.endswith(("\n", "\r")) or len(body) < 4:
         return []
@@ -248,8 +148,9 @@ def _ending_notes(text: str, body: list[str], layout: _Layout) -> list[str]:
     return []
 
 
-def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None) -> Table:
-    """A text table. `skip_rows` lines at the top are ignored; `delimiter` overrides the one found.
+def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None, key: str | None = None) -> Table:
+    """A text table. `skip_rows` lines at the top are ignored; `delimiter` overrides the one found; `key` picks a capture of
+    LabVIEW's files.
 
     Raises InputProblem with the line for anything in the body that is not a number.
     """
@@ -257,15 +158,16 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None) -
     if size > _SIZE_LIMIT:
         raise InputProblem(path, f"{size / 1e9:.1f} GB of text", "convert it to HDF5 or Parquet")
     text = decode(path, path.read_bytes())
-    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = text.replace("\N{MINUS SIGN}", "-").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if not delimiter and lines and re.match(r"sep=.$", lines[0].strip()):
         delimiter, skip_rows = lines[0].strip()[-1], max(1, skip_rows)
-    notes: list[str] = []
     if skip_rows and any(line.strip() for line in lines) and not any(line.strip() for line in lines[skip_rows:]):
         there = len(text.splitlines())
         raise InputProblem(path, f"skip_rows: {skip_rows} leaves nothing of {there} lines", "skip fewer lines")
-    layout = _find_layout(path, lines[skip_rows:], _spelled(delimiter))
-    first = _first_row(path, lines, layout, skip_rows)
+    labview = lvm.choose(path, lines, key) if lines[0].startswith(lvm.FIRST_LINE) else lvm.Chosen(lines, [], False, ())
+    lines, notes = labview.lines, list(labview.notes)
+    layout = find_layout(path, lines[skip_rows:], _spelled(delimiter))
+    first = first_row(path, lines, layout, skip_rows)
     body, numbers = _body(lines, first, layout, notes)
     below = Body(body, layout.delimiter, layout.fields, layout.decimal_comma)
     header = read_header(path, lines[:first], below, skip_rows)
@@ -275,29 +177,54 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None) -
     if values is None:
         values = _parse_slowly(path, body, numbers, layout, names, header.misfit)
     notes += _ending_notes(text, body, layout)
-    columns, units = {}, {}
-    for position, index in enumerate(used):
-        if len(body) > 1 and np.isnan(values[:, position]).all():
-            continue  # the empty column behind a trailing delimiter
-        columns[header.names[index]] = values[:, position]
-        units[header.names[index]] = header.units[index]
-    dropped = [header.names[index] for index in range(layout.fields) if not layout.numeric[index]]
+    columns = {header.names[index]: values[:, position] for position, index in enumerate(used)
+               if len(body) == 1 or not np.isnan(values[:, position]).all()}  # not the empty one behind a trailing delimiter
+    clocks = _clocks(header.names, body, layout)
+    columns = {name: (columns | clocks)[name] for name in header.names if name in columns or name in clocks}
+    units = dict(zip(header.names, header.units, strict=True)) | dict.fromkeys(clocks, "s")
+    units |= {name: unit for name, unit in zip(header.names, labview.units, strict=False) if unit}
+    dropped = [header.names[index] for index in range(layout.fields)
+               if not layout.numeric[index] and header.names[index] not in clocks]
     if dropped:
-        notes.append(f"column {', '.join(repr(name) for name in dropped)} holds text and was left out")
+        notes.append(f"column {listed(dropped)} holds text and was left out")
     if layout.decimal_comma:
         notes.append("numbers are written with a decimal comma")
-    rate, said = (header.sampling_rate, header.rate_tolerance), (*notes, *header.notes)
-    return Table(
+    table = Table(
         path,
         columns,
         units,
-        *rate,
-        said,
+        header.sampling_rate,
+        header.rate_tolerance,
+        (*notes, *header.notes),
         misfit=header.misfit,
         fields=layout.fields,
-        unread=dict.fromkeys(dropped, "holds text"),
+        unread=dict.fromkeys(header.names, "is empty") | dict.fromkeys(dropped, "holds text"),
         commas=layout.delimiter == ",",
+        clocks=tuple(clocks),
+        order=tuple(header.names),
     )
+    return replace(table, spectra=_spectra(table, labview.over_frequency))
+
+
+def _clocks(names: list[str], body: list[str], layout: Layout) -> dict[str, np.ndarray]:
+    """Columns of words that are dates and times of day, as seconds since their first."""
+    first, found = layout.split(body[0]), {}
+    for index, numeric in enumerate(layout.numeric):
+        if not numeric and is_clock(first[index]):
+            moments = seconds([layout.split(line)[index] for line in body])
+            if moments is not None:
+                found[names[index]] = moments
+    return found
+
+
+def _spectra(table: Table, over_frequency: bool) -> dict[str, str]:
+    """Columns over frequency and what they are: all, where the header says so or the first column is a rising frequency."""
+    first = next(iter(table.columns))
+    rising = len(table.columns) > 1 and looks_like_time(table.columns[first]) is not None
+    if not over_frequency and (table.time_column() is not None or not (rising and is_frequency(first, table.units[first]))):
+        return {}
+    over = "by its header" if over_frequency else f"over '{first}'"
+    return dict.fromkeys(table.columns, f"part of a frequency response or a spectrum ({over})")
 
 
 def _spelled(delimiter: str | None) -> str | None:

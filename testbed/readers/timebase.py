@@ -6,29 +6,33 @@ the printed resolution. What is left over (gaps, jumps, a time that runs back) i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from testbed.problem import InputProblem
+from testbed.readers.printed import resolution_of, slopes_within
 from testbed.readers.table import bare_name, simplest_between
 
 _FEW_WRONG = 0.01  # share of wrong stamps up to which the others tell the even grid
-_AGREE = 2e-3  # relative difference of two stated rates that counts as rounding
+_UNEVEN = 0.02  # of a step, that a time may be off the even grid beyond its printed digits
+_AGREE = 2e-3  # relative difference of two rates that counts as rounding; one known no better is not worth having
 
 
 @dataclass(frozen=True)
 class TimeBase:
     """sampling_rate (Hz), start (s, time of the first sample) and notes on how they were found.
 
-    dropped: (row, missing samples) at each gap that was found.
+    dropped: (row, missing samples) at each gap that was found. error: how far the rate may be off, relative, as the
+    printed digits of the times leave it.
     """
 
     sampling_rate: float
     start: float
     notes: tuple[str, ...] = ()
     dropped: tuple[tuple[int, int], ...] = ()
+    error: float = 0.0
 
 
 def repetition(columns: list[np.ndarray]) -> tuple[int, int]:
@@ -80,37 +84,63 @@ def from_column(path: Path, time: np.ndarray, label: str) -> TimeBase:
     span = time[-1] - time[0]
     if span <= 0:
         raise InputProblem(path, f"time column '{label}' does not advance", "name the right time column")
-    resolution = _resolution(time)
+    resolution = resolution_of(time)
+    base = _even_base(path, time, label, resolution)
+    if base is not None:
+        return base
     gaps = _gaps(steps, resolution)
-    wrong, notes = _wrong_stamps(time, resolution), []
+    wrong = _wrong_stamps(time, resolution)
     if len(wrong):
-        first = f"the first at row {wrong[0] + 1} ({time[wrong[0]]:.9g} s)"
-        notes.append(
-            f"time column '{label}' has {len(wrong)} wrong stamp{'s' * (len(wrong) > 1)}, {first}: no sample is missing, all "
-            "were kept as evenly spaced"
-        )
-        time = np.where(np.isin(np.arange(rows), wrong), _even(time), time)
+        base = _even_base(path, np.where(np.isin(np.arange(rows), wrong), _even(time), time), label, resolution)
     elif gaps:
-        return _with_gaps(path, time, label, gaps, resolution)
-    fit = np.polynomial.Polynomial.fit(np.arange(rows), time, 1).convert()
-    start, step = (float(value) for value in fit.coef)
-    worst = np.abs(time - (start + step * np.arange(rows))).max()
-    if worst > max(1.01 * resolution, 0.02 * step):
-        row = int(np.argmax(np.abs(steps - step)))
+        return _with_gaps(path, time, label, gaps, float(np.median(resolution)))
+    if base is None:
+        off = np.abs(time - _even(time)) / (span / (rows - 1))
+        row, step = int(np.argmax(np.abs(steps - span / (rows - 1)))), span / (rows - 1)
         raise InputProblem(
             path,
-            f"time column '{label}' is uneven: off a straight line by up to {worst / step:.3g} steps, the "
+            f"time column '{label}' is uneven: off a straight line by up to {off.max():.3g} steps, the "
             f"step at row {row + 2} is {steps[row]:.6g} s against {step:.6g} s",
             "resample it evenly, or give `sampling_rate` and `time: none` if the samples are even",
         )
-    error = max(2 * resolution / span, 1e-9)
-    rate = simplest_between((1 - error) / step, (1 + error) / step)
-    if worst > 0.02 * step:
-        notes.append(
-            f"time column '{label}' is rounded to {resolution:.3g} s; the rate {rate:.7g} Hz "
-            "comes from its whole length"
+    note = (
+        f"time column '{label}' has {len(wrong)} wrong stamp{'s' * (len(wrong) > 1)}, the first at row {wrong[0] + 1} "
+        f"({time[wrong[0]]:.9g} s): no sample is missing, all were kept as evenly spaced"
+    )
+    return replace(base, notes=(note, *base.notes))
+
+
+def _even_base(path: Path, time: np.ndarray, label: str, resolution: np.ndarray) -> TimeBase | None:
+    """The rate of times that lie on a straight line within their printed digits; None where they lie on none.
+
+    Half a unit of the last digit where they were rounded, a whole one where they were cut off or the clock stepped.
+    Raises InputProblem where the digits are so few that the rate is not known.
+    """
+    step = (time[-1] - time[0]) / (len(time) - 1)
+    slopes, printed = None, False
+    exact = np.full(len(time), 1e-6 * step + 4e-16 * float(np.abs(time).max()))
+    for slack in (exact, 0.5 * resolution + exact, np.maximum(1.01 * resolution, _UNEVEN * step)):
+        if slopes is None:
+            slopes, printed = slopes_within(time - slack, time + slack), slack is exact
+    if slopes is None:
+        return None
+    least = max(slopes[0], 1e-3 * step)
+    low, high = (1 - 1e-9) / slopes[1], (1 + 1e-9) / least
+    rate, error = simplest_between(low, high), (high - low) / (high + low)
+    if error > _AGREE:
+        raise InputProblem(
+            path,
+            f"time column '{label}' is printed with so few digits that the rate may be {low:.5g} to {high:.5g} Hz",
+            "export more digits, or give `sampling_rate` and `time: none`",
         )
-    return TimeBase(rate, float(time[0]), tuple(notes))
+    coarse = float(np.median(resolution))
+    notes = []
+    if coarse > _UNEVEN * step and not printed:
+        known = f" and lies between {low:.7g} and {high:.7g} Hz" if error > 1e-5 else ""
+        notes.append(
+            f"time column '{label}' is rounded to {coarse:.3g} s; the rate {rate:.7g} Hz comes from its whole length{known}"
+        )
+    return TimeBase(rate, float(time[0]), tuple(notes), error=error)
 
 
 def _even(time: np.ndarray) -> np.ndarray:
@@ -118,34 +148,24 @@ def _even(time: np.ndarray) -> np.ndarray:
     return np.linspace(time[0], time[-1], len(time))
 
 
-def _wrong_stamps(time: np.ndarray, resolution: float) -> np.ndarray:
+def _wrong_stamps(time: np.ndarray, resolution: np.ndarray) -> np.ndarray:
     """Rows whose time is off the even grid from the first to the last, where nearly all others lie on it.
 
     A time that stands twice leaves a step of twice the length behind it, where nothing is missing.
     """
     step = (time[-1] - time[0]) / (len(time) - 1)
-    off = np.flatnonzero(np.abs(time - _even(time)) > max(1.01 * resolution, 0.02 * step))
+    off = np.flatnonzero(np.abs(time - _even(time)) > np.maximum(1.01 * resolution, _UNEVEN * step))
     return off if len(off) <= _FEW_WRONG * len(time) else off[:0]
 
 
-def _resolution(time: np.ndarray) -> float:
-    """The unit of the last printed digit, s: the coarsest power of ten of which all times are multiples."""
-    sample = time[np.linspace(0, len(time) - 1, min(len(time), 400)).astype(int)]
-    largest = max(float(np.abs(sample).max()), 1e-12)
-    for exponent in range(0, 16):
-        unit = 10.0**-exponent
-        if np.abs(sample / unit - np.round(sample / unit)).max() < 1e-6 + 4e-16 * largest / unit:
-            return unit
-    return 1e-15
-
-
-def _gaps(steps: np.ndarray, resolution: float) -> list[int]:
+def _gaps(steps: np.ndarray, resolution: np.ndarray) -> list[int]:
     """Where steps are larger than one and a half of the usual one, beyond rounding."""
+    rounding = np.maximum(resolution[:-1], resolution[1:])
     usual = float(np.median(steps))
-    if usual <= resolution:  # several rows share a printed time
+    if usual <= rounding.max():  # several rows share a printed time
         usual = float(np.mean(steps))
-        return list(np.flatnonzero(steps > 3 * max(usual, resolution)))
-    return list(np.flatnonzero(steps > 1.5 * usual + resolution))
+        return list(np.flatnonzero(steps > 3 * np.maximum(usual, rounding)))
+    return list(np.flatnonzero(steps > 1.5 * usual + rounding))
 
 
 def _with_gaps(path: Path, time: np.ndarray, label: str, gaps: list[int], resolution: float) -> TimeBase:
@@ -226,14 +246,15 @@ def settle(
     if column is not None:
         notes = list(column.notes)
         for rate, source, slack in ((stated, "campaign.yaml", 0.0), (in_file, "the file's header", file_tolerance)):
-            if rate is not None and abs(rate / column.sampling_rate - 1) > max(_AGREE, 2 * slack):
+            if rate is not None and abs(rate / column.sampling_rate - 1) > max(_AGREE, 2 * slack, 2 * column.error):
                 text = f"{source} says {rate:.7g} Hz, the time column {column.sampling_rate:.7g} Hz"
                 if source == "campaign.yaml":
                     unit = time_unit(read_as[1], rate / column.sampling_rate) if read_as else None
                     ignore = "remove `sampling_rate`, or set `time: none` to ignore the time column"
                     raise InputProblem(path, text, _unit_advice(read_as[0], unit) if read_as and unit else ignore)
                 notes.append(f"{text}; the time column was taken")
-        rate = stated if stated is not None and abs(stated / column.sampling_rate - 1) < 1e-6 else column.sampling_rate
+        near = stated is not None and abs(stated / column.sampling_rate - 1) <= max(1e-6, 2 * column.error)
+        rate = stated if stated is not None and near else column.sampling_rate
         return TimeBase(rate, column.start, tuple(notes), column.dropped)
     if stated is not None:
         if in_file is not None and abs(stated / in_file - 1) > max(_AGREE, 2 * file_tolerance):

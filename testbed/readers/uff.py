@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 
 from testbed.problem import InputProblem
-from testbed.readers.table import FORMATS_EXTRA, Table, simplest_between, unique_names
+from testbed.readers.table import FORMATS_EXTRA, Table, listed, simplest_between, unique_names
 
 # The step is printed with six digits; the rate within that rounding that has the fewest digits was meant.
 _ROUNDING = 5e-6
+_OVER_FREQUENCY = {2: "an auto spectrum", 3: "a cross spectrum", 4: "a frequency response", 5: "a transmissibility",
+                   6: "a coherence", 9: "a spectral density", 10: "an energy spectral density", 12: "a spectrum"}  # fmt: skip
 _UNIT_OF_TYPE = {8: "m", 11: "m/s", 12: "m/s^2", 13: "N"}
 
 
@@ -47,13 +49,13 @@ def read_uff(path: Path) -> Table:
 
 def _table(path: Path, sets: list[dict[str, Any]], kinds: list[int]) -> Table:
     if not sets:
-        raise InputProblem(
-            path, "no data set 58 (functions)", f"it holds data sets {', '.join(map(str, kinds)) or 'none'}"
-        )
+        there = listed(map(str, sorted(set(kinds))), "")
+        raise InputProblem(path, "no data set 58 (functions)", f"it holds {len(kinds)} data sets of the kinds {there}")
     notes: list[str] = []
     names = unique_names([_name(entry, number) for number, entry in enumerate(sets, 1)], notes)
     columns: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
+    spectra: dict[str, str] = {}
     steps = set()
     for name, entry in zip(names, sets, strict=True):
         data, axis = np.asarray(entry["data"]), np.asarray(entry["x"], dtype=float)
@@ -68,6 +70,8 @@ def _table(path: Path, sets: list[dict[str, Any]], kinds: list[int]) -> Table:
             columns.setdefault("frequency", axis)
             units["frequency"] = "Hz"
             columns[f"{name} re"], columns[f"{name} im"] = data.real.astype(float), data.imag.astype(float)
+            what = _OVER_FREQUENCY.get(int(entry.get("func_type", 0) or 0), "a function of frequency")
+            spectra |= dict.fromkeys((name, f"{name} re", f"{name} im", "frequency"), what)
             continue
         columns[name] = data.astype(float)
         units[name] = str(entry.get("ordinate_axis_units_lab", "") or "").strip().replace(
@@ -81,14 +85,14 @@ def _table(path: Path, sets: list[dict[str, Any]], kinds: list[int]) -> Table:
     if len(steps) > 1:
         raise InputProblem(
             path,
-            f"data sets with different steps ({', '.join(f'{step:g} s' for step in sorted(steps))})",
+            f"data sets with different steps ({listed((f'{step:g} s' for step in sorted(steps)), '')})",
             "export them at one rate",
         )
     rate = None
     if steps:
         step = steps.pop()
         rate = simplest_between((1 - _ROUNDING) / step, (1 + _ROUNDING) / step)
-    return Table(path, columns, units, rate, _ROUNDING, tuple(notes))
+    return Table(path, columns, units, rate, _ROUNDING, tuple(notes), spectra=spectra)
 
 
 def _name(entry: dict[str, Any], number: int) -> str:

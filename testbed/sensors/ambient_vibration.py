@@ -24,7 +24,7 @@ EFFECT = Effect(
         Parameter("amplitude", "a", "m", "amplitude of the line, as a displacement",
                   neutral=0.0, bounds=(0.0, 1.0e-3), example=3.0e-6, start=0.2e-6),
         Parameter("frequency", "f", "Hz", "frequency of the line",
-                  neutral=50.0, bounds=(0.1, 5000.0), example=50.0, start=50.0, vanishes=False),
+                  neutral=50.0, bounds=(1e-3, 1e6), example=50.0, start=50.0, vanishes=False),
         Parameter("phase", "phi", "rad", "phase where the record's simulation begins",
                   neutral=0.0, bounds=(-2.0 * math.pi, 2.0 * math.pi), example=0.5, start=0.0, vanishes=False,
                   each_record=True),

@@ -23,7 +23,7 @@ EFFECT = Effect(
     title="First-order lag of the sensor",
     parameters=(
         Parameter("time_constant", "T", "s", "time constant of the sensor, 1 / (2 pi bandwidth)",
-                  neutral=0.0, bounds=(0.0, 0.02), example=2.0e-4, start=2.0e-5),
+                  neutral=0.0, bounds=(0.0, 10.0), example=2.0e-4, start=2.0e-5),
     ),
     law="T y' + y = u; u: what is measured, y: the reading",
     source="Doebelin (2004), Measurement Systems, 5th ed., chapter 3",

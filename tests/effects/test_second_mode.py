@@ -11,6 +11,7 @@ from testbed.catalogue import catalogue
 from testbed.cut import Sampling
 from testbed.engines import fast
 
+LENGTH = {"samples": 1000, "rate": 12800.0}  # of a record: Hz
 MODE = {"mass_ratio": 0.5, "frequency": 480.0, "damping_ratio": 0.01, "participation": 0.6}
 
 
@@ -89,6 +90,6 @@ def test_what_only_force_y_shows_may_be_left_out_and_is_unknown_where_it_is_reco
     cut, full = stable_cut(2), flexure(second_mode={**MODE, "transverse_ratio": 1.0})
     one, other = (fast.simulate(model, cut, Sampling(12800.0, 200)) for model in (flexure(second_mode=MODE), full))
     np.testing.assert_array_equal(one.channels["displacement"], other.channels["displacement"])
-    names = {channels: {free.path for free in effect_parameters(effect, [SimpleNamespace(channels=channels)])}
+    names = {channels: {free.path for free in effect_parameters(effect, [SimpleNamespace(channels=channels, **LENGTH)])}
              for channels in (("displacement",), ("force_x", "force_y"))}
     assert names["force_x", "force_y"] - names["displacement",] == {"second_mode.transverse_ratio"}

@@ -21,6 +21,8 @@ KINDS = {"one": 0.55, "pair": 0.15, "none": 0.15, "unknown": 0.15}
 STABLE = 0.93  # largest multiplier of a drawn test: transients die away within the record
 # what an effect leaves unexplained, as a share of the records' rms: from barely visible to large, log-uniform
 WEAKEST, STRONGEST = 0.008, 0.5
+RISE = (0.003, 0.03)  # of a faint effect: by how much it lifts the error above the noise, log-uniform
+FAINT_KINDS = {"one": 0.75, "none": 0.25}
 LIMIT = 3.0  # times the effect's example: no drawn strength is larger
 STUCK = 0.4  # share of its motion below which an effect has all but stopped the machine: nobody measures that
 SEEN = 3  # tests by which a strength is weighed
@@ -127,10 +129,11 @@ def _tests(random: np.random.Generator, model: Model, count: int) -> tuple[tuple
 
 
 def _left_unexplained(model: Model, effect: Effect, makers: Mapping[str, Effect], tests: Sequence[tuple],
-                      anywhere: bool) -> Callable:  # fmt: skip
-    """The share of the records' rms that the effect at given values leaves when the base parameters have made up for it.
+                      anywhere: bool) -> tuple[Callable, float]:  # fmt: skip
+    """(the share of the records' rms that the effect at given values leaves when the base parameters have made up for it; that
+    rms, m).
 
-    anywhere: infinite, too, where the machine is all but stopped.
+    anywhere: the share is infinite, too, where the machine is all but stopped.
     """
     cuts = [Cut(rpm * RPM, depth * 1e-3, feed, 3 * model.cutter.flutes, 60 * model.cutter.flutes, 25 * model.cutter.flutes)
             for rpm, depth, feed in tests[:SEEN]]
@@ -159,13 +162,16 @@ def _left_unexplained(model: Model, effect: Effect, makers: Mapping[str, Effect]
         share = float(np.linalg.norm(rest) / np.linalg.norm(plain))
         return share if math.isfinite(share) else math.inf
 
-    return left
+    return left, float(np.sqrt(np.mean(plain**2)))
 
 
 def _strength(random: np.random.Generator, model: Model, effect: Effect, makers: Mapping[str, Effect],
-              tests: Sequence[tuple], anywhere: bool = False) -> dict[str, float]:
-    """The effect's parameters; its strength such that it leaves a drawn share of the records unexplained."""
-    wanted = math.exp(random.uniform(math.log(WEAKEST), math.log(STRONGEST)))
+              tests: Sequence[tuple], anywhere: bool = False, noise: float = 0.0) -> dict[str, float]:
+    """The effect's parameters; its strength such that it leaves a drawn share of the records unexplained.
+
+    noise: where it is not 0, such that the error rises above that noise (m) by a drawn share, `RISE`.
+    """
+    wanted = math.exp(random.uniform(*map(math.log, RISE if noise else (WEAKEST, STRONGEST))))
     held = {}
     for parameter in effect.parameters:
         if not parameter.vanishes:
@@ -174,7 +180,9 @@ def _strength(random: np.random.Generator, model: Model, effect: Effect, makers:
                 scale = model.structure.natural_frequency / RIG
                 low, high = low * scale, min(high * scale, FASTEST)
             held[parameter.name] = float(random.uniform(low, high))
-    left = _left_unexplained(model, effect, makers, tests, anywhere)
+    left, size = _left_unexplained(model, effect, makers, tests, anywhere)
+    if noise:
+        wanted = noise / size * math.sqrt((1.0 + wanted) ** 2 - 1.0)
 
     def values(share: float) -> dict[str, float]:
         strengths = {one.name: min(max(one.neutral + share * (one.example - one.neutral), one.bounds[0]), one.bounds[1])
@@ -189,13 +197,15 @@ def _strength(random: np.random.Generator, model: Model, effect: Effect, makers:
 
 
 def draw(seed: int, catalogue: Mapping, laws: Mapping[str, str] | None = None, kind: str | None = None,
-         names: tuple[str, ...] | None = None, anywhere: bool = False) -> Truth:
+         names: tuple[str, ...] | None = None, anywhere: bool = False, faint: bool = False) -> Truth:
     """The truth of one seed; `kind` or the effects' `names` may be laid down.
 
-    anywhere: on a machine of any workshop, measured as it comes; else on the published rig.
+    anywhere: on a machine of any workshop, measured as it comes; else on the published rig. faint: an effect, if any, that is
+    hardly visible above the noise.
     """
     random = np.random.default_rng([2026, seed])
-    drawn = str(random.choice(list(KINDS), p=list(KINDS.values())))
+    kinds = FAINT_KINDS if faint else KINDS
+    drawn = str(random.choice(list(kinds), p=list(kinds.values())))
     kind = kind or ("one" if names and len(names) == 1 else "pair" if names else drawn)
     count = {"one": 1, "pair": 2, "none": 0, "unknown": 1}[kind]
     chosen = tuple(str(name) for name in random.choice(SINGLES, size=2, replace=False))[:count] if names is None else names
@@ -209,8 +219,9 @@ def draw(seed: int, catalogue: Mapping, laws: Mapping[str, str] | None = None, k
     setting = _any_setting(random, model) if anywhere else Setting()
     believed = _belief(random, model)
     tests = (_any_tests if anywhere else _tests)(random, model, int(random.integers(4 if anywhere else 6, 9)))
-    effects = {name: _strength(random, model, catalogue[name], catalogue, tests, anywhere) for name in chosen}
-    noise = math.exp(random.uniform(math.log(0.3e-6), math.log(5e-6)))
+    before = math.exp(np.random.default_rng([2026, seed, 1]).uniform(math.log(0.3e-6), math.log(5e-6))) if faint else 0.0
+    effects = {name: _strength(random, model, catalogue[name], catalogue, tests, anywhere, before) for name in chosen}
+    noise = before or math.exp(random.uniform(math.log(0.3e-6), math.log(5e-6)))
     true = model
     for name, values in effects.items():
         true = true.with_effect(name, **values)

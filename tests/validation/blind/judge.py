@@ -1,7 +1,7 @@
 """Diagnose blind campaigns and count:  python -m tests.validation.blind.judge [--count N] [--first SEED] [--workers N]
 
-Every campaign's answer is one line of results.jsonl, of seeds from 4000 on of anywhere.jsonl, written when it is known, so that
-a stopped run goes on where it was.
+Every campaign's answer is one line of results.jsonl, of seeds from 4000 on of anywhere.jsonl, from 6000 on of faint.jsonl,
+written when it is known, so that a stopped run goes on where it was.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ FOLDER = Path(__file__).resolve().parent
 RESULTS = FOLDER / "results.jsonl"
 ELSEWHERE = FOLDER / "anywhere.jsonl"
 ANYWHERE = 4000  # seeds from here on are of machines of any workshop, those before of the published rig
+FAINTLY = FOLDER / "faint.jsonl"
+FAINT = 6000  # seeds from here on hide an effect that is hardly visible, or none, on the published rig
 PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 
 
@@ -42,7 +44,7 @@ def drawn(seed: int) -> tuple[Any, Any, Any]:
     """(the product's catalogue, that which campaigns are made with, the truth of one)."""
     known, makers = catalogue(), catalogue(str(FOLDER / "laws"))
     laws = {name: name for name in makers if name not in known}
-    return known, makers, draw(seed, makers, laws, anywhere=seed >= ANYWHERE)
+    return known, makers, draw(seed, makers, laws, anywhere=ANYWHERE <= seed < FAINT, faint=seed >= FAINT)
 
 
 def judged(seed: int) -> dict[str, Any]:
@@ -69,6 +71,9 @@ def _diagnosed(truth: Any, records: Any, known: Any) -> dict[str, Any]:
             "verdict": found.verdict, "effects": list(found.effects), "baseline": found.baseline,
             "with_effects": found.with_effects, "noise_floor": found.noise_floor,
             "other_law": None if found.form is None else found.form.as_json()}
+    if truth.seed >= FAINT:  # by what the answer came about
+        told["candidates"] = [{"effects": list(one.effects), "delta_bic": one.delta_bic, "error_held_out": one.error_held_out}
+                              for one in found.candidates if one.fit is not None]
     if found.best.fit is not None and found.best.fitter is not None:
         told["parameters"] = {
             path: {"value": one.value, "low": one.low, "high": one.high, "true": _true(truth, path)}
@@ -123,7 +128,7 @@ def options_of(arguments: list[str], about: str | None, count: int, first: int) 
 def main(arguments: list[str]) -> int:
     """Judge the seeds whose answers are not known yet."""
     options = options_of(arguments, __doc__, 200, 1000)
-    results = RESULTS if options.first < ANYWHERE else ELSEWHERE
+    results = RESULTS if options.first < ANYWHERE else ELSEWHERE if options.first < FAINT else FAINTLY
     known = known_seeds(results)
     seeds = [seed for seed in range(options.first, options.first + options.count) if seed not in known]
     for told in answered(judged, seeds, results, options.workers):

@@ -1,0 +1,78 @@
+"""What a diagnosis may not say: a verdict by values that no machine has, below the noise, or of a search that was cut short."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.fit.budget import Budgeted, BudgetSpent
+from analysis.fit.held_out import pooled, pooled_doubt
+from analysis.fit.observed import Observed
+from analysis.fit.plausible import BELOW, against_adequacy, said_against
+from analysis.search.candidate_round import by_noise
+from analysis.search.diagnosis import Candidate, Diagnosis, told_of_base, verdict_of
+from testbed.effect import Effect
+from testbed.machine import Model
+
+HOPELESS = 0.75  # error in the fit from which the model foretells next to nothing of the records
+
+
+def of_a_machine(found: Diagnosis, believed: Model, catalogue: Mapping[str, Effect]) -> Diagnosis:
+    """The diagnosis; where it is that nothing, or an effect, is missing, but by a machine that cannot be, that instead."""
+    if found.verdict not in ("adequate", "missing_effect"):
+        return found
+    best = by_noise(found.best)
+    if best.fit is None or best.fitter is None:
+        return found
+    ratio, doubt = best.error_where_known / found.noise_floor, pooled_doubt(best.errors)
+    reasons = against_adequacy(best.fitter, best.fit, believed, catalogue, ratio, doubt)
+    if not reasons:
+        return found
+    below = ratio < BELOW - 2.0 * doubt
+    named = f", with {' and '.join(found.effects)}" if found.effects else ""
+    sentence = (f"The error is {ratio:.3g} of the noise floor{named}, but that says nothing for the model: "
+                f"{said_against(reasons)}")
+    told = replace(found, verdict="undecided" if below else "unexplained", effects=(), sentence=sentence, next_test=None,
+                   separates=())  # fmt: skip
+    return told if found.effects else told_of_base(told)
+
+
+def as_far_as(spent: BudgetSpent, plant: Budgeted, records: Sequence[Observed], say: Callable[[str], None]) -> Diagnosis:
+    """What is known when the budget is spent: the base fit, and the sets of effects that were tried in full by then."""
+    say("the budget is spent")
+    base: Candidate | None = plant.known
+    allowed = f"The budget ({plant.budget:,.0f} simulations of every record) was spent before"
+    if base is None:
+        return _without_a_fit(records, f"{allowed} the fit of the believed model ended: nothing can be said of what it lacks. "
+                                       "Check the conditions and the starting values.")
+    noise = pooled(base.errors)[1]
+    seen = sorted((one for one in spent.seen if one.fit is not None), key=lambda one: one.error_held_out)
+    left = f"the believed model leaves {base.error_where_known / noise:.3g} times the noise floor"
+    if base.error_fit > HOPELESS:
+        left += (f", {base.error_fit:.0%} of the motion itself: it foretells next to nothing of these records, which may be of "
+                 "other conditions, or of no cut at all")
+    best = f"; of what was tried, {' + '.join(seen[0].effects)} leaves least, {seen[0].error_held_out / noise:.3g} times" \
+        if seen else ""
+    told = verdict_of(base, base, [base], tuple(spent.seen), noise, ())
+    return replace(told, verdict="undecided", effects=(),
+                   sentence=f"{allowed} the search ended: {left}{best}. A larger --budget goes on.")
+
+
+def too_slow(base: Candidate) -> str:
+    """In words, which records of a motion were sampled too slowly for the structure's vibration to be told; empty if none."""
+    assert base.fitter is not None and base.fit is not None
+    fastest = base.fit.state.model.structure.natural_frequency
+    slow = [one.name for one in base.fitter.records if one.rate < 2.0 * fastest and not one.forces_only]
+    return (f"{', '.join(slow)}: sampled less than twice in a period of the natural frequency, {fastest:.4g} Hz; such records "
+            "can tell nothing of what the model lacks.") if slow else ""
+
+
+def _without_a_fit(records: Sequence[Observed], sentence: str) -> Diagnosis:
+    """The diagnosis where not even the believed model was fitted."""
+    measured = sum(float(np.sum((one.data - one.data.mean(axis=1, keepdims=True)) ** 2)) for one in records)
+    noise = math.sqrt(sum(float(np.sum(one.noise**2)) * one.samples for one in records) / max(measured, 1e-300))
+    none = Candidate((), {}, math.nan, math.nan, 0.0, False)
+    return Diagnosis("not_converged", (), sentence, math.nan, math.nan, noise, (), none, none, (none,))

@@ -1,0 +1,161 @@
+"""Campaigns of a plain machine with one condition written down wrongly in all records: is that said, and no effect named?
+
+The records are those of tests/validation/outside (a simulator that shares no code with the product) with nothing hidden. Then
+one number of campaign.yaml or model.yaml is written as people write it wrongly: a feed a revolution as one a tooth, a radius
+for a diameter, inches for millimetres, another number of flutes, another sampling rate, rad/s for rpm, a mass ten times off.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from ruamel.yaml import YAML
+
+from tests.validation.claims import Claim, Section
+from tests.validation.outside.files import write
+from tests.validation.outside.plan import COARSE, Plan, _bearable, _machine, _sensors, _tests, displacement
+
+# condition -> (the words by which an answer names it, how many campaigns)
+KINDS = {"feed": ("feed", 10), "flutes": ("flute", 8), "rate": ("sampling rate", 6), "speed": ("spindle speed", 5),
+         "depth": ("depth of cut", 5), "mass": ("mass", 4), "coefficient": ("coefficients' unit", 2)}
+FEEDS = ("revolution as tooth", "tooth as revolution", 2.0, 0.5, 1 / 25.4)
+RATES = (0.5, 2.0, 10.0 / 12.8, 12.8 / 10.0, 1.25, 0.8)
+SPEEDS = (2.0, 0.5, 2 * np.pi / 60 * 10, 60.0 / 50.0)
+DEPTHS = (2.0, 0.5, 10.0, 25.4, 1 / 25.4)
+FIRST = 300
+WORKERS = 2
+SECONDS = 900  # after which an answer counts as none
+
+
+def plain(seed: int, least_flutes: int, marked: bool | None) -> Plan:
+    """A campaign with nothing hidden. marked: whether it has a tachometer, drawn where None."""
+    random = np.random.default_rng([1907, seed])
+    while True:
+        base, direction, immersion = _machine(random, ())
+        if base.flutes >= least_flutes:
+            break
+    tests = tuple(_bearable(test) for test in _tests(random, base, (), False))
+    motion = float(np.concatenate([displacement(test, test.cut, COARSE) for test in tests]).std())
+    sensors = _sensors(random, base, motion, bool(random.uniform() < 0.6) if marked is None else marked, False)
+    believed = {name: getattr(base, name) * (1.0 + float(random.choice([-1, 1])) * random.uniform(0.3, 1.0) * off)
+                for name, off in (("omega", 0.05), ("zeta", 0.2), ("kt", 0.2), ("kn", 0.2))}  # fmt: skip
+    return Plan(seed, "none", direction, immersion, base, believed, {}, {}, tests, replace(sensors, hum=0.0))
+
+
+def _number(text: str) -> tuple[float, str]:
+    value, unit = text.split(" ", 1)
+    return float(value), unit
+
+
+def _scaled(text: str, factor: float, unit: str = "") -> str:
+    value, own = _number(text)
+    return f"{value * factor:.9g} {unit or own}"
+
+
+def misstate(folder: Path, kind: str, draw: Any, flutes: int) -> str:
+    """Write one condition of the campaign in a folder wrongly, and say how: stated over true."""
+    yaml = YAML()
+    campaign, model = (yaml.load((folder / name).read_text()) for name in ("campaign.yaml", "model.yaml"))
+    records, told = campaign["records"], ""
+    if kind == "feed":
+        how = FEEDS[draw.integers(len(FEEDS))]
+        for one in records:
+            value, unit = _number(one["feed"])
+            tooth = value / (flutes if unit == "mm/rev" else 1)
+            one["feed"] = (f"{tooth * flutes:.9g} mm/tooth" if how == "revolution as tooth" else
+                           f"{tooth:.9g} mm/rev" if how == "tooth as revolution" else f"{tooth * how:.9g} mm/tooth")
+        told = str(how)
+    elif kind == "flutes":
+        others = [n for n in range(1, 7) if n != flutes]
+        other = int(others[draw.integers(len(others))])
+        model["cutter"]["flutes"], told = other, f"{other} for {flutes}"
+    elif kind == "rate":
+        factor = RATES[draw.integers(len(RATES))]
+        campaign["sampling_rate"], told = _scaled(str(campaign["sampling_rate"]), factor), f"{factor:.4g}"
+    elif kind in ("speed", "depth"):
+        factors = SPEEDS if kind == "speed" else DEPTHS
+        factor = factors[draw.integers(len(factors))]
+        key = {"speed": "spindle_speed", "depth": "depth_of_cut"}[kind]
+        for one in records:
+            one[key] = _scaled(one[key], factor)
+        told = f"{factor:.4g}"
+    elif kind == "mass":
+        factor = (10.0, 0.1)[draw.integers(2)]
+        model["structure"]["mass"], told = _scaled(model["structure"]["mass"], factor), f"{factor:g}"
+    else:
+        factor = (1e-3, 1e3)[draw.integers(2)]
+        for name in ("tangential_coefficient", "normal_coefficient"):
+            model["cutting"][name] = _scaled(model["cutting"][name], factor)
+        told = f"{factor:g}"
+    for name, content in (("campaign.yaml", campaign), ("model.yaml", model)):
+        yaml.dump(content, folder / name)
+    return told
+
+
+def prepared(job: tuple[int, str], folder: Path) -> str:
+    """The campaign of a seed with a condition of this kind wrong, as files in a folder; how it is wrong."""
+    seed, kind = job
+    draw = np.random.default_rng([1908, seed])
+    unmarked = kind in ("rate", "speed")
+    plan = plain(seed, 2 if kind == "feed" else 1, False if unmarked else None)
+    if kind == "rate":
+        plan = replace(plan, sensors=replace(plan.sensors, form="csv"))
+    plan = replace(plan, sensors=replace(plan.sensors, feed_form="tooth" if kind == "feed" else plan.sensors.feed_form))
+    write(plan, folder)
+    return misstate(folder, kind, draw, plan.base.flutes)
+
+
+def told(job: tuple[int, str]) -> dict[str, Any]:
+    """What `testbed diagnose` says of the campaign of a job."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        how = prepared(job, folder)
+        answer = {"seed": job[0], "kind": job[1], "how": how}
+        environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        try:
+            done = subprocess.run([sys.executable, "-m", "testbed", "diagnose", "campaign.yaml", "-m", "model.yaml", "--json",
+                                   "answer.json"], cwd=folder, env=environment, capture_output=True, text=True,
+                                  timeout=SECONDS)  # fmt: skip
+        except subprocess.TimeoutExpired:
+            return answer | {"verdict": "no answer", "effects": [], "said": "", "processor": SECONDS}
+        if done.returncode == 2:
+            return answer | {"verdict": "refused", "effects": [], "said": done.stderr.strip()}
+        found = json.loads((folder / "answer.json").read_text())
+        return answer | {"verdict": found["verdict"], "effects": found["effects"], "error": found["error"],
+                         "said": " ".join([found["sentence"], *found["notes"]])}
+
+
+def named(answer: dict[str, Any]) -> bool:
+    """Whether the answer says which condition is to be checked; of speed and sampling rate either may be first."""
+    if answer["verdict"] == "no answer":
+        return False
+    words = ("spindle speed", "sampling rate") if answer["kind"] in ("speed", "rate") else (KINDS[answer["kind"]][0],)
+    said = answer["said"].replace("sampling_rate", "sampling rate").replace("spindle_speed", "spindle speed")
+    return any(word in said for word in words) and not answer["effects"]
+
+
+def check() -> Section:
+    """All kinds, as often as KINDS says."""
+    kinds = [kind for kind, (_, count) in KINDS.items() for _ in range(count)]
+    with ThreadPoolExecutor(WORKERS) as pool:  # each waits for a process of its own
+        answers = list(pool.map(told, enumerate(kinds, FIRST)))
+    hits, effects = [named(one) for one in answers], [one for one in answers if one["effects"]]
+    silent = [one for one, hit in zip(answers, hits, strict=True) if not hit and not one["effects"]]
+    rows = tuple((str(one["seed"]), one["kind"], one["how"], one["verdict"], "yes" if hit else "no",
+                  " + ".join(one["effects"]) or "none") for one, hit in zip(answers, hits, strict=True))
+    return Section(
+        "A condition written down wrongly in all records, by `testbed diagnose`",
+        (Claim("named as such, no effect beside it", ">= 95 %", f"{sum(hits)} of {len(hits)}", sum(hits) >= 0.95 * len(hits)),
+         Claim("an effect is named", "0", str(len(effects)), not effects),
+         Claim("neither", "told", str(len(silent)), None)),
+        (("Campaign by campaign (written over true)", ("seed", "condition", "how", "verdict", "named", "effects"), rows),),
+        remark="A depth, a mass and the coefficients' unit change nothing but the coefficients: they are named together.")
