@@ -47,7 +47,8 @@ class Milling:
         lag, total = self.lag(depth), 0.0
         for number in range(self.teeth):
             tip = (entry + turned + 2 * math.pi * number / self.teeth - entry) % (2 * math.pi) + entry
-            for theta in (tip, tip + 2 * math.pi):  # a long helix may still cut from the turn before
+            turns = math.floor((leave + lag - tip) / (2 * math.pi)) + 1  # a long helix may still cut from turns before
+            for theta in (tip + 2 * math.pi * turn for turn in range(max(turns, 1))):
                 if lag == 0.0:
                     if entry < theta < leave:
                         total += depth * self._law(np.array([theta]))[0]

