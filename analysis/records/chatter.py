@@ -35,9 +35,8 @@ GROWS, GROWS_ABOVE = 1.3, 10.0  # the same for one that grows, and how far it mu
 LOUD = 0.3  # of the feed, in motion from tooth to tooth; of the tooth passing, in a force: a line between the orders
 LOUD_UNMEASURED = 1.0  # of the loudest order, in a motion that cannot be measured against the feed; doubted from LOUD on
 LOUD_ORDER, DOUBTED_ORDER = 0.7, 0.4  # of the feed: what repeats with the spindle only; runout is less than the first
-LOUD_FORCE, DOUBTED_FORCE = 1.1, 0.6  # of the teeth's: the same in a force, where runout itself shows and not what it moves
+LOUD_FORCE, DOUBTED_FORCE = 1.5, 0.6  # of the teeth's: the same in a force, where runout itself shows and not what it moves
 DOUBTED_UNMEASURED = 1.0  # of the teeth's: odd halves of the tooth passing in a motion that cannot be measured
-AT_ONCE, SOON = 0.4, 3  # of that part: how near to its last size, and after how many revolutions, runout is when teeth enter
 RAISED = 4.0  # times its median: the spectrum's floor where a motion has no lines,
 LOUD_IRREGULAR, LEAST_IRREGULAR = 0.5, 0.05  # as loud as a line; where integrated, of what repeats in the channel, too
 HANN_NOISE = 1.5  # bins, that noise counts for under a Hann window
@@ -82,6 +81,9 @@ def judge_cut(recording: Recording, segments: Sequence[Segment]) -> Chatter:
 def _of_channel(recording: Recording, segments: Sequence[Segment], name: str, quantity: str) -> tuple[float, Chatter]:
     """(how far the cut stands out, the answer) of one channel."""
     cutting = [part for part in segments if part.kind in ("entry", "steady")]
+    leaving = [part for part in segments if part.kind == "exit"]
+    if sum(part.duration for part in cutting) < sum(part.duration for part in leaving):
+        cutting += leaving  # chatter whose level changes looks like an exit
     flutes = int(recording.conditions.get("flutes") or 1)
     if not cutting:
         return 0.0, Chatter("unknown", "no cut is found in the record")
@@ -186,7 +188,7 @@ def _of_orders(end: CutEnd, tooth: float, doubt: Chatter | None, found: tuple[fl
     orders = np.arange(len(pattern))
     before = [end.before(order) > BEFORE * amplitude for order, amplitude in enumerate(end.amplitudes)]
     others = np.where((orders % end.flutes > 0) & ~np.array(before), pattern, 0.0)
-    unheard = math.isnan(end.before(1.0)) and not end.on_mains(1.0)  # nothing tells hum from what repeats with the spindle
+    unheard = math.isnan(end.before(1.0))  # nothing tells hum from what repeats with the spindle
     sure = np.where([unheard and end.on_mains(float(order)) for order in orders], 0.0, others)
     half = others * (orders % end.flutes == end.flutes / 2)
     flips = bool(np.linalg.norm(half) > HALF_LEADS * np.linalg.norm(others - half))
@@ -210,7 +212,7 @@ def _of_orders(end: CutEnd, tooth: float, doubt: Chatter | None, found: tuple[fl
     irregular = _irregular(end, tooth)
     if irregular is not None:
         return irregular
-    if most > doubted and not _at_once(end, others):
+    if most > doubted:
         return replace(of_orders, verdict="unknown", kind="flip_or_runout", reason="it may be runout")
     return _nothing(end, doubt)
 
@@ -241,12 +243,3 @@ def _irregular(end: CutEnd, tooth: float) -> Chatter | None:
         return None
     top = int(np.argmax(np.abs(lines) * raised))
     return _chatter_at(end, float(orders[top]), float(np.abs(lines[top])), tooth, None)
-
-
-def _at_once(end: CutEnd, others: np.ndarray) -> bool:
-    """Whether what repeats with the spindle is there as soon as the teeth enter, as runout is."""
-    if len(end.idle) < end.turns.rows.shape[1] or len(end.whole.rows) < SOON + end.count // 2:
-        return False
-    shape = np.fft.irfft(others, end.turns.rows.shape[1])
-    shares = end.whole.rows @ shape / max(float(shape @ shape), 1e-300)
-    return bool((np.abs(shares[SOON - 1 : SOON + 3] - 1.0) < AT_ONCE).all())

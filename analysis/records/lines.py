@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -126,7 +125,7 @@ def fed_by_the_cut(
 
     A line of the spindle keeps its name, of the mains only where it is no side band. near: relative, how far they may drift.
     """
-    passing = spindle_speed * flutes / (2 * np.pi) if spindle_speed else math.inf
+    passing = spindle_speed * flutes / (2 * np.pi) if spindle_speed else 1e6 * chatter  # no side bands are known
     named = []
     for line in lines:
         away = [abs(line.frequency - sign * chatter) for sign in (1.0, -1.0)]
