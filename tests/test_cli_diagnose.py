@@ -126,7 +126,7 @@ def test_diagnose_answers_as_the_contract_says(diagnosed):
         assert one["fitted"] or (one["parameters"] == {} and one["delta_bic"] == 0.0 and not one["converged"])
     assert {one["fitted"] for one in said["candidates"]} == {True, False}
     for one in said["base_parameters"].values():
-        assert set(one) == {"before", "after", "unit"}
+        assert set(one) == {"before", "after", "unit", "determined"}
     if said["next_test"] is not None:
         assert {"spindle_speed", "depth_of_cut", "separates"} <= set(said["next_test"])
 

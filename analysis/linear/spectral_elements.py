@@ -29,6 +29,7 @@ MOST_OF_A_TRIAL = 40.0 * 2.0 * math.pi  # rad in the cut
 MOST_UNKNOWNS = 800  # about 150 oscillations in the cut
 FINER = (0, 1, 2, 4, 6)  # points more in every element, as long as the largest multiplier has not settled
 TOLERANCE = 1e-5  # of the largest multiplier over max(1, modulus), as the map has it: one point more leaves a tenth
+FINE = 1e-6  # the same, aimed at where one cut is asked for, and not a chart of many
 
 
 def _tables() -> tuple[np.ndarray, ...]:
@@ -277,12 +278,12 @@ def _of_map(equation: DelayEquation, elements: Elements, flight: np.ndarray) -> 
     return sort_multipliers(np.linalg.eigvals(q))
 
 
-def multipliers(equation: DelayEquation, tolerance: float = TOLERANCE) -> tuple[np.ndarray, np.ndarray]:
+def multipliers(equation: DelayEquation, tolerance: float = FINE) -> tuple[np.ndarray, np.ndarray]:
     """Multipliers (n,), complex, largest modulus first, of a pair the upper first; and an estimate of the error of each.
 
     The estimate is the correction by the characteristic equation at a higher order, some ten times the error left. The order
     is raised until it is below `tolerance` * max(1, modulus) for the largest; small ones need not settle. ArithmeticError if
-    it does not.
+    it does not come below TOLERANCE.
     """
     elements, flight = divided(np.array(equation.breaks) / equation.delay, _swing(equation)), _flight(equation)
     most = np.empty((MOST_POINTS, MOST_POINTS + 2), dtype=complex)
@@ -292,6 +293,9 @@ def multipliers(equation: DelayEquation, tolerance: float = TOLERANCE) -> tuple[
         pairs = [corrected(value, finer.lengths, finer.points, *known, flight, TABLES, most) for value in found]
         values, errors = (np.array(part) for part in zip(*pairs, strict=True))
         order = np.argsort(-np.round(np.abs(values), 12), kind="stable")
-        if errors[order[0]] <= tolerance * max(1.0, abs(values[order[0]])):
-            return values[order], errors[order]
-    raise ArithmeticError(f"the largest multiplier did not settle to {tolerance:g}")
+        settled = errors[order[0]] / max(1.0, abs(values[order[0]]))
+        if settled <= tolerance:
+            break
+    if settled > max(tolerance, TOLERANCE):
+        raise ArithmeticError(f"the largest multiplier did not settle to {TOLERANCE:g}")
+    return values[order], errors[order]

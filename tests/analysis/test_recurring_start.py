@@ -86,7 +86,8 @@ def test_a_line_of_one_record_alone_must_stand_higher_than_one_of_two():
     def peaks(*records):
         lines = [size * np.sin(2 * np.pi * hertz * time + 1.0) for hertz, size in records]
         rests = tuple(line + random.standard_normal(time.size) for line in lines)
-        seen = [SimpleNamespace(rate=1e4, on_samples=lambda rest: rest.reshape(1, -1)) for _ in rests]
+        seen = [SimpleNamespace(rate=1e4, cut=TESTS[0], main_frequency=2 * np.pi * 150.0,
+                                on_samples=lambda rest: rest.reshape(1, -1)) for _ in rests]
         return residual_peaks(seen, SimpleNamespace(residuals=rests))
 
     faint, loud = 0.068, 0.3
