@@ -49,8 +49,8 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     stable = f"{np.mean(chart.classes[known] == 0):.0%} stable" if known.any() else "none with multipliers to be trusted"
     answer.say(f"{len(speed)} x {len(depth)} cells, {stable}")
     if not known.all():
-        notes.append(f"{np.count_nonzero(~known)} cells are left blank: "
-                     + ("no periodic motion was found there, or " if model.effects else "") + "their multipliers did not settle")
+        still = "no periodic motion was found there, or " if model.effects else ""
+        notes.append(f"{np.count_nonzero(~known)} cells are left blank: {still}their multipliers did not settle")
     for note in notes:
         answer.say(f"note: {note}")
     limit = chart.stability_limit() if model.effects else sharpened_limit(chart, model)
