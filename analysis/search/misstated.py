@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from analysis.fit.first_passes import first_nuisances
 from analysis.fit.fit_state import State
 from analysis.fit.held_out import own_refit
 from analysis.fit.observed import Observed
@@ -95,14 +96,16 @@ def misstated(fitter: Fitter, state: State, place: int) -> Misstated | None:
 def _best_scale(fitter: Fitter, record: Observed, state: State, condition: str) -> tuple[float, float]:
     """(mean square residual in noise, scale of the condition) where the record agrees best, its own unknowns refitted."""
     assert record.cut is not None
-    cut, states = record.cut, {0.0: state}
+    cut, states, own = record.cut, {0.0: state}, state.nuisances[0]
+    seen = replace(first_nuisances(record, state.angle + own.angle), angle=own.angle, speed=own.speed)
 
     def left(log_scale: float) -> float:
         other = replace(cut, **{condition: getattr(cut, condition) * math.exp(log_scale)})
         single = fitter.on([replace(record, cut=other)])
         nearest = states[min(states, key=lambda one: abs(one - log_scale))]
-        placed = place_exits(single, place_entries(single, nearest))  # with a wrong depth they may have been anywhere
-        states[log_scale] = own_refit(single, placed, [0], rounds=4)
+        placed = [place_exits(single, place_entries(single, begun))  # with a wrong depth they may have been anywhere
+                  for begun in (nearest, replace(state, nuisances=(seen,)))]
+        states[log_scale] = min((own_refit(single, one, [0], rounds=4) for one in placed), key=single.cost)
         return _left(single, states[log_scale])
 
     widest = math.log(WIDEST)
