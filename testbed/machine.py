@@ -6,13 +6,17 @@ Every value is SI. A model is immutable: taking physics out or putting it in giv
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
 Direction = Literal["up-milling", "down-milling"]
+Carrier = Literal["workpiece", "tool"]
+CARRIERS: tuple[Carrier, ...] = ("workpiece", "tool")
 MOST_FLUTES = 100  # of any cutter
+CLOSES_RAD = math.radians(0.1)  # pitch angles in whole tenths of a degree may miss the full circle by this
 DIRECTIONS: tuple[Direction, ...] = ("up-milling", "down-milling")
 # Where no machine is. K_t is a specific cutting energy: foams and woods take some 50 N/mm^2, hardened steel at the thinnest
 # chips below 1e5 N/mm^2. The rake face is pushed, never pulled, by the chip, and with a friction and a rake that no tool has
@@ -34,18 +38,25 @@ def radial_immersion_fraction(radial_depth_of_cut: float, diameter: float) -> fl
 
 
 @dataclass(frozen=True)
-class Structure:
-    """One vibration mode of the workpiece along the feed: mass (kg), natural frequency (Hz), damping ratio (1)."""
+class Mode:
+    """One vibration mode: mass (kg), natural frequency (Hz), damping ratio (1), direction (rad, from x towards y), its carrier.
+
+    x is the feed and y the normal to it in the plane. The mass is the modal mass where the mode's shape is 1 at the cut.
+    """
 
     mass: float
     natural_frequency: float
     damping_ratio: float
+    direction: float = 0.0
+    on: Carrier = "workpiece"
 
     def __post_init__(self) -> None:
         _require(math.isfinite(self.mass) and self.mass > 0, "mass must be above 0")
         _require(math.isfinite(self.natural_frequency) and self.natural_frequency > 0,
                  "natural_frequency must be above 0")
         _require(0.0 <= self.damping_ratio < 1.0, "damping_ratio must be at least 0 and below 1")
+        _require(math.isfinite(self.direction), "direction must be finite")
+        _require(self.on in CARRIERS, f"on must be one of {', '.join(CARRIERS)}")
 
     @property
     def natural_frequency_rad(self) -> float:
@@ -62,24 +73,83 @@ class Structure:
         """Viscous damping 2 m zeta omega, N s/m."""
         return 2.0 * self.mass * self.damping_ratio * self.natural_frequency_rad
 
+    @property
+    def shape(self) -> tuple[float, float]:
+        """Unit vector (x, y) along which the mode moves; exact along x and y."""
+        quarter, rest = divmod(self.direction, 0.5 * math.pi)
+        x, y = (1.0, 0.0) if rest == 0.0 else (math.cos(rest), math.sin(rest))
+        for _ in range(int(quarter) % 4):
+            x, y = -y, x
+        return x + 0.0, y + 0.0  # no negative zeros
+
+
+@dataclass(frozen=True)
+class Structure(Mode):
+    """The modes of a machine: the first, and any number of `further` ones.
+
+    The motion of the workpiece against the tool is the sum over the modes, whoever carries them.
+    """
+
+    further: tuple[Mode, ...] = ()
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """All modes, the first one first."""
+        return (Mode(self.mass, self.natural_frequency, self.damping_ratio, self.direction, self.on), *self.further)
+
+    @property
+    def planar(self) -> bool:
+        """True for anything but one mode of the workpiece along the feed, the machine of the paper."""
+        return bool(self.further) or self.shape != (1.0, 0.0) or self.on != "workpiece"
+
+    @classmethod
+    def of(cls, modes: Sequence[Mode]) -> Structure:
+        """The structure that has these modes. ValueError where there is none, or one stands twice."""
+        _require(len(modes) > 0, "a structure has at least one mode")
+        for place, one in enumerate(modes):
+            for other in modes[:place]:
+                turned = (one.direction - other.direction) % math.pi
+                _require(one.on != other.on or one.natural_frequency != other.natural_frequency
+                         or min(turned, math.pi - turned) > 1e-9, "a mode stands twice")
+        first = modes[0]
+        return cls(first.mass, first.natural_frequency, first.damping_ratio, first.direction, first.on, tuple(modes[1:]))
+
 
 @dataclass(frozen=True)
 class Cutter:
-    """A milling cutter: number of flutes, diameter (m), helix angle (rad)."""
+    """A milling cutter: number of flutes, diameter (m), helix angle (rad), pitch angles (rad).
+
+    pitch_angles: of each tooth, the angle by which it follows the tooth before it; the first belongs to the tooth that cuts
+    first. Empty where all are equal. They are scaled to close the circle exactly.
+    """
 
     flutes: int = 1
     diameter: float = 19.05e-3
     helix_angle: float = 0.0
+    pitch_angles: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         _require(int(self.flutes) == self.flutes and self.flutes >= 1, "flutes must be a whole number of at least 1")
         _require(math.isfinite(self.diameter) and self.diameter > 0, "diameter must be above 0")
         _require(abs(self.helix_angle) < math.pi / 2, "helix_angle must lie within +-90 deg")
+        if self.pitch_angles:
+            angles, total = self.pitch_angles, math.fsum(self.pitch_angles)
+            _require(len(angles) == self.flutes, f"pitch gives {len(angles)} angles for {self.flutes} flutes")
+            _require(all(angle > 0 for angle in angles), "every pitch must be above 0")
+            _require(abs(total - 2.0 * math.pi) <= CLOSES_RAD,
+                     f"the pitches add up to {math.degrees(total):.6g} deg, not 360 deg")
+            even = max(angles) - min(angles) <= 1e-12
+            object.__setattr__(self, "pitch_angles", () if even else tuple(2.0 * math.pi / total * one for one in angles))
 
     @property
     def pitch(self) -> float:
-        """Angle between neighbouring teeth, rad."""
+        """Angle between neighbouring teeth, rad: the mean one where they are not equal."""
         return 2.0 * math.pi / self.flutes
+
+    @property
+    def pitches(self) -> tuple[float, ...]:
+        """Angle by which each tooth follows the one before it, rad."""
+        return self.pitch_angles or (self.pitch,) * self.flutes
 
 
 @dataclass(frozen=True)
@@ -113,6 +183,7 @@ class Cutting:
 
 
 _STRUCTURE = ("mass", "natural_frequency", "damping_ratio")
+_MODE_PATH = re.compile(r"modes\[(\d+)\]\.(\w+)")
 _CUTTING = ("immersion", "tangential_coefficient", "normal_coefficient")
 BASE_PARAMETERS = _STRUCTURE + _CUTTING
 BASE_UNITS = {"mass": "kg", "natural_frequency": "Hz", "damping_ratio": "1", "immersion": "1",
@@ -174,25 +245,53 @@ class Model:
                       "normal_coefficient": (LEAST_NORMAL_OVER_TANGENTIAL * size, MOST_NORMAL_OVER_TANGENTIAL * size)}
         return found
 
+    @property
+    def planar(self) -> bool:
+        """True where the model needs motion in x and y, or a pitch for each tooth: more than one mode along the feed."""
+        return self.structure.planar or bool(self.cutter and self.cutter.pitch_angles)
+
+    @property
+    def base_parameters(self) -> Mapping[str, str]:
+        """Paths of the parameters that belong to no effect, with their SI units."""
+        if not self.structure.planar:
+            return BASE_UNITS
+        units = {**{name: BASE_UNITS[name] for name in _STRUCTURE}, "direction": "rad"}
+        modes = {f"modes[{place}].{name}": unit for place in range(len(self.structure.modes)) for name, unit in units.items()}
+        return modes | {name: BASE_UNITS[name] for name in _CUTTING}
+
     def value(self, path: str) -> float:
-        """A parameter by its path: `natural_frequency`, `tangential_coefficient`, `process_damping.coefficient`."""
-        if path in _STRUCTURE:
-            return float(getattr(self.structure, path))
+        """A parameter by its path: `natural_frequency` or, where there are several, `modes[0].natural_frequency`;
+        `tangential_coefficient`, `process_damping.coefficient`. KeyError where there is none."""
         if path in _CUTTING:
             if self.cutting is None:
                 raise KeyError(path)
             return float(getattr(self.cutting, path))
+        place, name = self._mode_path(path)
+        if name is not None:
+            return float(getattr(self.structure.modes[place], name))
         effect, _, parameter = path.partition(".")
         return self.effects[effect][parameter]
+
+    def _mode_path(self, path: str) -> tuple[int, str | None]:
+        """The mode and the parameter that a path names; no parameter where it names no mode's."""
+        if not self.structure.planar and path in _STRUCTURE:
+            return 0, path
+        found = _MODE_PATH.fullmatch(path)
+        if found is None:
+            return 0, None
+        if path not in self.base_parameters:
+            raise KeyError(path)
+        return int(found[1]), found[2]
 
     def with_values(self, values: Mapping[str, float]) -> Model:
         """The same machine with parameters, named by their paths, replaced. KeyError on an unknown path."""
         effects = {name: dict(params) for name, params in self.effects.items()}
-        structure: dict[str, Any] = {}
+        modes: dict[int, dict[str, Any]] = {}
         cutting: dict[str, Any] = {}
         for path, number in values.items():
-            if path in _STRUCTURE:
-                structure[path] = float(number)
+            place, name = self._mode_path(path)
+            if name is not None:
+                modes.setdefault(place, {})[name] = float(number)
             elif path in _CUTTING and self.cutting is not None:
                 cutting[path] = float(number)
             else:
@@ -200,5 +299,6 @@ class Model:
                 if effect not in effects or not parameter:
                     raise KeyError(path)
                 effects[effect][parameter] = float(number)
-        return replace(self, structure=replace(self.structure, **structure),
+        further = tuple(replace(mode, **modes.get(place, {})) for place, mode in enumerate(self.structure.further, 1))
+        return replace(self, structure=replace(self.structure, further=further, **modes.get(0, {})),
                        cutting=replace(self.cutting, **cutting) if self.cutting else None, effects=effects)

@@ -6,15 +6,19 @@
               tangential_coefficient: 550 N/mm^2, normal_coefficient: 200 N/mm^2}
     effects: {process_damping: {coefficient: 1.0e5 N/m}}
 
-`structure` may also be `{machine: flexure, damping_ratio: 0.004}`: the named machine with some values replaced.
+`structure` may also be `{machine: flexure, damping_ratio: 0.004}`: the named machine with some values replaced; or any number
+of modes, each with a mass or a stiffness, a direction (x, y, or an angle from x, the feed, towards y) and what carries it:
+
+    structure: {modes: [{natural_frequency: 922 Hz, damping_ratio: 0.011, mass: 39.93 gram, direction: x, on: tool}]}
+
+`cutter` may give `pitch`, the angle of each tooth to the one before it: [85 deg, 95 deg, 85 deg, 95 deg].
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
-from importlib import import_module
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,16 +26,13 @@ from testbed.atomic import write_text
 from testbed.catalogue import catalogue as known_effects
 from testbed.catalogue import unknown_effect
 from testbed.effect import Effect
-from testbed.machine import BASE_UNITS, MOST_FLUTES, Cutter, Cutting, Direction, Model, Structure, radial_immersion_fraction
+from testbed.machine import MOST_FLUTES, Cutter, Cutting, Direction, Model, radial_immersion_fraction
 from testbed.problem import InputProblem
+from testbed.structure_file import exact, read_structure, structure_lines
 from testbed.units import UnitProblem, format_quantity, parse_quantity
 from testbed.yaml_text import Document, Path_, Strict, above_zero, did_you_mean, in_unit, load, parse, validate
 
 LARGEST_COEFFICIENT = 1e12  # N/m^2: the hardest alloys are cut at some 1e4 N/mm^2
-
-
-def _below_one(number: float) -> str | None:
-    return None if 0.0 <= number < 1.0 else "must be at least 0 and below 1"
 
 
 def _immersion(number: float) -> str | None:
@@ -50,17 +51,11 @@ def _tangential(number: float) -> str | None:
     return above_zero(number) or _coefficient(number)
 
 
-class _Structure(Strict):
-    machine: str | None = None
-    mass: Annotated[float | None, in_unit("kg", above_zero)] = None
-    natural_frequency: Annotated[float | None, in_unit("Hz", above_zero)] = None
-    damping_ratio: Annotated[float | None, in_unit("1", _below_one)] = None
-
-
 class _Cutter(Strict):
     flutes: int = 1
     diameter: Annotated[float, in_unit("m", above_zero)] = 19.05e-3
     helix_angle: Annotated[float, in_unit("rad", _helix)] = 0.0
+    pitch: list[Annotated[float, in_unit("rad", above_zero)]] = []
 
 
 class _Cutting(Strict):
@@ -77,21 +72,6 @@ class _ModelFile(Strict):
     cutting: Any = None
     effects: Any = None
     not_determined: list[str] = []
-
-
-def machines() -> tuple[str, ...]:
-    """Names of the machines that stand in `models/`."""
-    import models
-
-    folders = (entry for place in models.__path__ for entry in Path(place).iterdir())
-    return tuple(sorted(entry.name for entry in folders if (entry / "__init__.py").exists()))
-
-
-def machine_structure(name: str) -> Structure:
-    """The structure of a machine of `models/`; KeyError if there is none of that name."""
-    if name not in machines():
-        raise KeyError(name)
-    return import_module(f"models.{name}").structure()
 
 
 def read_model(path: str | Path, catalogue: Mapping[str, Effect] | None = None) -> Model:
@@ -111,7 +91,7 @@ def is_model(path: str | Path) -> bool:
 def model_from(document: Document, path: Path_ = (), catalogue: Mapping[str, Effect] | None = None) -> Model:
     """The model that stands at `path` of a document; the root, or under `model` in a scenario."""
     parts = validate(document, _ModelFile, path)
-    structure, machine = _structure(document, (*path, "structure"))
+    structure, machine = read_structure(document, (*path, "structure"))
     if (parts.cutter is None) != (parts.cutting is None):
         there, absent = ("cutter", "cutting") if parts.cutting is None else ("cutting", "cutter")
         raise document.problem(path, f"{there} without {absent}", f"add {absent}, or remove both")
@@ -123,7 +103,12 @@ def model_from(document: Document, path: Path_ = (), catalogue: Mapping[str, Eff
     if not 1 <= cutter.flutes <= MOST_FLUTES:
         wrong = "must be at least 1" if cutter.flutes < 1 else "is more than any cutter has"
         raise document.problem((*path, "cutter", "flutes"), f"'{cutter.flutes}' {wrong}", f"give 1 to {MOST_FLUTES}")
-    model = Model(structure, Cutter(cutter.flutes, cutter.diameter, cutter.helix_angle),
+    try:
+        shape = Cutter(cutter.flutes, cutter.diameter, cutter.helix_angle, tuple(cutter.pitch))
+    except ValueError as problem:  # the values alone are checked already
+        raise document.problem((*path, "cutter", "pitch"), str(problem),
+                               "give one angle a tooth; all together make 360 deg") from None
+    model = Model(structure, shape,
                   _cutting(document, (*path, "cutting"), cutter.diameter), effects, machine)
     return _with_guesses(document, path, model, guesses)
 
@@ -134,30 +119,10 @@ def _with_guesses(document: Document, path: Path_, model: Model, guesses: tuple[
         try:
             model.value(name)
         except KeyError:
-            known = [*BASE_UNITS, *(f"{effect}.{one}" for effect, values in model.effects.items() for one in values)]
+            known = [*model.base_parameters, *(f"{effect}.{one}" for effect, values in model.effects.items() for one in values)]
             raise document.problem((*path, "not_determined", place), f"'{name}' is no parameter of this model",
                                    did_you_mean(name, known)) from None
     return replace(model, not_determined=guesses)
-
-
-def _structure(document: Document, path: Path_) -> tuple[Structure, str | None]:
-    """The structure and the name of the machine it came from."""
-    given = document.at(path)
-    values: dict[str, float] = {}
-    machine, where = (given, path) if isinstance(given, str) else (None, (*path, "machine"))
-    if machine is None:
-        part = validate(document, _Structure, path)
-        machine = part.machine
-        values = part.model_dump(exclude_none=True, exclude={"machine"})
-    if machine is not None:
-        try:
-            values = asdict(machine_structure(machine)) | values
-        except KeyError:
-            raise document.problem(where, f"unknown machine '{machine}'", did_you_mean(machine, machines())) from None
-    for name in ("mass", "natural_frequency", "damping_ratio"):
-        if name not in values:
-            raise document.problem((*path, name), "is missing", f"add it, or name a machine: {', '.join(machines())}")
-    return Structure(**values), machine
 
 
 def _cutting(document: Document, path: Path_, diameter: float) -> Cutting:
@@ -227,14 +192,14 @@ def _parameters(document: Document, path: Path_, effect: Effect, given: object) 
 
 def model_text(model: Model, catalogue: Mapping[str, Effect] | None = None) -> str:
     """The text of a model.yaml that reads back to exactly this model."""
-    lines = _structure_lines(model)
+    lines = structure_lines(model)
     if model.cutter is not None and model.cutting is not None:
         cutter, cutting = model.cutter, model.cutting
-        lines += ["cutter:", f"  flutes: {cutter.flutes}", f"  diameter: {_exact(cutter.diameter, 'mm')}",
-                  f"  helix_angle: {_exact(cutter.helix_angle, 'deg')}",
-                  "cutting:", f"  direction: {cutting.direction}", f"  immersion: {_exact(cutting.immersion, '1')}",
-                  f"  tangential_coefficient: {_exact(cutting.tangential_coefficient, 'N/mm^2')}",
-                  f"  normal_coefficient: {_exact(cutting.normal_coefficient, 'N/mm^2')}"]
+        lines += ["cutter:", f"  flutes: {cutter.flutes}", f"  diameter: {exact(cutter.diameter, 'mm')}",
+                  f"  helix_angle: {exact(cutter.helix_angle, 'deg')}", *_pitch_lines(cutter),
+                  "cutting:", f"  direction: {cutting.direction}", f"  immersion: {exact(cutting.immersion, '1')}",
+                  f"  tangential_coefficient: {exact(cutting.tangential_coefficient, 'N/mm^2')}",
+                  f"  normal_coefficient: {exact(cutting.normal_coefficient, 'N/mm^2')}"]
     if model.not_determined:
         lines.append(f"not_determined: [{', '.join(model.not_determined)}]  # no record told these: they are guesses")
     if not model.effects:
@@ -243,7 +208,7 @@ def model_text(model: Model, catalogue: Mapping[str, Effect] | None = None) -> s
     lines.append("effects:")
     for name, values in model.effects.items():
         lines.append(f"  {name}:" if values else f"  {name}: {{}}")
-        lines += [f"    {key}: {_exact(value, known[name].parameter(key).unit)}" for key, value in values.items()]
+        lines += [f"    {key}: {exact(value, known[name].parameter(key).unit)}" for key, value in values.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -253,20 +218,8 @@ def effect_text(effect: Effect, values: Mapping[str, float]) -> str:
     return f"effects: {{{effect.name}: {{{said}}}}}"
 
 
-def _structure_lines(model: Model) -> list[str]:
-    values = asdict(model.structure)
-    if model.machine is not None:
-        usual = asdict(machine_structure(model.machine))
-        values = {name: value for name, value in values.items() if value != usual[name]}
-        if not values:
-            return [f"structure: {model.machine}"]
-    units = {"mass": "kg", "natural_frequency": "Hz", "damping_ratio": "1"}
-    machine = [f"  machine: {model.machine}"] if model.machine is not None else []
-    return ["structure:", *machine, *(f"  {name}: {_exact(value, units[name])}" for name, value in values.items())]
-
-
-def _exact(value: float, unit: str) -> str:
-    return format_quantity(value, unit, digits=None)
+def _pitch_lines(cutter: Cutter) -> list[str]:
+    return [f"  pitch: [{', '.join(exact(angle, 'deg') for angle in cutter.pitch_angles)}]"] if cutter.pitch_angles else []
 
 
 def write_model(model: Model, path: str | Path, catalogue: Mapping[str, Effect] | None = None,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from testbed.design import DEPTH, FEED, SPEED, STARTS
 from testbed.effect import Effect
-from testbed.machine import BASE_PARAMETERS, BASE_UNITS, Model
+from testbed.machine import Model
 from testbed.units import UnitProblem, factor_to, format_quantity, parse_quantity
 from testbed.yaml_text import Document, Path_, above_zero, at_least_zero, did_you_mean
 
@@ -30,7 +30,7 @@ def variables(model: Model, catalogue: Mapping[str, Effect]) -> dict[str, Variab
     found = {SPEED: Variable(SPEED, "rad/s", _spindle_speed), DEPTH: Variable(DEPTH, "m", at_least_zero),
              FEED: Variable(FEED, "m/tooth", above_zero)}
     found |= {name: Variable(name, unit, lambda _: None) for name, unit in zip(STARTS, ("m", "m/s"), strict=True)}
-    found |= {name: Variable(name, BASE_UNITS[name], _allowed(model, name)) for name in BASE_PARAMETERS}
+    found |= {name: Variable(name, unit, _allowed(model, name)) for name, unit in model.base_parameters.items()}
     for effect in model.effects:
         found |= effect_variables(catalogue[effect])
     return found

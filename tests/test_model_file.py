@@ -7,8 +7,9 @@ import pytest
 
 from testbed.catalogue import catalogue
 from testbed.machine import Cutter, Cutting, Model, Structure
-from testbed.model_file import machines, model_from_text, model_text, read_model, write_model
+from testbed.model_file import model_from_text, model_text, read_model, write_model
 from testbed.problem import InputProblem
+from testbed.structure_file import machines
 
 TEXT = """structure:
   mass: 2.573 kg

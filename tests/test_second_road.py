@@ -11,7 +11,7 @@ from analysis.linear import spectral_elements
 from analysis.linear.cells import largest_multipliers
 from analysis.linear.chart_plot import plot_chart
 from analysis.linear.delay_equation import milling_equation
-from analysis.linear.stability import CLASSES, FEED_ONLY, sharpened_limit, stability_chart
+from analysis.linear.stability import CLASSES, FEED_ONLY, StabilityChart, sharpened_limit, stability_chart
 from testbed.cut import Cut
 from tests.validation.charts import model_of, random_machine
 
@@ -79,6 +79,23 @@ def test_a_cut_of_more_oscillations_than_can_be_resolved_is_blank_and_refused():
     drawn = plot_chart(chart).axes[0]
     assert "blank: not known" in [text.get_text() for text in drawn.get_legend().get_texts()]
     assert drawn.get_title(loc="left") == FEED_ONLY
+
+
+def test_a_blank_cell_is_drawn_hatched_and_never_like_a_stable_one():
+    speeds, depths = np.linspace(100.0, 200.0, 4), np.linspace(1e-3, 2e-3, 3)
+    largest, classes = np.full((3, 4), 0.5 + 0j), np.zeros((3, 4), dtype=np.int8)
+    largest[1, 2], classes[1, 2] = np.nan, -1
+    drawn = plot_chart(StabilityChart(speeds, depths, largest, classes))
+    drawn.canvas.draw()
+    pixels = np.asarray(drawn.canvas.buffer_rgba())[..., :3]
+    axes = drawn.axes[0]
+
+    def darkest(row: int, column: int) -> int:
+        x, y = axes.transData.transform((speeds[column] * 30.0 / np.pi, depths[row] * 1e3))
+        where = pixels[int(len(pixels) - y) - 8:int(len(pixels) - y) + 8, int(x) - 8:int(x) + 8]
+        return int(where.min())
+
+    assert darkest(1, 2) < 200 and darkest(0, 0) == 255
 
 
 def test_an_error_that_does_not_settle_leaves_the_cell_blank(monkeypatch):

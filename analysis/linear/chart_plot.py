@@ -82,6 +82,16 @@ def _borders(axes: Axes, speed: np.ndarray, depth: np.ndarray, radius: np.ndarra
     return lines
 
 
+def _hatch(axes: Axes, edges: tuple[np.ndarray, np.ndarray], blank: np.ndarray) -> None:
+    """Hatch the cells (depths, speeds) marked in `blank`; a cell's fill may be see-through, its hatch must not be."""
+    from matplotlib.collections import PolyCollection
+
+    speed, depth = edges
+    cells = [[(speed[j], depth[i]), (speed[j + 1], depth[i]), (speed[j + 1], depth[i + 1]), (speed[j], depth[i + 1])]
+             for i, j in np.argwhere(blank)]
+    axes.add_collection(PolyCollection(cells, facecolor="none", edgecolor="0.45", hatch="////", linewidths=0.0))
+
+
 def plot_chart(chart: StabilityChart, tests: Sequence[ChartTest] = (), note: str = "") -> Figure:
     """Stability over spindle speed (rpm) and depth (mm), coloured by the class of the instability, tests on top.
 
@@ -106,7 +116,7 @@ def plot_chart(chart: StabilityChart, tests: Sequence[ChartTest] = (), note: str
         handles.append(Line2D([], [], ls="", marker=_MARKERS.get(outcome, "x"), mfc="white", mec="black",
                               label=f"test: {said_class(outcome)}"))
     if blank.any():  # white as stable cells are, but hatched
-        axes.pcolor(*edges, np.ma.masked_array(np.zeros(blank.shape), ~blank), hatch="///", alpha=0.0, edgecolor="0.6", lw=0.0)
+        _hatch(axes, edges, blank)
         handles.append(Patch(fc="white", ec="0.6", hatch="///", label="blank: not known"))
     if note:
         handles.append(Line2D([], [], ls="", label=note))

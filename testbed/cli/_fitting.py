@@ -49,9 +49,11 @@ def observed_records(records: Sequence[Any], model: Any, path: object, model_fil
 def read_both(campaign: str, model_file: str, catalogue: Any) -> tuple[Any, list[Any], tuple[Any, ...]]:
     """(model, records ready for a fit, records as read) of a command's two files."""
     from analysis.fit.spindle_speed import at_modelled_speed
+    from testbed.cli._options import refuse_planar
     from testbed.model_file import read_model
 
     model = read_model(model_file, catalogue)
+    refuse_planar(model, model_file)
     records = load_records(campaign)
     observed = observed_records(records, model, campaign, Path(model_file))
     return model, at_modelled_speed(observed, model.effects, catalogue), records

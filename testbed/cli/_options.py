@@ -116,6 +116,13 @@ def cutting_model(path: str, catalogue: Any = None, otherwise: str = "") -> Any:
     return model
 
 
+def refuse_planar(model: Any, place: str) -> None:
+    """InputProblem where a model has more than the one mode along the feed that a fit can take so far."""
+    if model.planar:
+        raise InputProblem(place, "has modes beyond one of the workpiece along x, or a pitch for each tooth",
+                           "fits take one mode along x so far; run, chart and multipliers take any")
+
+
 def guesses_note(model: Any) -> list[str]:
     """A line where a model has parameters that no record told: what it foretells is a guess as far as it hangs on them."""
     told = ", ".join(f"{path} ({model.value(path):.4g})" for path in model.not_determined)

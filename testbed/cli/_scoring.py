@@ -32,13 +32,14 @@ class Sealed:
     """A data set's campaigns by noise level, without the truth, and the truth beside them."""
 
     def __init__(self, order: Order) -> None:
-        from testbed.cli._options import catalogue_of
+        from testbed.cli._options import catalogue_of, refuse_planar
         from testbed.data_set import read_data_set
 
         self.order, self.catalogue = order, catalogue_of(order.folders)
         source = read_data_set(order.data)
         _one_machine(source)
         self.truth = source.true_model(self.catalogue)
+        refuse_planar(self.truth, order.data)
         self.groups = _groups(source)
 
     @property

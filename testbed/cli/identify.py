@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from testbed.cli._answer import Answer, interval_shown, shown
-from testbed.cli._options import catalogue_of, cutting_model, effects_option, model_option, shared
+from testbed.cli._options import catalogue_of, cutting_model, effects_option, model_option, refuse_planar, shared
 from testbed.cli._places import check_place
 from testbed.problem import InputProblem
 
@@ -47,6 +47,7 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
     multipliers = method == "multipliers"
     otherwise = "; for free decays and driven records there is --method waveform"
     model = cutting_model(model_file, catalogue, otherwise) if multipliers else read_model(model_file, catalogue)
+    refuse_planar(model, model_file)
     records = load_records(data)
     try:
         found = identify_by_multipliers(model, records, data, seed or 0) if multipliers else \
