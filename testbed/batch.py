@@ -77,11 +77,11 @@ def simulate_runs(runs: list[Run], simulate: Simulate, effects: Any = None) -> I
     """`simulate_run` of each, in one call where the engine's function has another beside it, `together`, for many runs."""
     many = getattr(simulate, "together", None)
     head = runs[0]
-    if many is not None and len(runs) > 1 and all(run.steps == head.steps and list(run.sensors.channels) ==
-                                                  list(head.sensors.channels) for run in runs):
+    if many is not None and len(runs) > 1 and all(run.steps == head.steps and run.sensors.sources == head.sensors.sources
+                                              for run in runs):
         try:
             predicted = many([run.model for run in runs], [run.cut for run in runs], [run.sampling for run in runs],
-                             channels=tuple(head.sensors.channels), steps=head.steps, catalogue=effects)
+                             channels=head.sensors.sources, steps=head.steps, catalogue=effects)
         except (FloatingPointError, OverflowError, ZeroDivisionError):
             pass  # one of them: which, is found one by one
         else:
@@ -93,7 +93,7 @@ def simulate_runs(runs: list[Run], simulate: Simulate, effects: Any = None) -> I
 def simulate_run(run: Run, simulate: Simulate, effects: Any = None) -> Recording:
     """One run as its sensors record it. A run whose numbers fail is a recording of nothing with its outcome by name."""
     try:
-        predicted = simulate(run.model, run.cut, run.sampling, channels=tuple(run.sensors.channels), steps=run.steps,
+        predicted = simulate(run.model, run.cut, run.sampling, channels=run.sensors.sources, steps=run.steps,
                              catalogue=effects)
     except (FloatingPointError, OverflowError, ZeroDivisionError):
         return nothing(run, "diverged")
@@ -108,4 +108,4 @@ def nothing(run: Run, outcome: Outcome) -> Recording:
     """The recording of a run that left none: one sample, NaN."""
     channels = {name: np.full(1, np.nan) for name in run.sensors.channels}
     return Recording(channels, run.sampling.rate, {name: CHANNEL_UNITS[name] for name in channels}, "synthetic",
-                     start=run.sampling.start, outcome=outcome, outcome_time=run.sampling.start)
+                     start=run.sampling.start, outcome=outcome, outcome_time=run.sampling.start, on_tool=run.sensors.on_tool)

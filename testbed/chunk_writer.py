@@ -55,6 +55,8 @@ class ChannelWriter:
         self.data = channel_data(file, name, count, samples, kind, compression,
                                  min(rows or chunk_rows(samples, kind.itemsize, count), max(1, count)))
         self.data.attrs["units"], self.data.attrs["long_name"] = unit, f"measured {name.replace('_', ' ')}"
+        if sensor.on == "tool":
+            self.data.attrs["on"] = sensor.on
         self.data.attrs["_FillValue"] = np.array(self.fill, kind)
         if self.step is not None:
             self.data.attrs["scale_factor"], self.data.attrs["add_offset"] = float(self.step), 0.0

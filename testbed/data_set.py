@@ -86,13 +86,15 @@ class DataSet:
         """Recordings of a file whose first run is number `begin`."""
         part = slice(first - begin, last - begin)
         channels = {name: _decoded(file[name], part) for name in self.channels}
+        on_tool = tuple(name for name in channels if file[name].attrs.get("on") == "tool")
         small = {name: file[name][part] for name in ("start", "sample_count", "outcome_time", "marks", "pass_times")}
         return [Recording(
             channels={name: values[row, : small["sample_count"][row]] for name, values in channels.items()},
             sampling_rate=self.sampling_rate, units={name: str(file[name].attrs["units"]) for name in channels},
             origin="synthetic", start=float(small["start"][row]), marks=_given(small["marks"][row]),
             pass_times=_given(small["pass_times"][row]), outcome=self.outcome[first + row],
-            outcome_time=float(small["outcome_time"][row]), conditions=self._conditions(first + row))
+            outcome_time=float(small["outcome_time"][row]), conditions=self._conditions(first + row),
+            on_tool=on_tool)
             for row in range(last - first)]
 
     def _conditions(self, index: int) -> dict[str, Any]:

@@ -253,11 +253,12 @@ class Model:
     @property
     def base_parameters(self) -> Mapping[str, str]:
         """Paths of the parameters that belong to no effect, with their SI units."""
+        cutting = {name: BASE_UNITS[name] for name in _CUTTING if self.cutting is not None}
         if not self.structure.planar:
-            return BASE_UNITS
+            return {name: BASE_UNITS[name] for name in _STRUCTURE} | cutting
         units = {**{name: BASE_UNITS[name] for name in _STRUCTURE}, "direction": "rad"}
         modes = {f"modes[{place}].{name}": unit for place in range(len(self.structure.modes)) for name, unit in units.items()}
-        return modes | {name: BASE_UNITS[name] for name in _CUTTING}
+        return modes | cutting
 
     def value(self, path: str) -> float:
         """A parameter by its path: `natural_frequency` or, where there are several, `modes[0].natural_frequency`;

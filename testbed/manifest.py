@@ -9,10 +9,10 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field
 
 from testbed.channel_units import channel_unit
-from testbed.machine import MOST_FLUTES
+from testbed.machine import MOST_FLUTES, Carrier
 from testbed.readers.source import Source, base_name
 from testbed.readers.table import NO_SPECTRA
-from testbed.recording import CHANNEL_UNITS
+from testbed.recording import CHANNEL_UNITS, MOTIONS
 from testbed.units import UnitProblem, parse_quantity, refuse_decimal_comma, spelled
 from testbed.yaml_text import SAMPLING_RATE, Document, Strict, above_zero, at_least_zero, did_you_mean, quantity
 
@@ -121,6 +121,7 @@ class ChannelEntry(Strict):
     edge: Literal["rising", "falling"] | None = None
     file: str | None = None
     key: Annotated[str | None, BeforeValidator(_key)] = None
+    on: Carrier | None = None
 
 
 def _unless_none(value: object) -> object:
@@ -197,6 +198,8 @@ def check_channels(document: Document, manifest: ManifestEntry) -> None:
             if name == "time" and isinstance(entry, ChannelEntry) and (entry.file or entry.key):
                 do = "every file has its own time column: remove them"
                 raise document.problem((*path, name), "'time' has file or key", do)
+            if isinstance(entry, ChannelEntry) and entry.on is not None and base_name(name) not in MOTIONS:
+                raise document.problem((*path, name, "on"), f"'{name}' is no motion", "remove it")
             if name != "tachometer" and isinstance(entry, ChannelEntry) and (entry.pulses_per_revolution or entry.edge):
                 raise document.problem(
                     (*path, name), f"'{name}' has pulses_per_revolution or edge", "these belong to the tachometer"

@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 
+from testbed.machine import Carrier
+
 Origin = Literal["measured", "synthetic", "predicted"]
 Outcome = Literal["ok", "diverged", "limit", "crashed"]
-CHANNEL_UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "force": "N", "force_x": "N",
+MOTION_UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+MOTIONS = tuple(f"{name}{axis}" for name in MOTION_UNITS for axis in ("", "_x", "_y"))  # one without an axis is along x
+CHANNEL_UNITS = {**{name: MOTION_UNITS[name.split("_")[0]] for name in MOTIONS}, "force": "N", "force_x": "N",
                  "force_y": "N", "tachometer": "V", "spindle_angle": "rad"}
+
+
+def motion_channel(name: str, on: Carrier = "workpiece") -> str:
+    """The engines' name of what a sensor gives: `displacement` is `displacement_x`; on the tool, `tool_displacement_x`."""
+    if name not in MOTIONS:
+        return name
+    quantity, _, axis = name.partition("_")
+    if on == "tool":
+        return f"tool_{quantity}_{axis or 'x'}"
+    return quantity if axis in ("", "x") else name
 
 
 @dataclass(frozen=True)
@@ -25,7 +39,8 @@ class Recording:
     pass_times: times (s) of each tooth pass's start (simulated records only).
     filled: indices of samples that were not measured and were put in between their neighbours.
     outcome: how a simulated run ended; outcome_time is when (s), NaN if it ran to the end.
-    conditions: operating conditions and whatever else is known of the record.
+    conditions: operating conditions and whatever else is known of the record. on_tool: channels whose sensor sits on the
+    tool; the others' sit on the workpiece.
     """
 
     channels: Mapping[str, np.ndarray]
@@ -40,6 +55,7 @@ class Recording:
     conditions: Mapping[str, Any] = field(default_factory=dict)
     pulses_per_revolution: int = 1
     filled: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+    on_tool: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.channels:
@@ -55,6 +71,16 @@ class Recording:
 
     def __len__(self) -> int:
         return len(next(iter(self.channels.values())))
+
+    def along_feed(self) -> Recording:
+        """What of it a workpiece that moves along x alone can show: `displacement_x` of the workpiece is `displacement`;
+        motion along y and of the tool is left out, unless there is nothing else."""
+        moved = {name: motion_channel(name) for name in self.channels if name not in self.on_tool}
+        kept = {new: name for name, new in moved.items() if not (new in MOTIONS and new.endswith("_y"))}
+        if not kept or list(kept) == list(self.channels):
+            return self
+        return replace(self, channels={new: self.channels[name] for new, name in kept.items()},
+                       units={new: self.units[name] for new, name in kept.items()}, on_tool=())
 
     @property
     def time(self) -> np.ndarray:

@@ -153,7 +153,8 @@ def _stable(value: object) -> str:
     if isinstance(value, tuple):
         return "(" + ",".join(_stable(item) for item in value) + ")"
     if isinstance(value, SensorChain):
-        return f"{sorted(value.channels.items())!r} {value.mark_angle!r} {value.mark_jitter!r}"
+        return f"{sorted(value.channels.items())!r} {value.mark_angle!r} {value.mark_jitter!r}" \
+            + "".join(f" {name} on tool" for name in value.on_tool)
     return repr(value)
 
 

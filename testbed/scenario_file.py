@@ -21,15 +21,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
+from pydantic import create_model
+
 from testbed.axis import axis, check_all
 from testbed.catalogue import catalogue as known_effects
 from testbed.design_file import MAX_RUNS, read_design
 from testbed.draws import KINDS, Distribution
 from testbed.draws_file import distribution, read_random
 from testbed.effect import Effect
+from testbed.machine import Carrier, Model
 from testbed.model_file import model_from, read_model
 from testbed.noise import NoiseRecipe
-from testbed.recording import CHANNEL_UNITS
+from testbed.recording import CHANNEL_UNITS, MOTIONS
 from testbed.scenario import Course, Engine, Scenario, whole_passes
 from testbed.sensors.chain import ChannelSensor, SensorChain
 from testbed.units import UnitProblem, parse_quantity
@@ -50,7 +53,7 @@ from testbed.yaml_text import (
 MAX_SAMPLES_A_RUN = 50_000_000
 MAX_SAMPLES = 40_000_000_000_000  # 80 TB of 16-bit counts
 _RATES = {"m": "m/s", "m/s": "m/s^2"}
-SENSED = ("displacement", "velocity", "acceleration", "force_x", "force_y")
+SENSED = (*MOTIONS, "force_x", "force_y")
 
 
 class _Spread(Strict):
@@ -74,17 +77,17 @@ class _Channel(Strict):
     range: Any = None
     offset: Any = None
     drift: Any = None
+    on: Carrier = "workpiece"
 
 
-class _Sensors(Strict):
+class _Timing(Strict):
     sampling_rate: Annotated[float, SAMPLING_RATE] = 12_800.0
     mark_angle: Annotated[float, in_unit("rad")] = 0.0
     mark_jitter: Annotated[float, in_unit("s", at_least_zero)] = 0.0
-    displacement: Any = None
-    velocity: Any = None
-    acceleration: Any = None
-    force_x: Any = None
-    force_y: Any = None
+
+
+_CHANNELS: dict[str, Any] = dict.fromkeys(SENSED, (Any, None))
+_Sensors: Any = create_model("_Sensors", __base__=_Timing, **_CHANNELS)
 
 
 class _Engine(Strict):
@@ -133,6 +136,7 @@ def scenario_from(document: Document, catalogue: Mapping[str, Effect] | None = N
     if engine.steps is not None and engine.steps < 1:
         raise document.problem(("engine", "steps"), f"'{engine.steps}' must be at least 1", "correct the value")
     rate, chains, drawn = _sensors(document, given.sensors is not None)
+    _something_to_sense(document, model, chains[0])
     course = _course(document, given.cut is not None, model.cutter.flutes)
     model, chances = read_random(document, model, effects)
     scenario = Scenario(
@@ -219,8 +223,10 @@ def _channel(document: Document, path: Path_, si: str) -> tuple[ChannelSensor, .
     if bool(channel.bits) != (channel.range is not None):
         missing = "range" if channel.bits else "bits"
         raise document.problem((*path, missing), "is missing", "a converter needs bits and range, such as 16 and 1 mm")
+    if channel.on == "tool" and path[-1] not in MOTIONS:
+        raise document.problem((*path, "on"), "forces are those on the workpiece", "remove it")
     try:
-        sensor = ChannelSensor(0.0, channel.bits, numbers["range"], numbers["offset"], numbers["drift"])
+        sensor = ChannelSensor(0.0, channel.bits, numbers["range"], numbers["offset"], numbers["drift"], on=channel.on)
     except ValueError as problem:
         raise document.problem(path, str(problem), "correct the value") from None
     place = (*path, "noise")
@@ -233,6 +239,19 @@ def _channel(document: Document, path: Path_, si: str) -> tuple[ChannelSensor, .
     levels = axis(document, place, channel.noise, si)
     check_all(document, place, levels, at_least_zero)
     return tuple(replace(sensor, noise=level) for level in levels)
+
+
+def _something_to_sense(document: Document, model: Model, chain: SensorChain) -> None:
+    """InputProblem for a sensor of motion on what carries no mode that moves its way."""
+    for name, sensor in chain.channels.items():
+        if name not in MOTIONS:
+            continue
+        axis = 1 if name.endswith("_y") else 0
+        if not model.effects and all(mode.on != sensor.on or mode.shape[axis] == 0.0 for mode in model.structure.modes):
+            where = next((one for one in ("workpiece", "tool") for mode in model.structure.modes
+                          if mode.on == one and mode.shape[axis] != 0.0), None)
+            do = f"give `{name}: {{on: {where}}}`" if where else f"no mode moves along {'xy'[axis]}: leave the channel out"
+            raise document.problem(("sensors", name), f"sits on the {sensor.on}, which stands still along {'xy'[axis]}", do)
 
 
 def _is_distribution(noise: object) -> bool:

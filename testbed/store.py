@@ -20,7 +20,7 @@ import numpy as np
 from testbed.atomic import replacing
 from testbed.chunk_writer import ChannelWriter, Compression
 from testbed.content_hash import ATTRIBUTE, DIGEST, content_hash
-from testbed.machine import BASE_PARAMETERS, BASE_UNITS, Model
+from testbed.machine import BASE_UNITS, Model
 from testbed.memory_file import MemoryFile
 from testbed.recording import CHANNEL_UNITS, Outcome, Recording
 from testbed.scenario import Run
@@ -65,9 +65,7 @@ class Header:
 def truth_of(run: Run) -> dict[str, float]:
     """The true value of every parameter by its path, and the tachometer's mark angle (rad)."""
     model = run.model
-    names = [name for name in BASE_PARAMETERS if model.cutting is not None or name in ("mass", "natural_frequency",
-                                                                                      "damping_ratio")]
-    values = {name: model.value(name) for name in names}
+    values = {name: model.value(name) for name in model.base_parameters}
     values |= {f"{effect}.{name}": value for effect, given in model.effects.items() for name, value in given.items()}
     return values | {"mark_angle": run.sensors.mark_angle}
 
@@ -225,6 +223,6 @@ def write_digests(file: h5py.File, channel: str, digests: bytes) -> None:
 
 
 def truth_units(model: Model, catalogue: Mapping[str, Any]) -> dict[str, str]:
-    """Unit of every effect parameter of a model, by its path."""
-    return {f"{effect}.{name}": catalogue[effect].parameter(name).unit
+    """Unit of every parameter of a model, by its path."""
+    return {**model.base_parameters} | {f"{effect}.{name}": catalogue[effect].parameter(name).unit
             for effect, given in model.effects.items() for name in given}

@@ -300,11 +300,12 @@ def observe(record: Any, model: Model) -> Observed:
     """Make a campaign's record (testbed.campaign.Record) ready. ValueError where it holds nothing that can be predicted."""
     recording = record.recording
     excited = record.kind == "excited"
+    recording = recording.along_feed()
     names = tuple(name for name in recording.channels if name in _ORDER and not (excited and name.startswith("force")))
     if record.kind == "ring-down":
         names = tuple(name for name in names if not name.startswith("force"))
     if not names:
-        raise ValueError(f"record {record.name} has no channel that a model predicts")
+        raise ValueError(f"record {record.name} has no channel of the workpiece along x: fits predict no other so far")
     segments = find_segments(recording, kind=record.kind)
     data = np.array([recording.channels[name] for name in names], dtype=float)
     blows = blow_times(recording) if record.kind == "ring-down" else ()

@@ -79,23 +79,26 @@ def contact_loss_time(recording: Recording, immersion: float, noise: float = 0.0
     return float(times[1:][lost].min()) if lost.any() else math.nan
 
 
-def labels(recording: Recording, linear: LinearClass, immersion: float, noise: Mapping[str, float],
-           effects: tuple[str, ...]) -> Mapping[str, Any]:
-    """All label columns of a run. immersion: of the true machine; noise: rms of each channel's sensor, its unit."""
-    try:
-        when: float | None = contact_loss_time(recording, immersion, noise.get("displacement", 0.0),
-                                               int(recording.conditions["flutes"]))
-    except ValueError:
-        when = None
+def labels(recording: Recording, linear: LinearClass, model: Model, noise: Mapping[str, float]) -> Mapping[str, Any]:
+    """All label columns of a run. model: the true machine; noise: rms of each channel's sensor, its unit."""
+    when: float | None = None
+    if not model.planar:  # a surface that y, too, leaves cannot be followed from one channel
+        try:
+            when = contact_loss_time(recording, model.value("immersion"), noise.get("displacement", 0.0),
+                                     int(recording.conditions["flutes"]))
+        except ValueError:
+            when = None
+    uneven = model.cutter is not None and bool(model.cutter.pitch_angles)
     lost = None if when is None else not math.isnan(when)
     return {"stability": linear.stability, "largest_multiplier_modulus": linear.modulus,
-            "largest_multiplier_angle": linear.angle, "behaviour": observed(recording, noise), "contact_loss": lost,
-            "contact_loss_time": when if lost else None, "effects": sorted(effects)}
+            "largest_multiplier_angle": linear.angle, "behaviour": observed(recording, noise, uneven), "contact_loss": lost,
+            "contact_loss_time": when if lost else None, "effects": sorted(model.effects)}
 
 
-def observed(recording: Recording, noise: Mapping[str, float]) -> str:
+def observed(recording: Recording, noise: Mapping[str, float], by_revolution: bool = False) -> str:
     """What the cut did alone, by the displacement, else the velocity, the acceleration, a force; noise: rms of each channel's.
 
+    by_revolution: the teeth differ, so that samples are compared once a revolution and not once a tooth.
     Undecided where the run is too short, broken off or has no marks.
     """
     known, passes = recording.conditions, recording.pass_times
@@ -105,6 +108,7 @@ def observed(recording: Recording, noise: Mapping[str, float]) -> str:
     cut = {"entry_time": float(passes[first]), "exit_time": float(passes[last])}
     flutes, channel = int(known["flutes"]), main_channel(recording)
     marks = recording.marks if recording.marks.size >= 3 else passes[::flutes]
+    flutes = 1 if by_revolution else flutes
     timed = replace(recording, marks=marks, conditions={**known, **cut})
     try:
         samples = (once_per_tooth_samples(timed, flutes) if channel == "displacement"

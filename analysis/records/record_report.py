@@ -17,7 +17,7 @@ from analysis.records.ring_downs import Decay, blow_times, free_vibrations, note
 from analysis.records.segments import Segment, find_segments, main_channel
 from testbed.readers import checks
 from testbed.readers.tachometer import speed as marks_speed
-from testbed.recording import Recording
+from testbed.recording import MOTIONS, Recording
 
 
 @dataclass(frozen=True)
@@ -79,6 +79,7 @@ class RecordReport:
             "channels": {
                 name: {
                     "unit": channel.unit,
+                    **({"on": "tool"} if name in recording.on_tool else {"on": "workpiece"} if name in MOTIONS else {}),
                     "min": channel.low,
                     "max": channel.high,
                     "rms": channel.rms,

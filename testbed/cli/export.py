@@ -99,9 +99,8 @@ class _Notes:
 
         model = self._model(index)
         linear = self._linear(model, index)
-        immersion = model.value("immersion")
         noise = {name: float(values[index]) for name, values in self.source.noise.items()}
-        found = labels(recording, linear, immersion, noise, tuple(model.effects))
+        found = labels(recording, linear, model, noise)
         split = self.planned.split[index]
         self.classes.setdefault(split, Counter())[found["stability"] or "none"] += 1
         self.contact_losses[split] += bool(found["contact_loss"])
@@ -122,7 +121,8 @@ class _Notes:
             own = [(value, path.partition(".")[2]) for path, value in values.items() if path.startswith(f"{effect}.")]
             if own and all(value == self.catalogue[effect].parameter(name).neutral for value, name in own):
                 model = model.without_effect(effect)
-        here = {path: value for path, value in values.items() if "." not in path or path.partition(".")[0] in model.effects}
+        here = {path: value for path, value in values.items() if "." not in path or path.partition(".")[0] in model.effects
+                or path in model.base_parameters}
         return model if all(model.value(path) == value for path, value in here.items()) else model.with_values(here)
 
     def _linear(self, model: Any, index: int) -> Any:

@@ -122,8 +122,9 @@ def _record(record: RecordReport) -> list[str]:
     for name, channel in record.channels.items():
         factor, unit = _SHOWN.get(channel.unit, (1.0, channel.unit or "?"))
         clipped = f", {channel.clipped} samples clipped" if channel.clipped else ""
+        place = " on the tool" if name in recording.on_tool else ""
         lines.append(
-            f"  {name}: {channel.low * factor:.5g} to {channel.high * factor:.5g} {unit}, rms about the mean "
+            f"  {name}{place}: {channel.low * factor:.5g} to {channel.high * factor:.5g} {unit}, rms about the mean "
             f"{channel.rms * factor:.4g} {unit}{clipped}"
         )
     conditions = _conditions(record.conditions)

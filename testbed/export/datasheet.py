@@ -40,7 +40,7 @@ label marks where the simulation ceases to be physical.
 ## What it must not be used for
 
 - To vouch for a real machine's safety, or as the only ground of a stability limit on a shop floor: every run comes from one
-  family of models (one mode along the feed, linear force law, plus the effects listed), and real machines have more.
+  family of models (the modes of the model below, linear force law, plus the effects listed), and real machines have more.
 - To claim accuracy on measured data. Sensors, clamping, material and wear of a real rig are not in it.
 - To score a method on rows drawn at random: use the splits, which hold out whole conditions.
 - With `truth`, `simulation` or label columns as inputs: `pass_times` and `noise_*` are not known of a real cut.

@@ -62,8 +62,9 @@ _SIMULATION = (
 
 
 def truth_column(path: str) -> str:
-    """Column of a true parameter: `process_damping.coefficient` stands in `true_process_damping__coefficient`."""
-    return "true_" + path.replace(".", "__")
+    """Column of a true parameter: `process_damping.coefficient` stands in `true_process_damping__coefficient`,
+    `modes[0].mass` in `true_modes_0__mass`."""
+    return "true_" + path.replace(".", "__").replace("[", "_").replace("]", "")
 
 
 def columns(channels: Mapping[str, str], truth: Mapping[str, str]) -> tuple[Column, ...]:

@@ -20,9 +20,9 @@ import numpy as np
 from testbed.export.groups import SPLITS, groups_of, split_of
 from testbed.export.schema import FORMAT, Column, arrow_schema, columns, truth_column
 from testbed.export.shards import ShardWriter
-from testbed.machine import BASE_UNITS
 from testbed.problem import InputProblem
 from testbed.recording import CHANNEL_UNITS, Recording
+from testbed.store import truth_units
 
 MANIFEST = "export.json"
 DATA = "data"
@@ -49,20 +49,14 @@ def plan(source: Any, catalogue: Mapping[str, Any], shares: Sequence[float], see
     """Divide a DataSet by operating condition. catalogue: the effects, for the units of their parameters."""
     group = groups_of(source.conditions, source.flutes)
     place = {name: split_of(name, shares, seed) for name in set(group)}
-    units = {path: _unit(path, catalogue) for path in source.truth}
+    units = {"mark_angle": "rad", **truth_units(source.true_model(catalogue), catalogue)}
+    units = {path: units[path] for path in source.truth}
     listed = columns({name: CHANNEL_UNITS[name] for name in source.channels}, units)
     about = {"name": source.name, "sampling_rate": source.sampling_rate, "sampling_rate_unit": "Hz",
              "units": {each.name: each.unit for each in listed}, "engine": source.engine, "seed": source.seed,
              "source_content_hash": source.content_hash, "origin": "synthetic", "split_seed": seed,
              "shares": dict(zip(SPLITS, map(float, shares), strict=True)), "versions": dict(source.versions)}
     return Plan(group, [place[name] for name in group], listed, about)
-
-
-def _unit(path: str, catalogue: Mapping[str, Any]) -> str:
-    if path == "mark_angle" or path in BASE_UNITS:
-        return BASE_UNITS.get(path, "rad")
-    effect, _, parameter = path.partition(".")
-    return catalogue[effect].parameter(parameter).unit
 
 
 @contextmanager

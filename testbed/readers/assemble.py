@@ -78,6 +78,7 @@ def assemble(
         conditions={**facts, "dropped_samples": sum(count for _, count in base.dropped), "repeated_samples": repeats},
         pulses_per_revolution=pulses,
         filled=filled,
+        on_tool=tuple(name for name in channels if sources[name].on == "tool"),
     )
     return recording, tuple(dict.fromkeys(notes))
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from testbed.machine import Carrier
 from testbed.recording import CHANNEL_UNITS
 
 
 @dataclass(frozen=True)
 class Source:
     """Where a channel comes from: column (name or number from 1), unit as text (None: the file's), scale (unit per
-    raw value), for a tachometer its pulses and edge; file and key: where the channel is not in the record's own file."""
+    raw value), for a tachometer its pulses and edge; file and key: where the channel is not in the record's own file.
+    on: what its sensor sits on."""
 
     column: str | int
     unit: str | None = None
@@ -20,6 +22,7 @@ class Source:
     edge: Literal["rising", "falling"] = "rising"
     file: str | None = None
     key: str | None = None
+    on: Carrier = "workpiece"
 
 
 def base_name(channel: str) -> str:

@@ -14,8 +14,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from testbed.machine import Carrier
 from testbed.noise import NoiseRecipe
-from testbed.recording import Recording
+from testbed.recording import CHANNEL_UNITS, Recording, motion_channel
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class ChannelSensor:
     """One channel's sensor, in the channel's SI unit.
 
     noise: white noise, rms. bits, full_scale: a converter of 2 full_scale / 2^bits a count; none where bits is 0.
-    offset: constant. drift: slope of the slow drift, unit/s. recipe: disturbances beyond white noise.
+    offset: constant. drift: slope of the slow drift, unit/s. recipe: disturbances beyond white noise. on: what it sits on.
     """
 
     noise: float = 0.0
@@ -32,6 +33,7 @@ class ChannelSensor:
     offset: float = 0.0
     drift: float = 0.0
     recipe: NoiseRecipe | None = None
+    on: Carrier = field(default="workpiece", repr=False)  # not in the text of old scenarios' fingerprints
 
     def __post_init__(self) -> None:
         if not all(math.isfinite(value) for value in (self.noise, self.full_scale, self.offset, self.drift)):
@@ -96,6 +98,16 @@ class SensorChain:
         return (SensorChain, (dict(self.channels), self.mark_angle, self.mark_jitter))
 
     @property
+    def sources(self) -> tuple[str, ...]:
+        """The engines' names of what the channels' sensors sit on, in the order of `channels`."""
+        return tuple(motion_channel(name, sensor.on) for name, sensor in self.channels.items())
+
+    @property
+    def on_tool(self) -> tuple[str, ...]:
+        """Channels whose sensor sits on the tool."""
+        return tuple(name for name, sensor in self.channels.items() if sensor.on == "tool")
+
+    @property
     def chance(self) -> bool:
         """Whether random numbers are drawn."""
         return bool(self.mark_jitter) or any(sensor.chance for sensor in self.channels.values())
@@ -108,14 +120,14 @@ class SensorChain:
         """
         timed = any(sensor.drift or sensor.recipe is not None for sensor in self.channels.values())
         time = recording.time - recording.start if timed else np.empty(0)
-        measured = {name: sensor.apply(np.asarray(recording.channels[name], float), time, rng)
-                    for name, sensor in self.channels.items()}
+        measured = {name: sensor.apply(np.asarray(recording.channels[source], float), time, rng)
+                    for (name, sensor), source in zip(self.channels.items(), self.sources, strict=True)}
         marks = shifted_marks(recording.marks, self.mark_angle)
         if self.mark_jitter:
             assert rng is not None
             marks = marks + self.mark_jitter * rng.standard_normal(len(marks))
-        return replace(recording, channels=measured, units={name: recording.units[name] for name in measured},
-                       origin="synthetic", marks=marks)
+        return replace(recording, channels=measured, units={name: CHANNEL_UNITS[name] for name in measured},
+                       origin="synthetic", marks=marks, on_tool=self.on_tool)
 
 
 def shifted_marks(marks: np.ndarray, angle: float) -> np.ndarray:
