@@ -5,7 +5,19 @@ from typing import get_args
 
 import pytest
 
-from testbed import axis, channel_units, cluster, design_file, manifest, model_file, readers, scenario_file, units, yaml_text
+from testbed import (
+    axis,
+    channel_units,
+    cluster,
+    design_file,
+    manifest,
+    model_file,
+    readers,
+    scenario_file,
+    structure_file,
+    units,
+    yaml_text,
+)
 from testbed.catalogue import catalogue
 from testbed.draws import KINDS
 from testbed.effect import HOOKS
@@ -28,7 +40,8 @@ def of(kind):
 
 SHARED = of(manifest._Conditions)
 MODELS = {
-    "model.yaml: top level": model_file._ModelFile, "structure": model_file._Structure, "cutter": model_file._Cutter,
+    "model.yaml: top level": model_file._ModelFile, "structure": structure_file._Structure,
+    "modes": structure_file._Mode, "cutter": model_file._Cutter,
     "cutting": model_file._Cutting, "Keys of the campaign and of a record": manifest._Conditions,
     "Keys of a channel": manifest.ChannelEntry, "scenario.yaml: top level": scenario_file._ScenarioFile,
     "cut": scenario_file._Cut, "spread": scenario_file._Spread, "An axis of equal steps": axis._Spaced,
@@ -54,7 +67,7 @@ def test_every_mapping_that_is_read_has_a_table():
     def below(kind):
         return {one for each in kind.__subclasses__() for one in {each, *below(each)}}
 
-    elsewhere = {cluster._ClusterFile}  # docs/running_on_a_cluster.md
+    elsewhere = {cluster._ClusterFile, scenario_file._Timing}  # docs/running_on_a_cluster.md
     assert {one for one in below(yaml_text.Strict) if one.__module__.startswith("testbed.")} - elsewhere == {*MODELS.values()}
     assert all(f"{key}:" in doc_pages.read("running_on_a_cluster.md") for key in of(cluster._ClusterFile))
 

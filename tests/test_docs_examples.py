@@ -42,6 +42,7 @@ SPEEDS = "{from: 2000 rpm, to: 5000 rpm%s}"
 # where a table's keys stand in a whole file: its kind, the path, and what stands there beside a key
 PLACES = {
     "model.yaml: top level": ("model", (), None), "structure": ("model", ("structure",), None),
+    "modes": ("model", ("structure", "modes", 1), None),
     "cutter": ("model", ("cutter",), None), "cutting": ("model", ("cutting",), None),
     "campaign.yaml: top level": ("campaign", (), None), "records": ("campaign", ("records", 0), None),
     "Keys of the campaign and of a record": ("campaign", (), None), "channels": ("campaign", ("channels",), None),
@@ -60,7 +61,9 @@ PLACES = {
 }
 BELOW = {"An axis of equal steps": ("spindle_speed",), "A range of over": ("over", "spindle_speed"),
          "A noise recipe": ("noise",)}
-ALONE = ({"immersion", "radial_depth"}, set(SECTIONS))  # one of these excludes the others
+MODE = "{natural_frequency: 900 Hz, damping_ratio: 0.02, mass: 50 gram, direction: 30 deg%s}"
+MODES = f"{{modes: [{MODE.replace('900', '800') % ''}, {MODE % ', on: tool'}]}}"
+ALONE = ({"immersion", "radial_depth"}, {"mass", "stiffness"}, set(SECTIONS))  # one of these excludes the others
 
 
 def yaml(text):
@@ -113,6 +116,12 @@ def _whole(heading, key, example):
         path, beside = special.get(key, (path, beside))
     if heading == "Keys of a channel" and key in ("pulses_per_revolution", "edge"):
         path = ("channels", "tachometer")
+    if heading == "modes" or key == "modes":  # in place of one mode along the feed
+        data["structure"] = yaml(MODES)
+    if "sensor" in heading:  # on what moves in x and y
+        data["model"] = {**yaml(examples("model")[0]), "structure": yaml(MODES)}
+    if key == "pitch":
+        data["cutter"]["flutes"] = 4
     if beside is not None:
         _put(data, path, yaml(beside))
     path = (*path, *BELOW.get(heading, ()))
@@ -162,7 +171,7 @@ def _comparable(found):
     if not hasattr(found, "records"):
         return replace(found, text="", file="") if hasattr(found, "course") else found
     return [(one.name, {name: values.tolist() for name, values in one.recording.channels.items()}, one.recording.marks.tolist(),
-             dict(one.conditions)) for one in found.records]
+             one.recording.on_tool, dict(one.conditions)) for one in found.records]
 
 
 def _read(kind, data, folder):
