@@ -13,7 +13,8 @@ from tests import doc_pages
 @pytest.mark.parametrize("theta", [0.3, 1.6, 2.9])
 def test_arrows_point_where_the_forces_do(theta):
     tangential, normal = 3.0, 2.0
-    force = np.array([-(tangential * np.cos(theta) + normal * np.sin(theta)), tangential * np.sin(theta) - normal * np.cos(theta)])
+    sine, cosine = np.sin(theta), np.cos(theta)
+    force = np.array([-(tangential * cosine + normal * sine), tangential * sine - normal * cosine])
     assert tangential * along_motion(theta) + normal * outward(theta) == pytest.approx(force)
     step = 1e-6
     assert (outward(theta + step) - outward(theta)) / step == pytest.approx(along_motion(theta), abs=1e-5)

@@ -55,7 +55,12 @@ def _arrow(axes: Axes, start: Any, step: Any, colour: str, text: str = "", both:
     axes.annotate("", start + step, start, arrowprops={"arrowstyle": "<|-|>" if both else "-|>", "color": colour, "lw": 1.8,
                                                        "shrinkA": 0.0, "shrinkB": 0.0})
     if text:
-        axes.text(*(start + step + 0.12 * step / np.hypot(*step)), text, color=colour, ha="center", va="center")
+        _label(axes, start + step + 0.12 * step / np.hypot(*step), text, color=colour)
+
+
+def _label(axes: Axes, place: np.ndarray, text: str, **style: Any) -> Any:
+    """A text about a place."""
+    return axes.text(float(place[0]), float(place[1]), text, ha="center", va="center", **style)
 
 
 def _draw_cut(axes: Axes, cutter: Cutter, cutting: Cutting) -> None:
@@ -69,8 +74,7 @@ def _draw_cut(axes: Axes, cutter: Cutter, cutting: Cutting) -> None:
     arc = outward(np.linspace(entry, exit_, 90))
     axes.plot(*arc, color=_FORCE, lw=4.0, solid_capstyle="butt", zorder=2)
     for angle, said in ((entry, "entry"), (exit_, "exit")):
-        axes.text(*(0.83 * outward(angle)), f"{said}\n{math.degrees(angle):.3g}°", ha="center", va="center",
-                  fontsize="x-small", zorder=4)
+        _label(axes, 0.83 * outward(angle), f"{said}\n{math.degrees(angle):.3g}°", fontsize="x-small", zorder=4)
     theta = 0.5 * (entry + exit_)
     _draw_teeth(axes, cutter, theta)
     tooth = outward(theta)
@@ -78,7 +82,7 @@ def _draw_cut(axes: Axes, cutter: Cutter, cutting: Cutting) -> None:
     _arrow(axes, tooth, 0.35 * tooth, _FORCE, "$F_n$")
     axes.plot([0.0, 0.0], [0.0, -1.0], color="0.6", lw=0.8, ls=":", zorder=2)
     axes.plot(*(0.38 * outward(np.linspace(0.0, theta, 60))), color="0.3", lw=1.0, zorder=3)
-    axes.text(*(0.5 * outward(0.5 * theta)), r"$\theta$", color="0.3", ha="center", va="center")
+    _label(axes, 0.5 * outward(0.5 * theta), r"$\theta$", color="0.3")
     _arrow(axes, (-1.7, edges[1] + 0.15), (0.4, 0.0), _WORK)
     axes.text(-1.7, edges[1] + 0.25, "feed", color=_WORK)
     _arrow(axes, (1.1, -1.55), (0.4, 0.0), "black", "x")
@@ -94,10 +98,9 @@ def _draw_teeth(axes: Axes, cutter: Cutter, theta: float) -> None:
         angle -= pitch
         axes.plot(*np.outer(outward(angle), (0.72, 1.0)), color=_TOOL, lw=3.0, zorder=3)
         if cutter.flutes <= 8:
-            axes.text(*(0.64 * outward(angle)), str(number), color=_TOOL, ha="center", va="center", fontsize="small")
+            _label(axes, 0.64 * outward(angle), str(number), color=_TOOL, fontsize="small")
         if cutter.pitch_angles and cutter.flutes <= 8 and number:
-            axes.text(*(0.82 * outward(angle + 0.5 * pitch)), f"{math.degrees(pitch):.4g}°", color=_TOOL, ha="center",
-                      va="center", fontsize="x-small")
+            _label(axes, 0.82 * outward(angle + 0.5 * pitch), f"{math.degrees(pitch):.4g}°", color=_TOOL, fontsize="x-small")
     turn = 0.25 * outward(np.linspace(2.4, 4.6, 40))
     axes.plot(*turn, color=_TOOL, lw=1.2)
     _arrow(axes, turn[:, -1], 0.02 * along_motion(4.6), _TOOL)
@@ -110,8 +113,8 @@ def _draw_modes(axes: Axes, modes: tuple[Mode, ...]) -> None:
         reach = 1.05 - 0.55 * place / max(1, len(order) - 1)
         shape = np.array(mode.shape)
         _arrow(axes, -reach * shape, 2.0 * reach * shape, _CARRIER[mode.on], both=True)
-        text = axes.text(*((reach + 0.16) * shape), f"{mode.natural_frequency:.5g} Hz", color=_CARRIER[mode.on], ha="center",
-                         va="center", fontsize="small")
+        text = _label(axes, (reach + 0.16) * shape, f"{mode.natural_frequency:.5g} Hz", color=_CARRIER[mode.on],
+                      fontsize="small")
         text.set_bbox({"fc": "white", "ec": "none", "alpha": 0.8, "pad": 0.5})
     for place, (carrier, sees) in enumerate((("workpiece", "sees +$\\Sigma\\, e_j q_j$ of its modes"),
                                              ("tool", "sees $-\\Sigma\\, e_j q_j$ of its modes"))):
