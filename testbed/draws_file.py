@@ -36,7 +36,8 @@ def read_random(document: Document, model: Model, catalogue: Mapping[str, Effect
         return model, ()
     if not isinstance(given, dict) or not given:
         raise document.problem(("random",), "is no mapping", "write `damping_ratio: {uniform: [0.002, 0.01]}`")
-    known = {name: one for name, one in variables(model, catalogue).items() if name not in (SPEED, DEPTH) and "." not in name}
+    known = {name: one for name, one in variables(model, catalogue).items()
+             if name not in (SPEED, DEPTH) and name.partition(".")[0] not in catalogue}
     known[MARK] = Variable(MARK, "rad", lambda _: None)
     chances = []
     for name in given:
@@ -87,8 +88,9 @@ def distribution(document: Document, path: Path_, variable: Variable, low: float
                  high: float | None = None) -> Distribution:
     """`{uniform: [a, b]}`, `{normal: mean, deviation: b}` and the like, or a plain value; within `low` to `high`."""
     given = document.at(path)
-    bounds = (_FLOORS.get(variable.name, float("-inf")) if low is None else low,
-              _CEILINGS.get(variable.name, float("inf")) if high is None else high)
+    quantity = variable.name.rpartition(".")[2]  # of a mode, too
+    bounds = (_FLOORS.get(quantity, float("-inf")) if low is None else low,
+              _CEILINGS.get(quantity, float("inf")) if high is None else high)
     if not isinstance(given, dict):
         return Distribution("fixed", value_at(document, path, variable, given))
     kind = next((name for name in KINDS if name in given), None)
