@@ -20,6 +20,7 @@ from analysis.search.candidate_round import candidate_of
 from analysis.search.diagnose import diagnose
 from analysis.search.diagnosis import Candidate, as_json, never_nothing, told_of_base, verdict_of
 from analysis.search.gates import below_a_guess, certain_ones, likeliest, vanishes, worth_naming
+from analysis.search.rules import rules_of
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
@@ -38,6 +39,7 @@ def verdict(true):
 def test_nothing_hidden_is_called_adequate():
     found = verdict(TRUE)
     assert found.verdict == "adequate" and found.effects == ()
+    assert [one.met for one in rules_of(found) if not one.effects][:2] == [True, True]
     assert found.baseline == pytest.approx(found.noise_floor, rel=0.02)
 
 
@@ -45,6 +47,10 @@ def test_a_hidden_effect_is_named_and_its_strength_found():
     name, parameter, value = "process_damping", "coefficient", 2.0e5
     found = verdict(TRUE.with_effect(name, **{parameter: value}))
     assert found.verdict == "missing_effect" and found.effects == (name,)
+    rules = rules_of(found)
+    assert [one.met for one in rules if not one.effects] == [True, False, False]  # signal, and neither adequate nor nearly
+    own = [one for one in rules if one.effects == (name,)]
+    assert len(own) >= 4 and all(one.met for one in own)
     answer = as_json(found, BELIEVED)
     assert answer["error"]["baseline"] > 1.1 * answer["error"]["noise_floor"]
     assert answer["error"]["with_effects"] < 1.03 * answer["error"]["noise_floor"]

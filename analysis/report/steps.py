@@ -15,6 +15,7 @@ from analysis.report.page import Page, Panel
 from analysis.report.ticked import named
 from analysis.report.waveforms import LEFT
 from analysis.search.diagnosis import Candidate, Diagnosis, judged_on
+from analysis.search.rules import rules_of
 from testbed.effect import Effect
 
 Step = tuple[str, float, float]  # what was done, error, noise floor
@@ -97,6 +98,19 @@ def add_candidates(page: Page, found: Diagnosis, catalogue: Mapping[str, Effect]
         )
     if others:
         page.text(f"Ruled out by a first step: {', '.join(others)}.", small=True)
+
+
+def add_rules(page: Page, found: Diagnosis) -> None:
+    """The rules that the verdict follows from, each with its limit and this campaign's number."""
+    rules = rules_of(found)
+    if not rules:
+        return
+    page.heading("By which rules does the verdict follow from these numbers?")
+    page.answer("The model as it is comes first, then every effect alone, then the set that is named. Two effects that explain "
+                "equally well are tied: the verdict is then 'undecided'.")
+    page.table(("of", "rule", "limit", "here", "met"),
+               [(named(one.effects) if one.effects else "the model", one.rule, f"{one.limit:.4g}", f"{one.value:.4g}",
+                 "yes" if one.met else "no") for one in rules])
 
 
 def _candidate_bars(page: Page, found: Diagnosis, fitted: Sequence[Candidate]) -> None:

@@ -15,7 +15,7 @@ from analysis.report.compare_page import ForceMap
 from analysis.report.force_map import add_force_map
 from analysis.report.machine import AT_BOUND, far, interval, said_change, settled, shown
 from analysis.report.page import Page
-from analysis.report.steps import Step, add_candidates, add_steps
+from analysis.report.steps import Step, add_candidates, add_rules, add_steps
 from analysis.report.ticked import add_before_after, add_ticks, leading, points_for
 from analysis.report.waveforms import looks, worst_first
 from analysis.search.add_effect import Addition
@@ -139,6 +139,7 @@ def diagnosis_page(
         key = frozenset(best.effects)
         add_ticks(page, chosen, sets, key)
         add_candidates(page, found, catalogue)
+        add_rules(page, found)
         if key and base.fit is not None:
             points, states = points_for(chosen, leading(sets, key)), (base.fit.state, best.fit.state)
             add_before_after(page, chosen, base.errors, sets[key], states, points, key)

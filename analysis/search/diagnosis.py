@@ -237,7 +237,7 @@ def told_of_base(found: Diagnosis) -> Diagnosis:
 def _of_the_base(base: Candidate, noise: float) -> tuple[str, str] | None:
     """(verdict, sentence) where nothing is named and the base model's fit alone decides; None where it does not."""
     ratio = base.error_where_known / noise
-    share = max(noise, _beside_drift(base))
+    share = max(noise, noise_share(base))
     if share > SILENT:
         return "undecided", (f"Hardly anything but noise was measured ({share:.0%} of the signal): these records can tell "
                              "nothing of the model.")
@@ -250,7 +250,7 @@ def _of_the_base(base: Candidate, noise: float) -> tuple[str, str] | None:
     return None
 
 
-def _beside_drift(base: Candidate) -> float:
+def noise_share(base: Candidate) -> float:
     """Noise over what was measured, rms, all records together, without what offset and drift explain; 0 without a fit."""
     if base.fitter is None:
         return 0.0

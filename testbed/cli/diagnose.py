@@ -45,6 +45,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     from analysis.search.diagnose import diagnose
     from analysis.search.diagnosis import as_json, unaided
     from analysis.search.other_way import other_way_note
+    from analysis.search.rules import rules_of
     from testbed.catalogue import DECOYS
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
     from testbed.model_file import effect_text
@@ -65,7 +66,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     notes = [*notes_on(read, model), *turned, *of_the_fit]
     for note in notes:
         answer.say(note)
-    said = as_json(found, model) | {"at_bound": list(stuck), "notes": notes}
+    said = as_json(found, model) | {"rules": rules_of(found), "at_bound": list(stuck), "notes": notes}
     for name, one in said["base_parameters"].items():
         one["determined"] = name not in guesses
     next_step = next_command(found, campaign, model_file, bool(propose), folders)
