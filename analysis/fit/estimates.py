@@ -19,6 +19,8 @@ from testbed.machine import BASE_UNITS
 
 AT_BOUND = 1e-6  # of a bound: what is closer lies at it
 NO_INTERVAL = 1e-9  # of a value: a narrower interval is none
+LEAST_SLIP = 1e-3  # of the speed: two cuts or more that are off alike by more may be timed by a clock that is off
+SLIPS_ALIKE = 0.2  # of that factor, up to which the cuts' own differ
 MATTERS = {"natural_frequency": 2e-4, "damping_ratio": 0.03}  # relative change that counts; of the others 0.01
 DIRECTED = 1.5  # rad: half an interval of an angle from which the direction is unknown
 
@@ -59,11 +61,37 @@ def unit_of(path: str, catalogue: Mapping[str, Effect]) -> str:
     return catalogue[effect].parameter(parameter).unit if parameter else BASE_UNITS[path]
 
 
+def speed_factors(fitter: Fitter, fit: WaveformFit) -> list[float]:
+    """The speed found over the stated one, of every cut."""
+    cuts = [(one, own) for one, own in zip(fitter.records, fit.state.nuisances, strict=True) if one.cut is not None]
+    return [2.0 * math.pi / one.period * own.speed / one.cut.spindle_speed for one, own in cuts if one.cut is not None]
+
+
+def clock_factor(fitter: Fitter, fit: WaveformFit) -> float:
+    """By what all frequencies may be too high: the cuts' common factor over the stated speeds; 1 where they have none.
+
+    A spindle that slips and a sampling rate that is written down wrongly look the same.
+    """
+    off = [math.log(one) for one in speed_factors(fitter, fit)]
+    middle = math.fsum(off) / len(off) if off else 0.0
+    alike = len(off) > 1 and max(off) - min(off) <= SLIPS_ALIKE * abs(middle)
+    return math.exp(middle) if alike and abs(middle) > LEAST_SLIP else 1.0
+
+
+def clock_note(fitter: Fitter, fit: WaveformFit) -> list[str]:
+    """A line where a common factor of all speeds leaves open what time is."""
+    factor = clock_factor(fitter, fit)
+    said = (f"all cuts turn at {factor:.5g} times the stated speed: the spindle may slip, or the sampling rate may be off; the "
+            "intervals of frequencies hold both")
+    return [said] if factor != 1.0 else []
+
+
 def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> dict[str, Estimate]:
     """Every fitted machine parameter with its 95 % interval.
 
     The interval is that of the linearised fit, widened for residuals that are larger than the noise and correlated, for what
     no record shows of the lengths cut, and to hold what other states that explain as much would give, within what is possible.
+    Where all cuts turn at one factor beside the stated speed, frequencies are held to be off by as much, too.
     A strength whose direction is unknown is at least what it is along the direction found; of one that may be nothing, or that
     two teeth alone show, the direction may be any.
     """
@@ -73,17 +101,18 @@ def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect])
     formal = wider**2 * np.maximum(np.diag(fit.covariance), 0.0)
     spread = Z_95 * np.sqrt(formal + np.sum(moved_by_lengths(fitter, fit) ** 2, axis=0))
     found = {}
-    adrift = _adrift(fitter, fit, spread, catalogue)
+    adrift, clock = _adrift(fitter, fit, spread, catalogue), clock_factor(fitter, fit)
     for one, half in zip(fitter.free, spread, strict=False):
         value, (least, most) = fit.state.model.value(one.path), one.bounds
-        others = [state.model.value(one.path) for state in fit.alike]
+        unit = unit_of(one.path, catalogue)
+        others = [state.model.value(one.path) for state in fit.alike] + ([value * clock**-(1.0 + SLIPS_ALIKE)] if unit == "Hz" else [])
         low, high = min([value, *others]) - float(half), max([value, *others]) + float(half)
         if one.path in adrift.values():
             high = most
         if one.path in adrift:
             low, high = least, most
         low, high = min(max(low, least), value), max(min(high, most), value)
-        found[one.path] = Estimate(value, low, high, unit_of(one.path, catalogue), one.scale, low > least or high < most)
+        found[one.path] = Estimate(value, low, high, unit, one.scale, low > least or high < most)
     for direction, strength in adrift.items():
         if direction not in found and strength in found:
             effect, _, parameter = direction.partition(".")

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from analysis.estimate import Estimate
-from analysis.fit.estimates import at_bound, estimates
+from analysis.fit.estimates import at_bound, estimates, speed_factors
 from analysis.fit.fit_state import WaveformFit
 from analysis.fit.waveform import Fitter
 from testbed.effect import Effect
@@ -62,8 +62,7 @@ def said_moved(factor: float) -> str:
 
 def speeds_off(fitter: Fitter, fit: WaveformFit) -> float:
     """The factor by which the speeds of all cuts are other than stated; 1 where it is little, or differs from cut to cut."""
-    cuts = [(one, own) for one, own in zip(fitter.records, fit.state.nuisances, strict=True) if one.cut is not None]
-    factors = [2.0 * math.pi / one.period * own.speed / one.cut.spindle_speed for one, own in cuts if one.cut is not None]
+    factors = speed_factors(fitter, fit)
     if len(factors) < 2 or max(factors) / min(factors) > 1.0 + SAME_CLOCK:
         return 1.0
     return factors[0] if abs(math.log(factors[0])) > OFF_CLOCK else 1.0

@@ -10,7 +10,7 @@ from typing import Any
 from analysis.estimate import Estimate
 from analysis.fit.doubted_marks import with_marks_doubted
 from analysis.fit.effect_start import ANCHOR, applicable, extended, origins_of, state_without
-from analysis.fit.estimates import at_bound
+from analysis.fit.estimates import at_bound, clock_note
 from analysis.fit.fine_steps import finely, has_kinks
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.force_jumps import at_its_jumps
@@ -148,7 +148,7 @@ def _told(names: tuple[str, ...], believed: Model, before: _Step, fitter: Fitter
                       tuple(after), holds_out(records), found, fit.converged, (), fit, before.bare,
                       tuple(record.name for record in fitter.records if not record.heard), at_bound(fitter.free, found),
                       held.held)
-    return replace(result, warnings=(*_warnings(result, fitter, catalogue), *taken_notes(records, fitter.records),
+    return replace(result, warnings=(*_warnings(result, fitter, catalogue), *taken_notes(records, fitter.records), *clock_note(fitter, fit),
                                      *remarks_on(believed, held.model)))
 
 

@@ -199,7 +199,7 @@ def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path
 def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catalogue: Any, model_file: object) -> Identified:
     """Fit the whole waveform of every record with the simulator, the parameters of the model's effects too."""
     from analysis.fit.doubted_marks import with_marks_doubted
-    from analysis.fit.estimates import at_bound
+    from analysis.fit.estimates import at_bound, clock_note
     from analysis.fit.held_guesses import with_guesses_held
     from analysis.fit.held_out import errors_in_fit, pooled
     from analysis.fit.model_fit import model_fit
@@ -216,4 +216,4 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     rows = _multipliers_beside(fit.state.model, records, catalogue, path)
     quality = {"chi_square": chi_square, "converged": fit.converged, "noise_floor": noise}
     return Identified(held.model, found, rows, quality, at_bound(fitter.free, found),
-                      (*taken_notes(observed, fitter.records), *remarks_on(model, held.model)))
+                      (*taken_notes(observed, fitter.records), *clock_note(fitter, fit), *remarks_on(model, held.model)))

@@ -28,6 +28,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     error = rms(measured - predicted) / rms(measured about its mean). Nothing here is random: --seed changes nothing.
     """
     from analysis.comparison.compare import as_json, compare
+    from analysis.fit.estimates import clock_note
     from analysis.fit.plausible import remarks_on
     from analysis.fit.switched import switch_note
     from analysis.fit.taken import taken_notes
@@ -44,7 +45,8 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
         turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
     unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
     notes = [*notes_on(read, model), *turned, *unlike, *taken_notes(records, found.fitter.records),
-             *delay_note(records, found.fitter, found.fit), *remarks_on(model, found.fit.state.model)]
+             *delay_note(records, found.fitter, found.fit), *clock_note(found.fitter, found.fit),
+             *remarks_on(model, found.fit.state.model)]
     notes += [one for one in found.against if not any(one in note for note in notes)]
     _say(answer, found, notes, model)
     notes += _of_silence(found)

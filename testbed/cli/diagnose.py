@@ -97,7 +97,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 def _of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
                      ) -> tuple[tuple[str, ...], tuple[str, ...], list[str]]:  # fmt: skip
     """(parameters at a bound, those not determined, notes) of the fit of the best set of effects."""
-    from analysis.fit.estimates import at_bound, estimates, not_determined, said_at_bound, said_not_determined
+    from analysis.fit.estimates import at_bound, clock_note, estimates, not_determined, said_at_bound, said_not_determined
     from analysis.fit.plausible import remarks_on
     from analysis.fit.taken import taken_notes
     from analysis.search.mark_delay import delay_note
@@ -107,7 +107,7 @@ def _of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
         return (), (), []
     told = estimates(fitter, fit, catalogue)
     stuck, guesses = at_bound(fitter.free, told), not_determined(told)
-    notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit),
+    notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit), *clock_note(fitter, fit),
              *(note for note in remarks_on(model, fit.state.model) if note.partition(":")[0] not in found.sentence)]
     notes += [said_not_determined(guesses)] if guesses else []
     return stuck, guesses, [*notes, *([said_at_bound(stuck)] if stuck else [])]
