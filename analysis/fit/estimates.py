@@ -105,7 +105,8 @@ def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect])
     for one, half in zip(fitter.free, spread, strict=False):
         value, (least, most) = fit.state.model.value(one.path), one.bounds
         unit = unit_of(one.path, catalogue)
-        others = [state.model.value(one.path) for state in fit.alike] + ([value * clock**-(1.0 + SLIPS_ALIKE)] if unit == "Hz" else [])
+        others = [state.model.value(one.path) for state in fit.alike]
+        others += [value * clock ** -(1.0 + SLIPS_ALIKE)] if unit == "Hz" else []
         low, high = min([value, *others]) - float(half), max([value, *others]) + float(half)
         if one.path in adrift.values():
             high = most

@@ -148,8 +148,8 @@ def _told(names: tuple[str, ...], believed: Model, before: _Step, fitter: Fitter
                       tuple(after), holds_out(records), found, fit.converged, (), fit, before.bare,
                       tuple(record.name for record in fitter.records if not record.heard), at_bound(fitter.free, found),
                       held.held)
-    return replace(result, warnings=(*_warnings(result, fitter, catalogue), *taken_notes(records, fitter.records), *clock_note(fitter, fit),
-                                     *remarks_on(believed, held.model)))
+    return replace(result, warnings=(*_warnings(result, fitter, catalogue), *taken_notes(records, fitter.records),
+                                     *clock_note(fitter, fit), *remarks_on(believed, held.model)))
 
 
 def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
