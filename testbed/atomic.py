@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from testbed.interruption import unfinished
 from testbed.problem import InputProblem
 
 
@@ -27,6 +28,7 @@ def replacing(path: str | Path, durable: bool = True) -> Iterator[Path]:
     except OSError as problem:
         raise InputProblem(path, f"cannot be written ({problem.strerror})", "choose another place") from None
     temporary = Path(name)
+    unfinished.add(name)
     try:
         yield temporary
         temporary.chmod(0o666 & ~_umask())  # mkstemp makes the file private
@@ -36,6 +38,8 @@ def replacing(path: str | Path, durable: bool = True) -> Iterator[Path]:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+    finally:
+        unfinished.discard(name)
 
 
 def _umask() -> int:

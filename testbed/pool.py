@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gc
 import multiprocessing
-import signal
 import threading
 import time
 from collections import Counter, deque
@@ -20,6 +19,7 @@ from multiprocessing.connection import wait as wait_for
 from typing import Any
 
 from testbed.batch import Job, compute, write_failed
+from testbed.interruption import deaf, deaf_from_birth
 from testbed.memory_file import release
 from testbed.shards import Span, shard_path
 
@@ -85,7 +85,7 @@ def _in_threads(job: Job, spans: Sequence[Span], workers: int) -> Iterator[Span]
 
 def _serve(connection: Connection, job: Job, place: Any) -> None:
     """A worker process: spans come in, `None` goes back for each that is done, an exception for one that is not."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal; one is to answer it
+    deaf()
 
     def tell(index: int) -> None:
         place[0] = index
@@ -117,7 +117,8 @@ class _Worker:
         self.place = context.RawArray("q", [-1])
         self.connection, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, job, self.place), daemon=True)
-        self.process.start()
+        with deaf_from_birth():
+            self.process.start()
         theirs.close()
         self.ready = False
         self.span: Span | None = None

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from analysis.linear.characteristic import corrected
 from analysis.linear.delay_equation import DelayEquation, milling_equation
@@ -28,6 +27,7 @@ from analysis.linear.spectral_elements import (
 from analysis.linear.temporal_elements import transition_matrix
 from analysis.threads import WORKERS, threaded
 from testbed.cut import Cut
+from testbed.kernel_cache import kept
 from testbed.machine import Model
 
 LADDER = math.log(1.1)  # swings within this ratio share their elements
@@ -36,7 +36,7 @@ PATIENCE = 2  # points more at which cells are given the full eigenvalue problem
 _FEW = 200  # cells that are not worth a thread
 
 
-@njit(cache=True)
+@kept
 def _scaled(unit, added, cutting, damping, stiffness, drag, spring, delayed):
     """Coefficients of one cell at its points, in units of time `unit` (s)."""
     for i in range(cutting.size):
@@ -45,7 +45,7 @@ def _scaled(unit, added, cutting, damping, stiffness, drag, spring, delayed):
         drag[i] = unit * (damping + added)
 
 
-@njit(cache=True, nogil=True)
+@kept(nogil=True)
 def _fill(delays, rows, added, lengths, points, cutting, finer_points, finer_cutting, constants, checked, tables, scratch,
           largest, error):
     """The largest multipliers of some cells (C,) that share their elements, and the errors that they had before a correction.

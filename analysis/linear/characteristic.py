@@ -11,13 +11,14 @@ length is the error of the multiplier before it.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from testbed.kernel_cache import kept
 
 DIFFERENCE = 1e-5  # of mu, for the slope
 CORRECTED = 0.1  # of mu: a longer step leads nowhere
 
 
-@njit(cache=True, fastmath=True)
+@kept(fastmath=True)
 def _solve(matrix, p):
     """Two right-hand sides behind a matrix (p, p + 2), in place."""
     for k in range(p):
@@ -43,7 +44,7 @@ def _solve(matrix, p):
             matrix[k, j] = total * inverse
 
 
-@njit(cache=True, fastmath=True)
+@kept(fastmath=True)
 def _characteristic(mu, lengths, points, damping, stiffness, delayed, flight, nodes, weights, once, twice, work):
     """det(Phi(mu) - mu I); coefficients at all points in turn, work (most points, most points + 2) complex."""
     x0, x1 = complex(flight[0, 0], 0.0), complex(flight[0, 1], 0.0)
@@ -77,7 +78,7 @@ def _characteristic(mu, lengths, points, damping, stiffness, delayed, flight, no
     return (x0 - mu) * (v1 - mu) - x1 * v0
 
 
-@njit(cache=True)
+@kept
 def corrected(mu, lengths, points, damping, stiffness, delayed, flight, tables, work):
     """A multiplier after a step of Newton's method, and the step's length; the multiplier as it was if that is too long."""
     nodes, weights, once, twice = tables

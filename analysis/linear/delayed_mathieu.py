@@ -15,9 +15,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from analysis.linear.delay_equation import DelayEquation, mathieu_equation
+from testbed.kernel_cache import kept
 from testbed.recording import Recording
 
 STEPS = 1200  # of Runge-Kutta in a delay; leaves a relative error of about 4e-10
@@ -70,7 +70,7 @@ class MathieuMotion:
         return self.displacement[first + np.arange(delays) * round(spacing)]
 
 
-@njit(cache=True)
+@kept
 def _method_of_steps(x, v, past_x, past_v, step, kappa, stiffness, b):
     """Fill x, v after their first entries. stiffness: (2 steps + 1,) at half steps of one period; past: (steps + 1,)."""
     steps = past_x.size - 1

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from analysis.linear.spectral_elements import dense_map, times_map
+from testbed.kernel_cache import kept
 
 DENSE = 32  # unknowns up to which the whole matrix is squared
 FIRST_SQUARINGS, MOST_SQUARINGS = 4, 14  # 2^14 passes: 11.5 / 2^14 tells two moduli apart that differ by 7e-4
@@ -21,7 +21,7 @@ FULL = 200  # unknowns up to which a cell may be given the full problem, a fifth
 RITZ = 1e-5  # residual of an eigenvector over its eigenvalue, which is corrected afterwards
 
 
-@njit(cache=True, fastmath=True)
+@kept(fastmath=True)
 def _square(matrix, product):
     """product <- matrix @ matrix, scaled to a largest entry of 1."""
     n = matrix.shape[0]
@@ -41,7 +41,7 @@ def _square(matrix, product):
             product[i, j] *= scale
 
 
-@njit(cache=True, fastmath=True)
+@kept(fastmath=True)
 def _times(matrix, vector, result):
     for i in range(vector.size):
         total = 0.0
@@ -50,7 +50,7 @@ def _times(matrix, vector, result):
         result[i] = total
 
 
-@njit(cache=True)
+@kept
 def full(matrix):
     """Largest eigenvalue by the full problem; of a pair the upper."""
     if not np.all(np.isfinite(matrix)):
@@ -64,7 +64,7 @@ def full(matrix):
     return complex(best.real, imaginary if imaginary > 1e-9 * abs(best) else 0.0)
 
 
-@njit(cache=True, fastmath=True)
+@kept(fastmath=True)
 def _pair(matrix, power, u0, u1, u2):
     """The largest eigenvalue from the largest column of a power of the matrix, and whether it can be vouched for.
 
@@ -109,7 +109,7 @@ def _pair(matrix, power, u0, u1, u2):
     return value, misfit < MISFIT * c and abs(discriminant) > 1e-6 * abs(p)
 
 
-@njit(cache=True)
+@kept
 def dominant(matrix, work, u0, u1, u2):
     """The largest eigenvalue of a matrix (n, n), of a pair the upper; work (2, n, n), vectors (n,)."""
     _square(matrix, work[0])
@@ -124,7 +124,7 @@ def dominant(matrix, work, u0, u1, u2):
     return full(matrix)
 
 
-@njit(cache=True)
+@kept
 def _expand(points, locals_, flight, basis, h, begin, end):
     """Arnoldi's vectors (rows of `basis`) and Hessenberg matrix h (m + 1, m) from `begin` to `end`; how many there are."""
     n = basis.shape[1]
@@ -145,7 +145,7 @@ def _expand(points, locals_, flight, basis, h, begin, end):
     return end, False
 
 
-@njit(cache=True)
+@kept
 def _residual(h, count, value):
     """Of the eigenvector that belongs to `value`, over |value|: from the last row of the Hessenberg matrix upwards."""
     z = np.zeros(count, dtype=np.complex128)
@@ -161,7 +161,7 @@ def _residual(h, count, value):
     return h[count, count - 1] * abs(z[count - 1]) / (size * abs(value))
 
 
-@njit(cache=True)
+@kept
 def largest_of(points, locals_, flight, scratch, checked):
     """The largest multiplier of a map given by its elements, of a pair the upper; not a number where it is not found.
 
@@ -181,7 +181,7 @@ def largest_of(points, locals_, flight, scratch, checked):
     return full(q)
 
 
-@njit(cache=True)
+@kept
 def _by_arnoldi(points, locals_, flight, n):
     """The largest multiplier, and whether it was found."""
     most = min(KRYLOV[-1], n - 1)

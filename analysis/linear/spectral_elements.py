@@ -14,12 +14,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.polynomial import legendre
 
 from analysis.linear.characteristic import corrected
 from analysis.linear.delay_equation import DelayEquation
 from analysis.linear.temporal_elements import sort_multipliers, transition_matrix
+from testbed.kernel_cache import kept
 
 MOST_POINTS = 24  # of one element: beyond, several elements cost less
 LONGEST = 16.0  # rad in one element, for the same reason
@@ -49,7 +49,7 @@ def _tables() -> tuple[np.ndarray, ...]:
 TABLES = _tables()
 
 
-@njit(cache=True)
+@kept
 def _eliminate(matrix, p, columns):
     """Solve in place: matrix (p, p + columns) holds left and right sides; the solution stands in its last columns."""
     width = p + columns
@@ -77,7 +77,7 @@ def _eliminate(matrix, p, columns):
                 matrix[i, j] -= factor * matrix[k, j]
 
 
-@njit(cache=True, fastmath=True)
+@kept(fastmath=True)
 def element_map(h, p, damping, stiffness, delayed, work, local, nodes, weights, once, twice):
     """What one element makes of [its points a delay ago (p), its start state (2)]: its points (p) and its end state (2).
 
@@ -116,7 +116,7 @@ def element_map(h, p, damping, stiffness, delayed, work, local, nodes, weights, 
     local[p + 1, p + 1] += 1.0
 
 
-@njit(cache=True, fastmath=True)
+@kept(fastmath=True)
 def dense_map(points, locals_, flight, q):
     """Q (n, n) from the elements' own maps (E, p + 2, p + 2) and the free flight (2, 2)."""
     n = q.shape[0]
@@ -143,7 +143,7 @@ def dense_map(points, locals_, flight, q):
         q[n - 2, j], q[n - 1, j] = state[0, j], state[1, j]
 
 
-@njit(cache=True, fastmath=True)
+@kept(fastmath=True)
 def times_map(points, locals_, flight, u, result):
     """result <- Q u without Q, in a time that grows with n alone."""
     n = u.size
@@ -234,7 +234,7 @@ def _swing(equation: DelayEquation) -> float:
     return equation.delay * float(swing_rate(equation.damping, equation.stiffness, changing, added))
 
 
-@njit(cache=True)
+@kept
 def element_maps(lengths, points, damping, stiffness, delayed, nodes, weights, once, twice):
     """The maps of all elements, (E, most points + 2, most points + 2); coefficients (sum of points,)."""
     most = points.max()

@@ -14,15 +14,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from analysis.linear.delay_equation import DelayEquation
+from testbed.kernel_cache import kept
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 GAUSS_POINTS, GAUSS_WEIGHTS = 0.5 * (_POINTS + 1.0), 0.5 * _WEIGHTS
 
 
-@njit(cache=True, fastmath=True)
+@kept(fastmath=True)
 def element_matrices(length, damping, stiffness, delayed, forcing, eta, weights, state, past, load):
     """Weighted residuals of one element: N (2, 4) into `state`, P (2, 4) into `past`, C (2) into `load`.
 
@@ -50,7 +50,7 @@ def element_matrices(length, damping, stiffness, delayed, forcing, eta, weights,
         load[1] -= w2 * forcing[g]
 
 
-@njit(cache=True, fastmath=True)
+@kept(fastmath=True)
 def assemble_map(lengths, damping, stiffness, delayed, forcing, flight, eta, weights, q, c):
     """Q (2E + 2, 2E + 2) and c (2E + 2) of a^n = Q a^{n-1} + c, written into `q` and `c`.
 
@@ -82,7 +82,7 @@ def assemble_map(lengths, damping, stiffness, delayed, forcing, flight, eta, wei
         c[row + 3] = t10 * c[row] + t11 * c[row + 1] + d * load[0] + e * load[1]
 
 
-@njit(cache=True)
+@kept
 def transition_matrix(damping, stiffness, time):
     """Exact state transition (2, 2) of x'' + damping x' + stiffness x = 0 over `time`; any sign of the discriminant."""
     result = np.empty((2, 2))

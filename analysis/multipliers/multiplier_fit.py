@@ -12,7 +12,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+
+from testbed.kernel_cache import kept
 
 _KEPT_COLUMNS = 16  # singular directions of the samples that can hold modes; the rest is noise alone
 
@@ -47,7 +48,7 @@ class MultiplierFit:
         return np.sqrt(variance[:self.rank] + variance[self.rank:])
 
 
-@njit(cache=True)
+@kept
 def mode_basis(parameters, rank, periods):
     """Orthonormal columns (periods, rank + 1) spanning 1 and the modes' sequences; a dependent column is left zero."""
     columns = np.empty((rank + 1, periods))
@@ -78,7 +79,7 @@ def mode_basis(parameters, rank, periods):
     return columns.T
 
 
-@njit(cache=True)
+@kept
 def _projected(parameters, rank, drift, data, ramp):
     """What the modes cannot explain of data (periods, columns), flat."""
     left = data.copy()
@@ -89,7 +90,7 @@ def _projected(parameters, rank, drift, data, ramp):
     return (left - basis @ (basis.T @ left)).ravel()
 
 
-@njit(cache=True)
+@kept
 def _slopes(parameters, left, rank, drift, data, ramp):
     """Forward differences of `_projected`, (values, parameters)."""
     result = np.empty((left.size, parameters.size))
@@ -101,7 +102,7 @@ def _slopes(parameters, left, rank, drift, data, ramp):
     return result
 
 
-@njit(cache=True)
+@kept
 def _search(parameters, rank, drift, data, ramp, most):
     """Levenberg-Marquardt: parameters of least misfit from these, and the slopes there."""
     left = _projected(parameters, rank, drift, data, ramp)

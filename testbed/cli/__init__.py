@@ -11,10 +11,11 @@ import os
 import sys
 from importlib import import_module
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import click
 
+from testbed.interruption import INTERRUPTED, interrupted, leave, listen, say_interrupted
 from testbed.problem import InputProblem
 
 FOLDER = Path(__file__).parent
@@ -26,8 +27,19 @@ ORDER = ("demo", "run", "identify", "score", "export", "chart", "multipliers", "
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
+class Stop(BaseException):
+    """A KeyboardInterrupt under another name: click answers that one with an empty line."""
+
+
 class Commands(click.Group):
     """The commands found in this folder, imported when asked for."""
+
+    def invoke(self, context: click.Context) -> Any:
+        """As click's, but an interruption reaches `main`."""
+        try:
+            return super().invoke(context)
+        except KeyboardInterrupt as stop:
+            raise Stop(str(stop)) from None
 
     def list_commands(self, context: click.Context) -> list[str]:
         """Names, in the order of the help."""
@@ -75,41 +87,56 @@ def _show_version(context: click.Context) -> None:
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:
-    """Run a command line; exits with 0 (done), 2 (bad input), 130 (interrupted) or 1 (a fault of the program)."""
+    """Run a command line; exits with 0 (done), 2 (bad input), 130 (interrupted) or 1 (a fault of the program).
+
+    arguments: without them, those that were typed, of a process whose end this is.
+    """
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # results would change with the number of BLAS threads
+    restore = listen()
+    try:
+        code = _code(arguments)
+    finally:
+        if arguments is not None:
+            restore()
+    if arguments is None:
+        leave(code)
+    sys.exit(code)
+
+
+def _code(arguments: list[str] | None) -> int:
+    """The exit code of a command line, whose fault is said in one line."""
     try:
         code = testbed.main(arguments, prog_name="testbed", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as asked:
         click.echo(asked.format_message())
-        code = 0
+        return 0
     except click.UsageError as problem:
-        _complain(_usage(problem))
-        code = 2
+        return _complain(_usage(problem))
     except click.ClickException as problem:
-        _complain(problem.format_message())
-        code = 2
+        return _complain(problem.format_message())
     except InputProblem as problem:
-        _complain(str(problem))
-        code = 2
-    except (KeyboardInterrupt, click.Abort) as stop:
-        said = str(stop) or str(stop.__cause__ or "")  # click wraps the interruption in an Abort of its own
-        click.echo(f"interrupted: {said}" if said else "interrupted", err=True)
-        code = 130
+        return _complain(str(problem))
+    except (KeyboardInterrupt, Stop, click.Abort) as stop:
+        say_interrupted(str(stop))
+        return INTERRUPTED
     except BrokenPipeError:  # the reader, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 0
-    except OSError as problem:
-        if problem.errno not in _NO_ROOM:
+        return 0
+    except BaseException as problem:
+        if interrupted():  # what was struck made something else of it
+            say_interrupted("")
+            return INTERRUPTED
+        if not isinstance(problem, OSError) or problem.errno not in _NO_ROOM:
             raise
         place = problem.filename or "the output"
-        _complain(f"{place}: cannot be written ({problem.strerror}): make room, or choose another place")
-        code = 2
-    sys.exit(code if isinstance(code, int) else 0)
+        return _complain(f"{place}: cannot be written ({problem.strerror}): make room, or choose another place")
+    return code if isinstance(code, int) else 0
 
 
-def _complain(text: str) -> None:
+def _complain(text: str) -> int:
     click.echo("error: " + " ".join(text.split()), err=True)
+    return 2
 
 
 def _usage(problem: click.UsageError) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import multiprocessing
-import signal
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -13,6 +12,8 @@ from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
+
+from testbed.interruption import deaf, deaf_from_birth
 
 
 @dataclass(frozen=True)
@@ -46,9 +47,11 @@ def make_all(work: Work, names: Sequence[str], workers: int, resume: bool) -> It
         return
     # spawn: a forked process would share the engines' compiled state
     pool = ProcessPoolExecutor(min(workers, len(waiting)), mp_context=multiprocessing.get_context("spawn"),
-                               initializer=_ignore_interrupts)
+                               initializer=deaf)
     try:
-        for future in as_completed([pool.submit(make_one, work, name) for name in waiting]):
+        with deaf_from_birth():
+            submitted = [pool.submit(make_one, work, name) for name in waiting]
+        for future in as_completed(submitted):
             yield future.result()
     except BaseException:  # Ctrl-C, or a part that failed: the others are not waited for
         for process in list((pool._processes or {}).values()):
@@ -56,11 +59,6 @@ def make_all(work: Work, names: Sequence[str], workers: int, resume: bool) -> It
         raise
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches every process of a terminal; only the first is to answer it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def make_one(work: Work, name: str) -> tuple[Any, float]:

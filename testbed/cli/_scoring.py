@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from testbed.interruption import deaf, deaf_from_birth
 from testbed.problem import InputProblem
 
 METHODS = ("multipliers", "published", "waveform")
@@ -250,7 +251,9 @@ def study(sealed: Sealed, cases: Sequence[Any], workers: int) -> Iterator[Any]:
     pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin,
                                initargs=(sealed.order,))
     try:
-        yield from pool.map(_work, cases)
+        with deaf_from_birth():
+            answers = pool.map(_work, cases)
+        yield from answers
     except BrokenProcessPool:
         raise InputProblem(sealed.order.data, "a worker died while identifying", "try --workers 1") from None
     finally:
@@ -263,9 +266,7 @@ _own: list[Sealed] = []  # of a worker's process
 
 
 def _begin(order: Order) -> None:
-    import signal
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal; the first answers it
+    deaf()
     _own[:] = [Sealed(order)]
 
 

@@ -40,7 +40,6 @@ def command(scenario_file: str, output: str, workers: int, engine: str | None, r
     Results are the same for any number of workers, here or on a cluster. Interrupted with Ctrl-C, what is finished is
     kept in DATA.h5.parts and --resume continues. A run that diverges is kept, with its outcome.
     """
-    import signal
     from contextlib import ExitStack
     from dataclasses import replace
 
@@ -61,8 +60,6 @@ def command(scenario_file: str, output: str, workers: int, engine: str | None, r
         answer.say(f"warning: {note}")
     try:
         with ExitStack() as stack:
-            # SIGTERM is a queue's way to say that the time is up.
-            stack.callback(signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, signal.default_int_handler))
             far = None
             if address or cluster_file:
                 from testbed.cluster import on_cluster

@@ -1,18 +1,17 @@
 """Turn a catalogue of effects into compiled hooks: one generated module a catalogue, compiled once and cached on disk.
 
 The module is text: the effects' functions joined hook by hook, each behind its effect's flag, followed by the kernels'
-own source, in which the names of `testbed.engines.hooks` now mean the joined functions. Numba caches what it compiles
-beside that file, so the second start of any command compiles nothing.
+own source, in which the names of `testbed.engines.hooks` now mean the joined functions. What is compiled of it is kept
+(`testbed.kernel_cache`), so the second start of any command compiles nothing.
 """
 
 from __future__ import annotations
 
 import ast
-import importlib.util
 import inspect
-import os
+import linecache
+import marshal
 import sys
-import tempfile
 from collections.abc import Mapping
 from functools import lru_cache
 from hashlib import sha256
@@ -23,6 +22,7 @@ from types import ModuleType
 
 from testbed.effect import HOOKS, Effect
 from testbed.engines import hooks as base_hooks
+from testbed.kernel_cache import keep, read
 
 ENGINES = Path(__file__).parent
 FAST = ("array_kernel", "loop_kernel", "oscillator_kernel", "front_kernel", "sampling_kernel", "slider_kernel", "glide_kernel",
@@ -85,7 +85,8 @@ def _derivatives_text(layout: Layout) -> list[str]:
 
 
 def _import_text(effects: Mapping[str, Effect]) -> list[str]:
-    lines = ["from testbed.engines.compiled import holding, inner", "import testbed.engines.compose as _compose", ""]
+    lines = ["from testbed.engines.compiled import holding, inner", "from testbed.kernel_cache import kept",
+             "import testbed.engines.compose as _compose", ""]
     for effect in effects.values():
         for hook in effect.hooks:
             if hook in _COMPILED or hook.startswith("derivative_"):
@@ -119,39 +120,18 @@ def _module_text(layout: Layout, kernels: tuple[str, ...]) -> str:
     return "\n".join(lines) + "\n\n".join(_kernel_text(name) for name in kernels)
 
 
-def cache_folder() -> Path:
-    """Where compiled kernels are kept: TESTBED_CACHE, else the user's cache folder, else a temporary one."""
-    chosen = os.environ.get("TESTBED_CACHE")
-    root = Path(chosen) if chosen else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "testbed"
-    try:
-        root.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=root):
-            pass
-    except OSError:
-        root = Path(tempfile.gettempdir()) / f"testbed-cache-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
-        root.mkdir(parents=True, exist_ok=True)
-    return root
-
-
-def _write_once(path: Path, text: str) -> None:
-    if path.exists() and path.read_text() == text:
-        return
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".tmp", delete=False) as handle:
-        handle.write(text)
-    os.replace(handle.name, path)
-
-
 @lru_cache(maxsize=16)
 def _compose(key: str, text: str) -> ModuleType:
     name = f"testbed_kernels_{key}"
-    path = cache_folder() / f"{name}.py"
-    _write_once(path, text)
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
+    file = f"<{name}>"
+    linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)  # what a traceback shows
+    body = read(f"{name}.code")
+    code = compile(text, file, "exec") if body is None else marshal.loads(body)
+    if body is None:
+        keep(f"{name}.code", marshal.dumps(code))
+    module = ModuleType(name)
     sys.modules[name] = module
-    spec.loader.exec_module(module)
+    exec(code, module.__dict__)
     return module
 
 

@@ -6,7 +6,6 @@ carried exactly is one flight.
 """
 
 import numpy as np
-from numba import njit
 
 from testbed.engines.array_kernel import copy, fill_columns
 from testbed.engines.compiled import holding, inner
@@ -16,6 +15,7 @@ from testbed.engines.loop_kernel import derivative
 from testbed.engines.oscillator_kernel import end_state, increment, set_half_and_whole, stage_state
 from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X
 from testbed.engines.slider_kernel import fly_exactly
+from testbed.kernel_cache import kept
 
 
 @inner
@@ -75,7 +75,7 @@ def drive_one(A, P, G, I, O, Y, force, rate, substeps, limit, out):
                  substeps, limit, out)
 
 
-@njit(nogil=True, cache=True)
+@kept(nogil=True)
 def drive_batch(A, P, G, I, O, Y, force, rate, substeps, limit, out, bounded):
     """drive_one over the first axis of the arrays (rate and substeps are shared)."""
     for run in range(G.shape[0]):

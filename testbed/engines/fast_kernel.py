@@ -10,7 +10,6 @@ and nothing but oscillators moves, one exact map replaces the steps; beside a sp
 import math
 
 import numpy as np
-from numba import njit
 
 from testbed.engines.array_kernel import copy, fill, fill_columns, fill_rows
 from testbed.engines.compiled import holding, inner
@@ -38,6 +37,7 @@ from testbed.engines.loop_kernel import (
 from testbed.engines.oscillator_kernel import end_state, increment, set_half_and_whole, stage_state
 from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_forces, sample_step, skip_held
 from testbed.engines.slider_kernel import fly_exactly
+from testbed.kernel_cache import kept
 
 # integer settings of one run; STEPS and TEETH hold one number a segment, PLAIN the places of the states not carried exactly
 IDLE, CUT, RING_DOWN, EXACT_FLIGHT, STEADY_SPEED, SEGMENTS, CARRIED, PLAIN_COUNT, STEPS, TEETH, PLAIN = (*range(9), 12, 16)
@@ -307,7 +307,7 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
     return OUTCOME_OK, np.nan
 
 
-@njit(nogil=True, cache=True)
+@kept(nogil=True)
 def run_batch(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, pass_states, outcome, outcome_time):
     """run_one over the first axis of every array."""
     for run in range(G.shape[0]):

@@ -9,7 +9,6 @@ general kernel; what is remembered of the surface is x at the grid's points, one
 import math
 
 import numpy as np
-from numba import njit
 
 from testbed.engines.array_kernel import fill, fill_columns, fill_rows
 from testbed.engines.compiled import holding, inner
@@ -35,6 +34,7 @@ from testbed.engines.loop_kernel import (
 )
 from testbed.engines.oscillator_kernel import oscillator_map
 from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X, fill_quintic, samples_until, skip_held
+from testbed.kernel_cache import kept
 
 
 @inner
@@ -219,7 +219,7 @@ def fly_linear(G, x, v, t0, dt, clock, out, position):
     return position
 
 
-@njit(cache=True, nogil=True)
+@kept(nogil=True)
 def run_linear_batch(G, I, Y, clock, limit, out, pass_times, pass_states, outcome, outcome_time):  # noqa: E741
     """run_linear over the first axis of every array."""
     for run in range(G.shape[0]):

@@ -6,7 +6,6 @@ engines integrate, so an effect's file is the only place where its law is writte
 """
 
 import numpy as np
-from numba import njit
 
 from testbed.engines.compiled import inner
 from testbed.engines.hooks import hook_chip
@@ -19,6 +18,7 @@ from testbed.engines.loop_kernel import (
     piece_of_edge,
     spindle_speed,
 )
+from testbed.kernel_cache import kept
 
 
 @inner
@@ -43,7 +43,7 @@ def rate_in_angle(A, P, G, Y, past, phase, pass_number, teeth, surface, D, f):
     return speed, lost
 
 
-@njit(nogil=True, cache=True)
+@kept(nogil=True)
 def linearise(A, P, G, phases, pass_number, teeth, states, pasts, kept, scale, f, now, before, speed, lost):
     """Rates f (n, K), their derivatives by the state `now` and by the state one pitch ago `before`, both (n, K, K).
 

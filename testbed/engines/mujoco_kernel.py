@@ -6,7 +6,6 @@ and keep the surface. N holds the run's settings (constant), U everything that c
 its physics state, so a run continues bit for bit. Neither knows of MuJoCo: `mujoco_plugin` joins the two.
 """
 
-from numba import njit
 
 from testbed.engines.array_kernel import copy, fill
 from testbed.engines.compiled import holding
@@ -27,6 +26,7 @@ from testbed.engines.loop_kernel import (
     leave_surface,
     spindle_speed,
 )
+from testbed.kernel_cache import kept
 
 # settings N: this head, with one number a segment from M_STEPS and M_TEETH on; then the arrays A, P and G of `packing`
 M_SEGMENTS, M_IDLE, M_CUT, M_STATES_ON, M_STEADY, M_A, M_P, M_Y, M_DOF, M_EDGES, M_RECORD, M_ROWS, M_STEPS = range(13)
@@ -95,7 +95,7 @@ def enter_cut(N, U, time):
         row += 2 * steps
 
 
-@njit(cache=True)  # an entry, with its callees compiled in
+@kept  # an entry, with its callees compiled in
 def start_run(N, U):
     """Everything that changes, as it stands at time 0."""
     fill(U, 0, 0.0)
@@ -168,7 +168,7 @@ def stage_of(U, time):
     return 1 if U[U_STAGE] == 0.0 else 2
 
 
-@njit(cache=True)
+@kept
 def stage_force(N, U, time, x, v):
     """Force on the structure at one stage beyond its own spring and damper; the first stage also chooses the step."""
     A, P = settings_of(N)
@@ -259,7 +259,7 @@ def next_place(N, U, time, steps, row_end, teeth):
         enter_cut(N, U, time)
 
 
-@njit(cache=True)
+@kept
 def end_step(N, U, R, time, x, v):
     """MuJoCo has taken the step: finish the effects' states, leave the surface, keep the record, move on."""
     A, P = settings_of(N)

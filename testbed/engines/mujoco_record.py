@@ -1,6 +1,5 @@
 """Samples at the recording's rate from the steps MuJoCo took."""
 
-from numba import njit
 
 from testbed.engines.mujoco_kernel import (
     R_A0,
@@ -19,9 +18,10 @@ from testbed.engines.mujoco_kernel import (
     R_V1,
     R_X0,
 )
+from testbed.kernel_cache import kept
 
 
-@njit(cache=True)
+@kept
 def sample_record(R, start, rate, out):
     """Fill out (6, samples): displacement, velocity, acceleration, forces, spindle angle. Samples beyond R stay NaN.
 
