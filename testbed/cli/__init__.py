@@ -9,13 +9,16 @@ from __future__ import annotations
 import errno
 import os
 import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import click
 
-from testbed.problem import InputProblem
+from testbed.problem import InputProblem, InputWarning
 
 FOLDER = Path(__file__).parent
 # The order of `testbed --help`, along a user's way; a command not named here comes after, by the alphabet.
@@ -79,7 +82,8 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # results would change with the number of BLAS threads
     try:
-        code = testbed.main(arguments, prog_name="testbed", standalone_mode=False)
+        with _told_warnings():
+            code = testbed.main(arguments, prog_name="testbed", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as asked:
         click.echo(asked.format_message())
         code = 0
@@ -106,6 +110,23 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         _complain(f"{place}: cannot be written ({problem.strerror}): make room, or choose another place")
         code = 2
     sys.exit(code if isinstance(code, int) else 0)
+
+
+@contextmanager
+def _told_warnings() -> Iterator[None]:
+    """What is to be known of an input, in a line of its own; a program's other warnings as Python shows them."""
+    with warnings.catch_warnings():
+        usual = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
+            if issubclass(category, InputWarning):
+                click.echo(f"warning: {' '.join(str(message).split())}", err=True)
+            else:
+                usual(message, category, *where)
+
+        warnings.simplefilter("once", InputWarning)
+        warnings.showwarning = show  # type: ignore[assignment]
+        yield
 
 
 def _complain(text: str) -> None:
