@@ -231,7 +231,8 @@ def written(content):
 
 
 NOTES = {"batch 0": changed(batch=0), "batch -5": changed(batch=-5), "chunk 0": changed(chunk=0),
-         "batch text": changed(batch="5"), "batch 0, its hash left": changed(batch=0, hash="f" * 64), "batch 5, its hash left": changed(batch=5, hash="f" * 64),
+         "batch text": changed(batch="5"),
+         "batch 0, its hash left": changed(batch=0, hash="f" * 64), "batch 5, its hash left": changed(batch=5, hash="f" * 64),
          "empty": written(b""), "cut": written(b'{"batch": 5, "ch'), "a list": written(b"[1, 2]"),
          "bytes": written(b"\xff\xfe\0"), "nested": written(b"[" * 100_000), "gone": lambda note: note.unlink(),
          "infinite": written(b'{"batch": Infinity, "chunk": 1, "fingerprint": "", "runs": 24}')}
