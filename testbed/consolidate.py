@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import errno
 import os
-import re
-import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 
 import h5py
@@ -23,10 +19,10 @@ from testbed.problem import InputProblem
 from testbed.recording import CHANNEL_UNITS
 from testbed.seal import seal
 from testbed.shards import fault, remove
+from testbed.steady_file import SteadyFile
 from testbed.store import RAGGED, Header, ragged, write_digests, write_hashes, write_header
 
 _BOOKKEEPING = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf4Dimid"}
-_RESERVED = 2**30  # bytes; where reserving is done by writing, more would take long
 _SHARED = {"run", "time", "mark", "pass", "digest_byte", "scenario_text", "model_text", "model_xml", provenance.NAME}
 
 
@@ -39,16 +35,17 @@ def consolidate(target: Path, header: Header, shards: Sequence[tuple[int, int, P
     is what a resumed sweep computes.
     """
     count = shards[-1][1]
-    with replacing(target) as temporary, _hdf5_on_disk():
-        if transients:
-            _make_sure_of_room(temporary, round(1.02 * sum(path.stat().st_size for _, _, path in shards)))
-        with h5py.File(temporary, "w", libver="v110") as file:
+    with replacing(target) as temporary:
+        with SteadyFile(temporary) as disk, h5py.File(disk, "w", libver="v110") as file:
             writer = _Writer(file, shards, samples, compression, transients)
             write_header(file, header, count, samples, writer.made)
             for first, path in _whole(shards, threads, header.fingerprint):
                 with h5py.File(path, "r") as shard:
                     writer.take(shard, first)
+                disk.check()
                 with path.open("rb", buffering=0) as taken:
+                    if not transients:
+                        os.fsync(taken.fileno())  # this shard stays
                     leave(taken.fileno())
             digests = {name: bytes(values) for name, values in writer.digests.items()}
             for name, values in digests.items():
@@ -58,27 +55,6 @@ def consolidate(target: Path, header: Header, shards: Sequence[tuple[int, int, P
                 del file[name]  # nothing was written to it: it would be read as a record of nothing
         seal(temporary, threads)
     return digest
-
-
-def _make_sure_of_room(path: Path, size: int) -> None:
-    """OSError now rather than in the midst of HDF5's writing, which does not stand it."""
-    if shutil.disk_usage(path.parent).free < size:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    if hasattr(os, "posix_fallocate") and size <= _RESERVED:  # a quota shows only when the room is asked for
-        with path.open("r+b") as file:
-            os.posix_fallocate(file.fileno(), 0, max(1, size))
-
-
-@contextmanager
-def _hdf5_on_disk() -> Iterator[None]:
-    """What HDF5 says of a disk that takes no more, as the OSError that it is."""
-    try:
-        yield
-    except RuntimeError as problem:
-        found = re.search(r"errno = (\d+)", str(problem))
-        if found is None:
-            raise
-        raise OSError(int(found[1]), os.strerror(int(found[1]))) from None
 
 
 def _whole(shards: Iterable[tuple[int, int, Path]], threads: int, fingerprint: str) -> Iterator[tuple[int, Path]]:

@@ -25,6 +25,7 @@ from testbed.memory_file import MemoryFile
 from testbed.recording import CHANNEL_UNITS, Outcome, Recording
 from testbed.scenario import Run
 from testbed.seal import seal, write_sealed
+from testbed.steady_file import SteadyFile
 
 MEMORY_BYTES = 256 * 2**20  # as 8-byte numbers, unpacked
 _ROOM = 2**20  # bytes of a file besides its samples, about
@@ -83,7 +84,7 @@ def write_data_set(path: str | Path, header: Header, rows: Iterable[tuple[Run, R
     """
     with replacing(path, durable) as temporary:
         if 8 * count * samples > MEMORY_BYTES:
-            with h5py.File(temporary, "w", libver="v110") as file:
+            with SteadyFile(temporary) as disk, h5py.File(disk, "w", libver="v110") as file:
                 digest = _write(file, header, iter(rows), count, samples, compression, chunk_rows)
             seal(temporary)
             return digest

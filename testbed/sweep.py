@@ -14,7 +14,7 @@ from glob import escape
 from pathlib import Path
 from typing import Any
 
-from testbed.atomic import write_text
+from testbed.atomic import settle_names, write_text
 from testbed.batch import Job, Simulate
 from testbed.catalogue import catalogue as known_effects
 from testbed.chunk_writer import Compression, check_packing, chunk_rows, kind_of
@@ -75,14 +75,20 @@ def run(scenario: Scenario, simulate: Simulate, output: str | Path, *, workers: 
     header = _header(scenario, model_xml, catalogue)
     if target.exists() and not (resume and target.is_dir()):
         return _already_there(target, header, len(scenario), resume)
-    with one_writer(target) as still_ours:
-        if target.exists() and not _reopened(target, header, len(scenario)):
-            return _already_there(target, header, len(scenario), resume)
-        job, size = _plan(scenario, header, simulate, parts_folder(target), workers, resume)
-        job = replace(job, compression=compression, folders=folders)
-        _remove_left(target)
-        computing = cluster or _local(workers, processes, stall)
-        return _computed(target, job, size, computing, progress, keep_shards, workers, still_ours)
+    try:
+        with one_writer(target) as still_ours:
+            if target.exists() and not _reopened(target, header, len(scenario)):
+                return _already_there(target, header, len(scenario), resume)
+            job, size = _plan(scenario, header, simulate, parts_folder(target), workers, resume)
+            job = replace(job, compression=compression, folders=folders)
+            _remove_left(target)
+            computing = cluster or _local(workers, processes, stall)
+            return _computed(target, job, size, computing, progress, keep_shards, workers, still_ours)
+    except OSError as problem:
+        raise InputProblem(target, f"cannot be written ({problem.strerror or _first_line(problem)})",
+                           "make room or give the permission, then continue with --resume") from None
+    except MemoryError:
+        raise InputProblem(target, "memory is at an end", "give it fewer --workers, and continue with --resume") from None
 
 
 def _computed(target: Path, job: Job, size: int, computing: Work, progress: Progress | None, keep_shards: bool,
@@ -106,11 +112,6 @@ def _computed(target: Path, job: Job, size: int, computing: Work, progress: Prog
     except KeyboardInterrupt:
         shards = find(parts) if parts.exists() else []
         raise Interrupted(sum(last - first for first, last, _ in shards), count) from None
-    except OSError as problem:
-        raise InputProblem(target, f"cannot be written ({problem.strerror or _first_line(problem)})",
-                           "make room or give the permission, then continue with --resume") from None
-    except MemoryError:
-        raise InputProblem(target, "memory is at an end", "give it fewer --workers, and continue with --resume") from None
     if not keep_shards:
         shutil.rmtree(parts, ignore_errors=True)
     return _report(target, count - before, digest)
@@ -140,6 +141,7 @@ def _consolidate(target: Path, job: Job, threads: int, keep_shards: bool) -> str
         return consolidate(target, job.header, shards, job.samples, job.compression, threads)
     digest = consolidate(job.parts / INDEX, job.header, shards, job.samples, job.compression, threads, transients=False)
     os.replace(job.parts, target)
+    settle_names(target.parent)
     return digest
 
 

@@ -100,6 +100,9 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         said = str(stop) or str(stop.__cause__ or "")  # click wraps the interruption in an Abort of its own
         click.echo(f"interrupted: {said}" if said else "interrupted", err=True)
         code = 130
+    except MemoryError:
+        _complain("memory is at an end: give it less at a time, or take a machine with more")
+        code = 2
     except BrokenPipeError:  # the reader, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
