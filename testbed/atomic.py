@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterator
@@ -35,6 +36,8 @@ def replacing(path: str | Path, durable: bool = True) -> Iterator[Path]:
         if durable:
             _synchronise(temporary)
         os.replace(temporary, target)
+        if durable:
+            settle_names(target.parent)
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
@@ -55,6 +58,22 @@ def _synchronise(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def settle_names(folder: Path) -> None:
+    """Make sure the disk has a folder's names before what they replace is removed; OSError only where it is broken or full."""
+    if os.name != "posix":
+        return
+    handle = -1
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+        os.fsync(handle)
+    except OSError as problem:
+        if problem.errno in (errno.EIO, errno.ENOSPC, errno.EDQUOT):  # others: a system that has no such thing
+            raise
+    finally:
+        if handle >= 0:
+            os.close(handle)
 
 
 def write_text(path: str | Path, text: str) -> None:

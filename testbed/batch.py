@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from testbed.chunk_writer import Compression
+from testbed.provenance import versions
 from testbed.recording import CHANNEL_UNITS, Outcome, Recording
 from testbed.scenario import Run, Scenario
 from testbed.shards import shard_path
@@ -55,7 +56,8 @@ def write_failed(job: Job, index: int, outcome: Outcome) -> None:
 
 def _write(job: Job, first: int, last: int, rows: Iterator[tuple[Run, Recording]]) -> None:
     # Not forced to the disk: a power cut may spoil a shard, its seal tells, and it is computed again.
-    write_data_set(shard_path(job.parts, first, last), job.header, rows, last - first, job.samples,
+    made_here = replace(job.header, versions=versions())  # which on a cluster need not be those of who asked
+    write_data_set(shard_path(job.parts, first, last), made_here, rows, last - first, job.samples,
                    compression=job.compression, chunk_rows=job.chunk_rows, durable=False)
 
 

@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-import errno
 import os
-import re
-import shutil
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import h5py
 import numpy as np
 
+from testbed import provenance
 from testbed.atomic import replacing
 from testbed.chunk_writer import Compression, channel_data
-from testbed.content_hash import ATTRIBUTE, DIGEST, content_hash
+from testbed.content_hash import DIGEST
 from testbed.file_cache import leave
 from testbed.problem import InputProblem
 from testbed.recording import CHANNEL_UNITS
-from testbed.seal import seal, state
-from testbed.store import RAGGED, Header, ragged, write_digests, write_header
+from testbed.seal import seal
+from testbed.shards import fault, remove
+from testbed.steady_file import SteadyFile
+from testbed.store import RAGGED, Header, ragged, write_digests, write_hashes, write_header
 
 _BOOKKEEPING = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf4Dimid"}
-_RESERVED = 2**30  # bytes; where reserving is done by writing, more would take long
-_SHARED = {"run", "time", "mark", "pass", "digest_byte", "scenario_text", "model_text", "model_xml"}
+_SHARED = {"run", "time", "mark", "pass", "digest_byte", "scenario_text", "model_text", "model_xml", provenance.NAME}
 
 
 def consolidate(target: Path, header: Header, shards: Sequence[tuple[int, int, Path]], samples: int,
@@ -37,70 +35,49 @@ def consolidate(target: Path, header: Header, shards: Sequence[tuple[int, int, P
     is what a resumed sweep computes.
     """
     count = shards[-1][1]
-    with replacing(target) as temporary, _hdf5_on_disk():
-        if transients:
-            _make_sure_of_room(temporary, round(1.02 * sum(path.stat().st_size for _, _, path in shards)))
-        with h5py.File(temporary, "w", libver="v110") as file:
-            write_header(file, header, count, samples)
+    with replacing(target) as temporary:
+        with SteadyFile(temporary) as disk, h5py.File(disk, "w", libver="v110") as file:
             writer = _Writer(file, shards, samples, compression, transients)
-            for first, path in _whole(shards, threads):
+            write_header(file, header, count, samples, writer.made)
+            for first, path in _whole(shards, threads, header.fingerprint):
                 with h5py.File(path, "r") as shard:
                     writer.take(shard, first)
+                disk.check()
                 with path.open("rb", buffering=0) as taken:
+                    if not transients:
+                        os.fsync(taken.fileno())  # this shard stays
                     leave(taken.fileno())
             digests = {name: bytes(values) for name, values in writer.digests.items()}
             for name, values in digests.items():
                 write_digests(file, name, values)
-            digest = content_hash(file, digests)
-            file.attrs[ATTRIBUTE] = digest
+            digest = write_hashes(file, digests)
             for name in () if transients else digests:
                 del file[name]  # nothing was written to it: it would be read as a record of nothing
         seal(temporary, threads)
     return digest
 
 
-def _make_sure_of_room(path: Path, size: int) -> None:
-    """OSError now rather than in the midst of HDF5's writing, which does not stand it."""
-    if shutil.disk_usage(path.parent).free < size:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    if hasattr(os, "posix_fallocate") and size <= _RESERVED:  # a quota shows only when the room is asked for
-        with path.open("r+b") as file:
-            os.posix_fallocate(file.fileno(), 0, max(1, size))
-
-
-@contextmanager
-def _hdf5_on_disk() -> Iterator[None]:
-    """What HDF5 says of a disk that takes no more, as the OSError that it is."""
-    try:
-        yield
-    except RuntimeError as problem:
-        found = re.search(r"errno = (\d+)", str(problem))
-        if found is None:
-            raise
-        raise OSError(int(found[1]), os.strerror(int(found[1]))) from None
-
-
-def _whole(shards: Iterable[tuple[int, int, Path]], threads: int) -> Iterator[tuple[int, Path]]:
-    """Shards whose every byte is as it was written, checked a few ahead."""
+def _whole(shards: Iterable[tuple[int, int, Path]], threads: int, fingerprint: str) -> Iterator[tuple[int, Path]]:
+    """Shards whose every byte is as it was written, for this scenario and these runs, checked a few ahead."""
     with ThreadPoolExecutor(max(1, threads)) as pool:
         waiting = []
         for first, _, path in shards:
-            waiting.append((first, path, pool.submit(state, path)))
+            waiting.append((first, path, pool.submit(fault, path, fingerprint)))
             if len(waiting) > 2 * threads:
                 yield _sound(*waiting.pop(0))
         for item in waiting:
             yield _sound(*item)
 
 
-def _sound(first: int, path: Path, found: object) -> tuple[int, Path]:
-    if found.result() != "whole":  # type: ignore[attr-defined]
-        path.unlink()
-        raise InputProblem(path, "was damaged after it was written; it is removed", "continue with --resume")
+def _sound(first: int, path: Path, found: Future[str | None]) -> tuple[int, Path]:
+    if (wrong := found.result()) is not None:
+        remove(path, wrong)
+        raise InputProblem(path, f"{wrong}; it is removed", "continue with --resume")
     return first, path
 
 
 class _Writer:
-    """The data set under way. digests: a channel's row hashes, one after another."""
+    """The data set under way. digests: a channel's row hashes, one after another. made: who made which runs."""
 
     def __init__(self, file: h5py.File, shards: Sequence[tuple[int, int, Path]], samples: int,
                  compression: Compression, transients: bool) -> None:
@@ -109,9 +86,11 @@ class _Writer:
         self.digests: dict[str, bytearray] = {}
         self.tables: dict[str, h5py.Dataset] = {}  # kept open: to open one takes longer than to write a shard's part of it
         self.widths = dict.fromkeys(RAGGED, 1)
+        self.made: list[provenance.Made] = []
         self.rows: dict[str, int] = {}  # in a chunk: as in the largest shards, whose chunks are copied as they are
-        for _, _, path in shards:
+        for first, _, path in shards:
             with h5py.File(path, "r") as shard:
+                self.made += provenance.read(shard, first)
                 self.widths = {name: max(width, shard[name].shape[1]) for name, width in self.widths.items()}
                 for name in shard:
                     if name in CHANNEL_UNITS:

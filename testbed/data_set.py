@@ -1,26 +1,32 @@
-"""Reading a data set: its small tables at once, its transients a block of runs at a time."""
+"""Reading a data set: its small tables at once, its transients a block of runs at a time.
+
+What is read is checked: all but the transients against the hashes of the whole when the file is opened, every run's samples
+against their own hash when they are read. So an edited file is refused at the price of what is used of it, however large it is.
+"""
 
 from __future__ import annotations
 
-import json
+import warnings
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from testbed.content_hash import ATTRIBUTE, DIGEST, content_hash
+from testbed import provenance
+from testbed.content_hash import ATTRIBUTE, BOOKKEEPING, DIGEST, content_hash, contradiction
 from testbed.hdf5_guard import damaged, opened
 from testbed.machine import Model
-from testbed.problem import InputProblem
+from testbed.problem import InputProblem, InputWarning
 from testbed.readers.rehearsal import rehearse
 from testbed.recording import CHANNEL_UNITS, Recording
-from testbed.seal import cut_off, state
+from testbed.rows import changed, check_rows, decoded, unpackable
+from testbed.seal import cut_off, sealed_size, state
 from testbed.shards import INDEX, NOTE, Shard, find, gaps, overlaps
-from testbed.store import CONDITIONS, FORMAT, OUTCOMES, TRUTH
+from testbed.store import CONDITIONS, FORMAT, OUTCOMES, SEALED_FROM, TRUTH
 
 # Each is read when the data set is opened; a file without one of them is none of ours.
 _NEEDED = (*CONDITIONS, "scenario_run", "start", "sample_count", "outcome", "outcome_time", "marks", "pass_times",
@@ -33,7 +39,8 @@ class DataSet:
     """A data set on disk. Iterating gives its Recordings in order.
 
     conditions and truth: name -> array (runs,), SI. outcome: array (runs,) of names. noise: channel -> rms (runs,).
-    channels: names of the recorded channels. scenario_run: each run's number in the scenario.
+    channels: the recorded channels with their attributes. scenario_run: each run's number in the scenario. made: who made
+    which runs.
     """
 
     path: Path
@@ -42,7 +49,7 @@ class DataSet:
     engine: str
     sampling_rate: float
     flutes: int
-    channels: tuple[str, ...]
+    channels: Mapping[str, Mapping[str, Any]]
     conditions: Mapping[str, np.ndarray]
     truth: Mapping[str, np.ndarray]
     noise: Mapping[str, np.ndarray]
@@ -53,8 +60,14 @@ class DataSet:
     model_xml: str
     fingerprint: str
     content_hash: str
-    versions: Mapping[str, str]
+    made: tuple[provenance.Made, ...]
+    format: int
     shards: tuple[Shard, ...] = ()
+
+    @property
+    def versions(self) -> dict[str, str]:
+        """Versions of the programs that made it, those of all its runs."""
+        return provenance.summary(self.made)
 
     def __len__(self) -> int:
         return len(self.outcome)
@@ -65,16 +78,18 @@ class DataSet:
     def recordings(self, first: int = 0, last: int | None = None) -> Iterator[Recording]:
         """Recordings `first` up to, not including, `last`. InputProblem where the file turns out to be damaged."""
         last = len(self) if last is None else min(last, len(self))
-        for begin, end, path in self.shards or ((0, len(self), self.path),):
-            if begin >= last or end <= first:
-                continue
-            if self.shards:
-                look_over(path)
-            with opened(path) as file:
-                rows = (file[self.channels[0]].chunks or (64,))[0]
-                stop = min(end, last)
-                for start in range(max(begin, first), stop, rows):
-                    yield from self._block(file, start, min(start + rows, stop), begin)
+        with opened(self.path / INDEX if self.shards else self.path) as tables:
+            for begin, end, path in self.shards or ((0, len(self), self.path),):
+                if begin >= last or end <= first:
+                    continue
+                with ExitStack() as stack:
+                    if self.shards:
+                        look_over(path)
+                    file = stack.enter_context(opened(path)) if self.shards else tables
+                    rows = (file[next(iter(self.channels))].chunks or (64,))[0]
+                    stop = min(end, last)
+                    for start in range(max(begin, first), stop, rows):
+                        yield from self._block(file, tables, start, min(start + rows, stop), begin)
 
     def recording(self, index: int) -> Recording:
         """One recording. IndexError if there is none of that number."""
@@ -82,15 +97,17 @@ class DataSet:
             raise IndexError(index)
         return next(self.recordings(index, index + 1))
 
-    def _block(self, file: h5py.File, first: int, last: int, begin: int) -> list[Recording]:
-        """Recordings of a file whose first run is number `begin`."""
-        part = slice(first - begin, last - begin)
-        channels = {name: _decoded(file[name], part) for name in self.channels}
-        on_tool = tuple(name for name in channels if file[name].attrs.get("on") == "tool")
-        small = {name: file[name][part] for name in ("start", "sample_count", "outcome_time", "marks", "pass_times")}
+    def _block(self, file: h5py.File, tables: h5py.File, first: int, last: int, begin: int) -> list[Recording]:
+        """Recordings of a file whose first run is number `begin`. tables: the file with those of all runs."""
+        raw = {name: file[name][first - begin:last - begin] for name in self.channels}
+        for name, values in raw.items():
+            check_rows(file.filename, values, tables.get(DIGEST + name), first, name)
+        channels = {name: decoded(values, self.channels[name]) for name, values in raw.items()}
+        small = {name: tables[name][first:last] for name in ("start", "sample_count", "outcome_time", "marks", "pass_times")}
+        on_tool = tuple(name for name, given in self.channels.items() if given.get("on") == "tool")
         return [Recording(
             channels={name: values[row, : small["sample_count"][row]] for name, values in channels.items()},
-            sampling_rate=self.sampling_rate, units={name: str(file[name].attrs["units"]) for name in channels},
+            sampling_rate=self.sampling_rate, units={name: str(given["units"]) for name, given in self.channels.items()},
             origin="synthetic", start=float(small["start"][row]), marks=_given(small["marks"][row]),
             pass_times=_given(small["pass_times"][row]), outcome=self.outcome[first + row],
             outcome_time=float(small["outcome_time"][row]), conditions=self._conditions(first + row),
@@ -122,28 +139,6 @@ class DataSet:
             return content_hash(file) == self.content_hash
 
 
-def _decoded(data: h5py.Dataset, part: slice) -> np.ndarray:
-    """Values of a channel, NaN where nothing was recorded."""
-    raw = data[part]
-    if "scale_factor" not in data.attrs:
-        return raw.astype(float)
-    values = raw * float(data.attrs["scale_factor"]) + float(data.attrs.get("add_offset", 0.0))
-    values[raw == data.attrs["_FillValue"]] = np.nan
-    return values
-
-
-def _unpackable(path: Path, data: h5py.Dataset) -> None:
-    """InputProblem where the filter that a channel is packed with is not installed."""
-    filters = data.id.get_create_plist()
-    kinds = [filters.get_filter(place)[0] for place in range(filters.get_nfilters())]
-    if any(not h5py.h5z.filter_avail(kind) for kind in kinds):
-        try:
-            import_module("hdf5plugin")  # it registers its filters
-        except ImportError:
-            raise InputProblem(path, "is packed with zstd, which is not installed here",
-                               'pip install "machining-testbed[fast]"') from None
-
-
 def _given(row: np.ndarray) -> np.ndarray:
     return row[~np.isnan(row)]
 
@@ -154,21 +149,38 @@ def read_data_set(path: str | Path, checked: bool = False) -> DataSet:
     A damaged file can bring the HDF5 library down, and this process with it. So a file without a seal that holds is
     first read in a child process. checked: it was looked over already. The path may be a folder of shards.
     """
-    if Path(path).is_dir():
-        return _read_folder(Path(path))
+    place = Path(path)
+    if place.name == INDEX and (place.parent / NOTE).is_file():
+        place = place.parent
+    if place.is_dir():
+        return _read_folder(place)
     if not checked:
-        look_over(Path(path))
-    with opened(path) as file:
-        missing = [name for name in _NEEDED if name not in file]
-        if missing or "format" not in file.attrs:
-            raise InputProblem(path, "is an HDF5 file, but no data set of `testbed run`",
-                               "for measured files write a campaign.yaml that names them")
+        look_over(place)
+    with opened(place) as file:
+        found = _checked(place, file, file)
+    if not checked and found.format >= SEALED_FROM and sealed_size(place) is None:
+        warnings.warn(f"{place}: another program has written to it, its seal is gone: its content is still that of its hash",
+                      InputWarning, stacklevel=2)
+    return found
+
+
+def _checked(path: Path, file: h5py.File, channels: h5py.File) -> DataSet:
+    """The data set of an open file, whose channels may stand in another. InputProblem where it is none, or was changed."""
+    missing = [name for name in _NEEDED if name not in file]
+    if missing or "format" not in file.attrs:
+        raise InputProblem(path, "is an HDF5 file, but no data set of `testbed run`",
+                           "for measured files write a campaign.yaml that names them")
+    try:
         if int(file.attrs["format"]) > FORMAT:
             raise InputProblem(path, f"is of a newer testbed (format {file.attrs['format']})", "update testbed")
-        try:
-            return _read(Path(path), file)
-        except (KeyError, ValueError, IndexError, TypeError) as problem:
-            raise damaged(path, problem) from None
+        lent = {} if channels is file else {name: channels[name] for name in CHANNEL_UNITS if DIGEST + name in file}
+        if (edited := contradiction(file, lent)) is not None:
+            raise changed(path, edited)
+        return _read(path, file, channels)
+    except (KeyError, ValueError, IndexError, TypeError, AttributeError) as problem:
+        if isinstance(problem, InputProblem):
+            raise
+        raise damaged(path, problem) from None
 
 
 def _read_folder(folder: Path) -> DataSet:
@@ -177,8 +189,13 @@ def _read_folder(folder: Path) -> DataSet:
         raise InputProblem(folder, "is a folder", "name the HDF5 file in it")
     if not (folder / INDEX).is_file():
         raise InputProblem(folder, "is an unfinished sweep", "continue it with `testbed run ... --resume`")
-    whole = read_data_set(folder / INDEX)
     shards = tuple(find(folder))
+    if not shards:
+        raise InputProblem(folder, "holds no shard", "copy it again from where it came from, or simulate it again")
+    for path in (folder / INDEX, shards[0][2]):
+        look_over(path)
+    with opened(folder / INDEX) as file, opened(shards[0][2]) as shard:
+        whole = _checked(folder / INDEX, file, shard)
     wrong = gaps(list(shards), len(whole)) or overlaps(list(shards))
     if wrong:
         raise InputProblem(folder, f"runs {wrong[0][0]} to {wrong[0][1] - 1} are missing or double",
@@ -212,8 +229,8 @@ def look_over(path: Path, trusted: bool = True) -> None:
 def _read_about(path: Path, everything: bool) -> None:
     """Read what a reader will: the tables, the index of every data set, and all values where `everything` is set."""
     with h5py.File(path, "r") as file:
-        if "outcome" in file:
-            _read(path, file)
+        if "outcome" in file and path.name != INDEX:
+            _read(path, file, file)
         for item in file.values():
             if isinstance(item, h5py.Dataset) and item.shape:
                 places = range(item.id.get_num_chunks()) if item.chunks else ()
@@ -237,17 +254,18 @@ def is_data_set(path: str | Path) -> bool:
         return False
 
 
-def _read(path: Path, file: h5py.File) -> DataSet:
+def _read(path: Path, file: h5py.File, recorded: h5py.File) -> DataSet:
+    """The data set of an open file; recorded: the file with the channels, itself or, of a folder, its first shard."""
     attributes = file.attrs
     outcome = np.array(OUTCOMES)[file["outcome"][()]]
-    index = path.name == INDEX  # its shards have the channels
-    channels = tuple(name for name in CHANNEL_UNITS if (DIGEST + name if index else name) in file)
+    channels = {name: {key: recorded[name].attrs[key] for key in set(recorded[name].attrs) - BOOKKEEPING}
+                for name in CHANNEL_UNITS if name in recorded}
     if not channels:
         raise ValueError("it holds no channel")
-    if not index:
-        _unpackable(path, file[channels[0]])
+    unpackable(path, recorded[next(iter(channels))])
     runs = len(outcome)
-    short = [name for name in (*CONDITIONS, *(() if index else channels), "marks", "pass_times") if file[name].shape[0] != runs]
+    own = () if recorded is not file else channels
+    short = [name for name in (*CONDITIONS, *own, "marks", "pass_times") if file[name].shape[0] != runs]
     if short:
         raise ValueError(f"{short[0]} does not have {runs} rows")
     return DataSet(
@@ -259,4 +277,5 @@ def _read(path: Path, file: h5py.File) -> DataSet:
         outcome=outcome, scenario_run=file["scenario_run"][()],
         scenario_text=file["scenario_text"].asstr()[()], model_text=file["model_text"].asstr()[()],
         model_xml=file["model_xml"].asstr()[()], fingerprint=str(attributes["scenario_fingerprint"]),
-        content_hash=str(attributes.get(ATTRIBUTE, "")), versions=json.loads(attributes["versions"]))
+        content_hash=str(attributes.get(ATTRIBUTE, "")), made=tuple(provenance.read(file)),
+        format=int(attributes["format"]))

@@ -1,6 +1,7 @@
 """A file in memory for HDF5 to write to, on memory that a thread keeps from one file to the next.
 
 New memory is dear: the system clears it page by page when it is first touched, which took longer than packing and summing.
+Where there is no more of it, HDF5, which does not stand a write that fails, does not hear of it: `content` raises it.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ class MemoryFile:
         self.room = np.empty(size, np.uint8) if room is None or len(room) < size else room
         _kept.room = None  # two files of one thread do not share it
         self.keep, self.place, self.end = keep, 0, 0
+        self.problem: MemoryError | None = None
 
     def __enter__(self) -> MemoryFile:
         return self
@@ -31,7 +33,9 @@ class MemoryFile:
             _kept.room = self.room
 
     def content(self) -> memoryview:
-        """All bytes; good until the file is left."""
+        """All bytes; good until the file is left. MemoryError where they did not find room."""
+        if self.problem is not None:
+            raise self.problem
         return self.room.data[: self.end]
 
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
@@ -43,9 +47,12 @@ class MemoryFile:
 
     def write(self, data: memoryview) -> int:
         size = len(data)
-        if size and self.place + size > self.end:
-            self._reach(self.place, self.place + size)
-        self.room[self.place:self.place + size] = np.frombuffer(data, np.uint8)
+        try:
+            if size and self.place + size > self.end:
+                self._reach(self.place, self.place + size)
+            self.room[self.place:self.place + size] = np.frombuffer(data, np.uint8)
+        except MemoryError as problem:
+            self.problem = problem
         self.place += size
         return size
 
@@ -56,15 +63,18 @@ class MemoryFile:
 
     def readinto(self, data: memoryview) -> int:
         size = max(0, min(len(data), self.end - self.place))
-        np.frombuffer(data, np.uint8)[:size] = self.room[self.place:self.place + size]
+        data[:size] = self.room.data[self.place:self.place + size]
         self.place += size
         return size
 
     def truncate(self, size: int | None = None) -> int:
         size = self.place if size is None else size
-        if size > self.end:
-            self._reach(size, size)
-        self.end = size
+        try:
+            if size > self.end:
+                self._reach(size, size)
+            self.end = size
+        except MemoryError as problem:
+            self.problem = problem
         return size
 
     def flush(self) -> None:

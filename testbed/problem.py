@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 
+class InputWarning(UserWarning):
+    """What the user is to know of an input that can be used; the command line prints it as `warning: FILE: what`."""
+
+
 class InputProblem(ValueError):
     """The user's input is bad; the command line prints it as `error: FILE: what is wrong: what to do` and exits with 2."""
 

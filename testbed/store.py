@@ -8,8 +8,7 @@ about.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -17,18 +16,21 @@ from typing import Any, get_args
 import h5py
 import numpy as np
 
+from testbed import provenance
 from testbed.atomic import replacing
 from testbed.chunk_writer import ChannelWriter, Compression
-from testbed.content_hash import ATTRIBUTE, DIGEST, content_hash
+from testbed.content_hash import ATTRIBUTE, DIGEST, PROVENANCE_ATTRIBUTE, content_hash, provenance_hash
 from testbed.machine import BASE_UNITS, Model
 from testbed.memory_file import MemoryFile
 from testbed.recording import CHANNEL_UNITS, Outcome, Recording
 from testbed.scenario import Run
 from testbed.seal import seal, write_sealed
+from testbed.steady_file import SteadyFile
 
 MEMORY_BYTES = 256 * 2**20  # as 8-byte numbers, unpacked
 _ROOM = 2**20  # bytes of a file besides its samples, about
-FORMAT = 2  # 1: a content hash over values rather than rows, no seal
+FORMAT = 3  # 1: a content hash over values rather than rows, no seal; 2: over the versions too, those of one maker
+SEALED_FROM = 2
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 TRUTH = "truth."
 # Per run: unit and meaning of what was set.
@@ -80,7 +82,7 @@ def write_data_set(path: str | Path, header: Header, rows: Iterable[tuple[Run, R
     """
     with replacing(path, durable) as temporary:
         if 8 * count * samples > MEMORY_BYTES:
-            with h5py.File(temporary, "w", libver="v110") as file:
+            with SteadyFile(temporary) as disk, h5py.File(disk, "w", libver="v110") as file:
                 digest = _write(file, header, iter(rows), count, samples, compression, chunk_rows)
             seal(temporary)
             return digest
@@ -124,8 +126,13 @@ def _write(file: h5py.File, header: Header, rows: Iterator[tuple[Run, Recording]
     digests = {name: b"".join(channel.digests) for name, channel in channels.items()}
     for name, rows_hashed in digests.items():
         write_digests(file, name, rows_hashed)
-    digest = content_hash(file, digests)
-    file.attrs[ATTRIBUTE] = digest
+    return write_hashes(file, digests)
+
+
+def write_hashes(file: h5py.File, digests: Mapping[str, bytes]) -> str:
+    """Close a data set whose rows have these hashes with the hashes of all else; returns the content hash."""
+    file.attrs[ATTRIBUTE] = digest = content_hash(file, digests)
+    file.attrs[PROVENANCE_ATTRIBUTE] = provenance_hash(file)
     return digest
 
 
@@ -139,8 +146,9 @@ def _row(run: Run, recording: Recording) -> dict[str, float]:
     return row | {TRUTH + name: value for name, value in truth_of(run).items()}
 
 
-def write_header(file: h5py.File, header: Header, count: int, samples: int) -> None:
-    """What all runs share, and the dimensions `run` and `time`."""
+def write_header(file: h5py.File, header: Header, count: int, samples: int,
+                 made: Sequence[provenance.Made] = ()) -> None:
+    """What all runs share, and the dimensions `run` and `time`. made: who made which runs, where several did."""
     file.attrs["Conventions"] = "CF-1.11"
     file.attrs["title"] = header.name
     file.attrs["format"] = FORMAT
@@ -150,7 +158,7 @@ def write_header(file: h5py.File, header: Header, count: int, samples: int) -> N
     file.attrs["sampling_rate"] = header.sampling_rate
     file.attrs["flutes"] = header.flutes
     file.attrs["scenario_fingerprint"] = header.fingerprint
-    file.attrs["versions"] = json.dumps(dict(header.versions), sort_keys=True)
+    provenance.write(file, made or [(0, count, {"engine": header.engine, **header.versions})])
     for name in ("scenario_text", "model_text", "model_xml"):
         file.create_dataset(name, data=getattr(header, name), dtype=h5py.string_dtype())
         file[name].attrs["long_name"] = {"scenario_text": "the scenario's file", "model_text": "the true model",

@@ -6,16 +6,15 @@ the shards become OUTPUT. A run depends on nothing but itself: neither workers n
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from glob import escape
 from pathlib import Path
 from typing import Any
 
-from testbed.atomic import write_text
+from testbed.atomic import settle_names, write_text
 from testbed.batch import Job, Simulate
 from testbed.catalogue import catalogue as known_effects
 from testbed.chunk_writer import Compression, check_packing, chunk_rows, kind_of
@@ -24,13 +23,14 @@ from testbed.data_set import is_data_set, read_data_set
 from testbed.effect import Effect
 from testbed.interruption import remembered_interruptions
 from testbed.model_file import model_text
+from testbed.one_writer import one_writer
 from testbed.pool import STALL, work
 from testbed.problem import InputProblem
+from testbed.provenance import versions
 from testbed.scenario import Scenario
 from testbed.seal import state
-from testbed.shards import INDEX, NOTE, Span, fault, find, gaps, kept, overlaps, parts_folder
+from testbed.shards import INDEX, NOTE, STRANGE, Span, fault, find, gaps, kept, note_text, overlaps, parts_folder, read_note
 from testbed.store import Header, truth_units
-from testbed.verification import note_text
 
 LARGEST_BATCH = {"fast": 2048, "mujoco": 64}
 BATCH_BYTES = 128_000_000
@@ -73,33 +73,55 @@ def run(scenario: Scenario, simulate: Simulate, output: str | Path, *, workers: 
     check_packing(compression)
     catalogue = known_effects(*folders)
     header = _header(scenario, model_xml, catalogue)
-    if target.exists() and not (resume and _reopened(target, header, len(scenario))):
+    if target.exists() and not (resume and target.is_dir()):
         return _already_there(target, header, len(scenario), resume)
-    parts = parts_folder(target)
     try:
-        job, size = _plan(scenario, header, simulate, parts, workers, resume)
-        job = replace(job, compression=compression, folders=folders)
-        there = kept(parts, len(scenario), header.fingerprint)
-        done = before = len(scenario) - sum(last - first for first, last in gaps(there, len(scenario)))
-        spans = list(_batches(gaps(there, len(scenario)), size))
+        with one_writer(target) as still_ours:
+            if target.exists() and not _reopened(target, header, len(scenario)):
+                return _already_there(target, header, len(scenario), resume)
+            job, size = _plan(scenario, header, simulate, parts_folder(target), workers, resume)
+            job = replace(job, compression=compression, folders=folders)
+            _remove_left(target)
+            computing = cluster or _local(workers, processes, stall)
+            return _computed(target, job, size, computing, progress, keep_shards, workers, still_ours)
+    except OSError as problem:
+        raise InputProblem(target, f"cannot be written ({problem.strerror or _first_line(problem)})",
+                           "make room or give the permission, then continue with --resume") from None
+    except MemoryError:
+        raise InputProblem(target, "memory is at an end", "give it fewer --workers, and continue with --resume") from None
+
+
+def _computed(target: Path, job: Job, size: int, computing: Work, progress: Progress | None, keep_shards: bool,
+              threads: int, still_ours: Callable[[], None]) -> Report:
+    """The report of a sweep, its runs computed in batches of `size` and put together."""
+    parts, count = job.parts, len(job.scenario)
+    try:
+        there = kept(parts, count, job.header.fingerprint)
+        done = before = count - sum(last - first for first, last in gaps(there, count))
+        spans = list(_batches(gaps(there, count), size))
         if progress:
-            progress(done, len(scenario))
+            progress(done, count)
         with remembered_interruptions() as check:
-            for first, last in (cluster or _local(workers, processes, stall))(job, spans):
+            for first, last in computing(job, spans):
                 done += last - first
                 if progress:
-                    progress(done, len(scenario))
+                    progress(done, count)
                 check()
-        digest = _consolidate(target, job, workers, keep_shards)
+        still_ours()
+        digest = _consolidate(target, job, threads, keep_shards)
     except KeyboardInterrupt:
         shards = find(parts) if parts.exists() else []
-        raise Interrupted(sum(last - first for first, last, _ in shards), len(scenario)) from None
-    except OSError as problem:
-        raise InputProblem(output, f"cannot be written ({problem.strerror or _first_line(problem)})",
-                           "make room or give the permission, then continue with --resume") from None
+        raise Interrupted(sum(last - first for first, last, _ in shards), count) from None
     if not keep_shards:
         shutil.rmtree(parts, ignore_errors=True)
-    return _report(target, len(scenario) - before, digest)
+    return _report(target, count - before, digest)
+
+
+def _remove_left(target: Path) -> None:
+    """Remove what a process that was killed while it put the shards together has left beside the output."""
+    for left in target.parent.glob(f".{escape(target.name)}.*.part"):
+        if left.is_file():
+            left.unlink(missing_ok=True)
 
 
 def _local(workers: int, processes: bool, stall: float) -> Work:
@@ -119,6 +141,7 @@ def _consolidate(target: Path, job: Job, threads: int, keep_shards: bool) -> str
         return consolidate(target, job.header, shards, job.samples, job.compression, threads)
     digest = consolidate(job.parts / INDEX, job.header, shards, job.samples, job.compression, threads, transients=False)
     os.replace(job.parts, target)
+    settle_names(target.parent)
     return digest
 
 
@@ -146,18 +169,18 @@ def _already_there(target: Path, header: Header, runs: int, resume: bool) -> Rep
 
 def _reopened(folder: Path, header: Header, runs: int) -> bool:
     """Make a finished folder of shards that lacks something, or is damaged, an unfinished sweep again; whether it is one."""
-    parts = parts_folder(folder)
-    if not (folder / NOTE).is_file() or parts.exists():
+    parts, index, shards = parts_folder(folder), folder / INDEX, find(folder)
+    if not (folder / NOTE).exists() or parts.exists():
         return False
+    faults = [fault(path, header.fingerprint) for _, _, path in shards]
     try:
-        if json.loads((folder / NOTE).read_text(encoding="utf-8"))["fingerprint"] != header.fingerprint:
+        if read_note(folder)["fingerprint"] != header.fingerprint:
             return False
-    except (ValueError, KeyError, TypeError):
-        return False
-    shards, index = find(folder), folder / INDEX
-    if index.is_file() and state(index) == "whole" and not gaps(shards, runs) and not overlaps(shards) \
-            and all(fault(path, header.fingerprint) is None for _, _, path in shards):
-        return False
+        if index.is_file() and state(index) == "whole" and not gaps(shards, runs) and not overlaps(shards) and not any(faults):
+            return False
+    except ValueError:  # the note is damaged: the shards tell
+        if STRANGE in faults or not shards:
+            return False
     os.replace(folder, parts)
     (parts / INDEX).unlink(missing_ok=True)
     return True
@@ -170,23 +193,9 @@ def _header(scenario: Scenario, model_xml: str, catalogue: Mapping[str, Effect])
                   truth_units(scenario.model, catalogue), versions())
 
 
-def versions() -> dict[str, str]:
-    """Versions of the programs that a data set depends on."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    found = {"python": ".".join(map(str, sys.version_info[:3]))}
-    for name in ("machining-testbed", "numpy", "numba", "mujoco", "h5py"):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "not installed"
-    return found
-
-
 def _plan(scenario: Scenario, header: Header, simulate: Simulate, parts: Path, workers: int,
           resume: bool) -> tuple[Job, int]:
     """What the workers are given, and the runs in a batch; a resumed sweep keeps the division it began with."""
-    note = parts / NOTE
     if parts.exists() and not resume:
         raise InputProblem(parts, "an unfinished sweep stands there",
                            "continue it with --resume, remove the folder, or choose another name with -o")
@@ -196,23 +205,26 @@ def _plan(scenario: Scenario, header: Header, simulate: Simulate, parts: Path, w
     rows = chunk_rows(samples, widest, most)
     begun: dict[str, Any] = {"fingerprint": header.fingerprint, "runs": len(scenario), "batch": most // rows * rows,
                              "chunk": rows}
-    if note.exists():
-        try:
-            found = json.loads(note.read_text(encoding="utf-8"))
-            begun["batch"], begun["chunk"] = int(found["batch"]), int(found["chunk"])
-            same = (found["fingerprint"], found["runs"]) == (begun["fingerprint"], begun["runs"])
-        except (ValueError, KeyError, TypeError):
-            raise InputProblem(note, "is damaged", f"remove the folder {parts.name} and start again") from None
-        if not same:
-            raise InputProblem(parts, "belongs to another scenario",
-                               "choose another name with -o, or remove the folder and start again")
-    else:
-        try:
-            parts.mkdir(exist_ok=True)
-        except OSError as problem:
-            raise InputProblem(parts, f"cannot be made ({problem.strerror})", "choose another place with -o") from None
-        write_text(note, note_text(begun))
+    try:
+        parts.mkdir(exist_ok=True)
+    except OSError as problem:
+        raise InputProblem(parts, f"cannot be made ({problem.strerror})", "choose another place with -o") from None
+    begun = _noted(parts, begun)
     return Job(scenario, header, simulate, parts.absolute(), samples, begun["chunk"]), begun["batch"]
+
+
+def _noted(parts: Path, begun: dict[str, Any]) -> dict[str, Any]:
+    """The note of a folder of shards: its own, or, where it has none that is whole, `begun`, written now."""
+    try:
+        found = read_note(parts)
+        strange = (found["fingerprint"], found["runs"]) != (begun["fingerprint"], begun["runs"])
+    except (FileNotFoundError, ValueError):
+        found, strange = begun, any(fault(path, begun["fingerprint"]) == STRANGE for _, _, path in find(parts))
+        if not strange:
+            write_text(parts / NOTE, note_text(begun))
+    if strange:
+        raise InputProblem(parts, STRANGE, "choose another name with -o, or remove the folder and start again")
+    return found
 
 
 def _batches(missing: list[Span], size: int) -> Iterator[Span]:

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from hashlib import sha256
 from pathlib import Path
 
 import h5py
 
-from testbed.content_hash import ATTRIBUTE, DIGEST, content_hash, row_digest
-from testbed.data_set import look_over, read_data_set
+from testbed.content_hash import ATTRIBUTE, DIGEST, content_hash, kept_rows, row_digest
+from testbed.data_set import DataSet, look_over, read_data_set
 from testbed.hdf5_guard import opened
 from testbed.problem import InputProblem
 from testbed.recording import CHANNEL_UNITS
+from testbed.rows import CHANGED
 from testbed.seal import State, cut_off, state
-from testbed.shards import INDEX, NOTE, fault, find, gaps, named_span, overlaps
+from testbed.shards import INDEX, NOTE, STRANGE, fault, find, gaps, named_span, overlaps, read_note
+from testbed.store import FORMAT, SEALED_FROM
 
-SEALED_FROM = 2  # format of the first files with a seal
+_MOST_MAKERS = 6  # spans told
 Progress = Callable[[int, int], None]
 
 
@@ -44,7 +44,7 @@ def verify(path: str | Path, quick: bool = False, threads: int = 2, progress: Pr
     if place.name == INDEX and (place.parent / NOTE).is_file():
         place = place.parent  # the tables of a folder of shards: alone they are not what the content hash is of
     if place.is_dir():
-        return _folder(place, progress or (lambda done, total: None))
+        return _folder(place, quick, progress or (lambda done, total: None))
     return _file(place, quick, threads)
 
 
@@ -67,20 +67,35 @@ def _file(path: Path, quick: bool, threads: int) -> Findings:
         found.runs, found.content_hash = len(data), data.content_hash
         if seal == "whole" and quick:
             return found
+        found.notes += _notes(data)
         with opened(path) as file:
-            if seal == "absent" and int(file.attrs["format"]) >= SEALED_FROM:
+            if seal == "absent" and data.format >= SEALED_FROM:
                 found.damage.append("the seal at its end is damaged, or another program has changed the file since")
             if not _same_content(file):
                 found.damage.append("the content is not that of the content hash that was written with it")
             if found.damage:
                 found.damage += _rows(file, found.damaged_runs)
             elif seal == "absent":
-                found.notes.append("is of an older testbed and has no seal: only the content was checked")
+                found.notes.append("has no seal, as old files: only the content was checked")
+            elif data.format < FORMAT:
+                found.notes.append(f"its content hash by today's rule is {content_hash(file, kept_rows(file), today=True)}")
     except InputProblem as problem:
         if seal == "absent" and not _ours(path):
             raise
-        found.damage.append(f"the HDF5 inside cannot be read: {problem.what}")
+        found.damage.append(problem.what if problem.what.startswith(CHANGED) else
+                            f"the HDF5 inside cannot be read: {problem.what}")
     return found
+
+
+def _notes(data: DataSet) -> list[str]:
+    """What is to be known of who made a data set."""
+    old = ["is of an older testbed: which versions made which run is not in it"] if data.format < FORMAT else []
+    if len(data.made) < 2:
+        return old
+    told = (f"{first} to {last - 1} by {', '.join(' '.join(item) for item in sorted(maker.items()))}"
+            for first, last, maker in data.made[:_MOST_MAKERS])
+    more = f"; and {len(data.made) - _MOST_MAKERS} more spans" if len(data.made) > _MOST_MAKERS else ""
+    return [*old, f"its runs were made by several versions: runs {'; '.join(told)}{more}"]
 
 
 def _same_content(file: h5py.File) -> bool:
@@ -121,16 +136,14 @@ def _listed(numbers: list[int], most: int = 12) -> str:
     return shown + (f" and {len(numbers) - most} more" if len(numbers) > most else "")
 
 
-def _folder(folder: Path, progress: Progress) -> Findings:
+def _folder(folder: Path, quick: bool, progress: Progress) -> Findings:
     found = Findings(folder)
     try:
-        note = json.loads((folder / NOTE).read_text(encoding="utf-8"))
-        runs, fingerprint = int(note["runs"]), str(note["fingerprint"])
-        if note_text(note) != (folder / NOTE).read_text(encoding="utf-8"):
-            raise ValueError
+        note = read_note(folder)
+        runs, fingerprint = note["runs"], note["fingerprint"]
     except FileNotFoundError:
         raise InputProblem(folder, f"holds no {NOTE}: it is no folder of a sweep", "give DATA.h5 or DATA.h5.parts") from None
-    except (ValueError, KeyError, TypeError, UnicodeDecodeError, OSError):
+    except ValueError:
         found.damage.append(f"{NOTE} is not as it was written")
         return found
     shards = find(folder)
@@ -152,12 +165,14 @@ def _folder(folder: Path, progress: Progress) -> Findings:
         elif named_span(other) is None and other.name not in (NOTE, INDEX):
             found.damage.append(f"{other.name} does not belong here: a shard is named runs-FIRST-LAST.h5")
     if (folder / INDEX).exists() and not found.damage:
-        found.content_hash = read_data_set(folder).content_hash
+        try:
+            data = read_data_set(folder)
+            if data.fingerprint != fingerprint:
+                found.damage.append(f"{INDEX} {STRANGE}")
+            for _ in () if quick else data:  # every run's samples against the hash that the index has of them
+                pass
+            found.content_hash = data.content_hash
+            found.notes += _notes(data)
+        except InputProblem as problem:
+            found.damage.append(f"{Path(problem.place).name} {problem.what}")
     return found
-
-
-def note_text(note: dict[str, object]) -> str:
-    """The text of a sweep's note, with a hash of its own."""
-    said = {key: value for key, value in note.items() if key != "hash"}
-    plain = json.dumps(said, sort_keys=True)
-    return json.dumps({**said, "hash": sha256(plain.encode()).hexdigest()}, sort_keys=True) + "\n"

@@ -150,8 +150,9 @@ def test_an_unfinished_sweep_of_another_scenario_is_not_continued(scenario, tmp_
     with pytest.raises(InputProblem, match="another scenario"):
         sweep.run(replace(scenario, seed=9), plain_engine.simulate, tmp_path / "a.h5", resume=True)
     (tmp_path / "a.h5.parts" / "sweep.json").write_text(json.dumps({"fingerprint": 3}))
-    with pytest.raises(InputProblem, match="damaged"):
-        sweep.run(scenario, plain_engine.simulate, tmp_path / "a.h5", resume=True)
+    with pytest.raises(InputProblem, match="another scenario"):  # the shards tell what a damaged note does not
+        sweep.run(replace(scenario, seed=9), plain_engine.unwanted, tmp_path / "a.h5", resume=True)
+    assert sweep.run(scenario, plain_engine.simulate, tmp_path / "a.h5", resume=True).computed == 20 - 10
 
 
 def test_a_run_that_cannot_be_computed_is_a_row(scenario, tmp_path):

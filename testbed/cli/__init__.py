@@ -9,6 +9,9 @@ from __future__ import annotations
 import errno
 import os
 import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
@@ -16,7 +19,7 @@ from typing import Any, NoReturn
 import click
 
 from testbed.interruption import INTERRUPTED, interrupted, leave, listen, say_interrupted
-from testbed.problem import InputProblem
+from testbed.problem import InputProblem, InputWarning
 
 FOLDER = Path(__file__).parent
 # The order of `testbed --help`, along a user's way; a command not named here comes after, by the alphabet.
@@ -107,7 +110,8 @@ def main(arguments: list[str] | None = None) -> NoReturn:
 def _code(arguments: list[str] | None) -> int:
     """The exit code of a command line, whose fault is said in one line."""
     try:
-        code = testbed.main(arguments, prog_name="testbed", standalone_mode=False)
+        with _told_warnings():
+            code = testbed.main(arguments, prog_name="testbed", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as asked:
         click.echo(asked.format_message())
         return 0
@@ -120,6 +124,8 @@ def _code(arguments: list[str] | None) -> int:
     except (KeyboardInterrupt, Stop, click.Abort) as stop:
         say_interrupted(str(stop))
         return INTERRUPTED
+    except MemoryError:
+        return _complain("memory is at an end: give it less at a time, or take a machine with more")
     except BrokenPipeError:  # the reader, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -132,6 +138,23 @@ def _code(arguments: list[str] | None) -> int:
         place = problem.filename or "the output"
         return _complain(f"{place}: cannot be written ({problem.strerror}): make room, or choose another place")
     return code if isinstance(code, int) else 0
+
+
+@contextmanager
+def _told_warnings() -> Iterator[None]:
+    """What is to be known of an input, in a line of its own; a program's other warnings as Python shows them."""
+    with warnings.catch_warnings():
+        usual = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
+            if issubclass(category, InputWarning):
+                click.echo(f"warning: {' '.join(str(message).split())}", err=True)
+            else:
+                usual(message, category, *where)
+
+        warnings.simplefilter("once", InputWarning)
+        warnings.showwarning = show  # type: ignore[assignment]
+        yield
 
 
 def _complain(text: str) -> int:

@@ -76,6 +76,8 @@ def new_folder(path: str | Path) -> Iterator[Path]:
     except OSError as problem:
         raise InputProblem(path, f"cannot be written ({problem.strerror or problem})",
                            "free some space, or choose another place with -o") from None
+    except MemoryError:
+        raise InputProblem(path, "memory is at an end", "end other programs, or take a machine with more") from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
