@@ -94,7 +94,8 @@ def warm() -> tuple[Path, str]:
 def environment(**changes: str | None) -> Iterator[StringIO]:
     """The folder chosen anew under another environment; what is said meanwhile."""
     kept = {name: value for name, value in os.environ.items() if name not in ("TESTBED_CACHE", "XDG_CACHE_HOME", *changes)}
-    with mock.patch.dict(os.environ, kept | {name: value for name, value in changes.items() if value is not None}, clear=True), \
+    kept |= {name: value for name, value in changes.items() if value is not None}
+    with mock.patch.dict(os.environ, kept, clear=True), \
             mock.patch.object(tempfile, "tempdir", changes.get("TMPDIR")), redirect_stderr(StringIO()) as said:
         kernel_cache.cache_folder.cache_clear()
         kernel_cache._said.clear()
@@ -256,10 +257,11 @@ def _all_damaged(spoil: Callable[[bytes], bytes]) -> str:
     return ""
 
 
-# -- another user, a closed installation, a full disk --------------------------------------------------------------------------
+# -- another user, a closed installation, a full disk -------------------------------------------------------------------
 
-COMMANDS = {"doctor": ("doctor",), "run": RUN, "identify": ("identify", "small.h5", "-m", "model.yaml"), "multipliers": MULTIPLIERS,
-            "chart": ("chart", "model.yaml", "--speed", "3000:4000:11", "--depth", "1:3:5"), "effects": ("effects",)}
+COMMANDS = {"doctor": ("doctor",), "run": RUN, "identify": ("identify", "small.h5", "-m", "model.yaml"),
+            "multipliers": MULTIPLIERS, "effects": ("effects",),
+            "chart": ("chart", "model.yaml", "--speed", "3000:4000:11", "--depth", "1:3:5")}
 
 
 def _stranger(without: Sequence[str] = ("HOME", "TESTBED_CACHE", "XDG_CACHE_HOME"), **environment_: str) -> str:
@@ -290,7 +292,7 @@ def _no_room() -> str:
     return ""
 
 
-# -- what the command line library makes of a mistake ----------------------------------------------------------------------------
+# -- what the command line library makes of a mistake ----------------------------------------------------------------------
 
 MISTAKES = {"no such command": ("nosuch",), "no such option": ("run", "--nosuch"), "a missing argument": ("run",),
             "a missing option": ("chart", "model.yaml"), "a missing value": ("run", "small.yaml", "-o"),
