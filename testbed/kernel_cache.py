@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 _MARK = b"testbed1"  # changes with the form of the files
-_DIGEST_BYTES = 32
+_HEAD_BYTES = len(_MARK) + sha256().digest_size
 _said: set[str] = set()
 
 
@@ -41,7 +41,7 @@ def _roots() -> Iterator[tuple[Path, bool]]:
     if general := os.environ.get("XDG_CACHE_HOME"):
         yield Path(general).absolute() / "testbed", False
     home = Path(os.path.expanduser("~"))  # Path.home raises for a user without one
-    if home.is_absolute() and home.is_dir():
+    if home.is_absolute() and home.is_dir() and home != home.parent:  # an empty HOME is the root
         yield home / ".cache" / "testbed", False
     try:
         yield Path(tempfile.gettempdir()).absolute(), False
@@ -86,20 +86,35 @@ def cache_folder() -> Path | None:
     return None
 
 
+def kept_bytes(folder: Path) -> int:
+    """How much lies in the folder."""
+    return sum(path.stat().st_size for path in folder.glob("*") if path.is_file())
+
+
+def lodge_matplotlib() -> None:
+    """A place for the list of fonts that matplotlib makes, for a user without a home. Before it is imported: it would warn."""
+    if "MPLCONFIGDIR" not in os.environ and (folder := cache_folder()):
+        os.environ["MPLCONFIGDIR"] = str(folder / "matplotlib")
+
+
+def _head(name: str, body: bytes) -> bytes:
+    return _MARK + sha256(name.encode() + b"\0" + body).digest()
+
+
 def read(name: str) -> bytes | None:
     """What was kept under a name; None where nothing was, or where it is damaged, which is said and removed."""
     folder = cache_folder()
     if folder is None:
         return None
     path = folder / name
-    try:
-        text = path.read_bytes()
-    except FileNotFoundError:
+    if not os.path.lexists(path):
         return None
-    except OSError:  # no file, or one that cannot be read: made anew below
+    try:
+        text = path.read_bytes() if path.is_file() else b""
+    except OSError:  # it cannot be read: made anew below
         text = b""
-    head, body = text[: len(_MARK) + _DIGEST_BYTES], text[len(_MARK) + _DIGEST_BYTES :]
-    if head == _MARK + sha256(body).digest():
+    head, body = text[:_HEAD_BYTES], text[_HEAD_BYTES:]
+    if head == _head(name, body):
         return body
     with suppress(OSError):
         path.unlink()  # of several processes one succeeds, and says it
@@ -112,16 +127,17 @@ def keep(name: str, body: bytes) -> None:
     folder = cache_folder()
     if folder is None:
         return
-    temporary = None
     try:
         handle, temporary = tempfile.mkstemp(dir=folder, suffix=".part")
-        with open(handle, "wb") as file:
-            file.write(_MARK + sha256(body).digest() + body)
-        os.replace(temporary, folder / name)
+        try:
+            with open(handle, "wb") as file:
+                file.write(_head(name, body) + body)
+            os.replace(temporary, folder / name)
+        except BaseException:
+            os.unlink(temporary)
+            raise
     except OSError as problem:
         say_once(f"{folder}: compiled functions cannot be kept ({problem.strerror}): the next start takes longer")
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
 
 
 @cache

@@ -29,7 +29,7 @@ def command(json_file: str | None, quiet: bool) -> None:
     answer = Answer(json_file, quiet)
     if sys.platform == "linux":
         os.environ.setdefault("MUJOCO_GL", "egl")  # read once, when mujoco is first imported: before the engines' check
-    findings = [_python(), *_shadows(), *_checked(), *_extras()]
+    findings = [_python(), *_shadows(), *_checked(), _kept(), *_extras()]
     for finding in findings:
         answer.say(f"{finding['state']:8} {finding['what']}")
     answer.finish({"ok": all(finding["state"] != "broken" for finding in findings), "findings": findings})
@@ -95,6 +95,17 @@ def _moves(engine: str) -> str:
     if not 1e-6 < peak < 1e-3:
         raise ArithmeticError(f"a test cut moves by {peak:g} m")
     return f"a test cut moves by {peak * 1e6:.1f} um"
+
+
+def _kept() -> dict[str, str]:
+    """Where compiled functions are kept: what lies there runs as the user's own code."""
+    from testbed.kernel_cache import cache_folder, kept_bytes
+
+    folder = cache_folder()
+    if folder is None:
+        return _finding("missing", "a folder of your own for compiled functions: every start compiles anew; name one with "
+                                   "TESTBED_CACHE")
+    return _finding("ok", f"compiled functions: {kept_bytes(folder) / 1e6:.1f} MB in {folder}, yours alone; it may be removed")
 
 
 def _effects() -> str:
