@@ -14,6 +14,7 @@ import numpy as np
 from analysis.linear.characteristic import corrected
 from analysis.linear.delay_equation import DelayEquation, milling_equation
 from analysis.linear.dominant import DENSE, largest_of
+from analysis.linear.planar_multipliers import planar_largest
 from analysis.linear.spectral_elements import (
     FINER,
     TABLES,
@@ -135,10 +136,14 @@ def largest_multipliers(model: Model, spindle_speeds: np.ndarray, axial_depths: 
     """Largest multiplier (of a pair the upper) and an estimate of its error, each (C,), of cuts (C,).
 
     spindle_speeds rad/s, axial_depths m, added_damping 1/s, each (C,). The estimate is the error before the last correction,
-    some ten times what is left. Where it is above 1e-4 of max(1, modulus) after all, the multiplier is NaN. ValueError
-    without a cutter.
+    some ten times what is left. Where it is above 1e-4 of max(1, modulus) after all, the multiplier is NaN. Where the teeth
+    differ and a period is a revolution, the modulus is per tooth passing. ValueError without a cutter.
     """
     speeds, depths = np.asarray(spindle_speeds, float), np.asarray(axial_depths, float)
+    if model.planar:
+        if added_damping is not None and np.any(added_damping):
+            raise ValueError("further damping is of a machine of one mode along x")
+        return planar_largest(model, speeds, depths)
     added = np.zeros(speeds.size) if added_damping is None else np.asarray(added_damping, float)
     cells = _Cells(model, speeds, depths, added, full_eigenvalues)
     groups = cells.groups()

@@ -92,10 +92,10 @@ def _hatch(axes: Axes, edges: tuple[np.ndarray, np.ndarray], blank: np.ndarray) 
     axes.add_collection(PolyCollection(cells, facecolor="none", edgecolor="0.45", hatch="////", linewidths=0.0))
 
 
-def plot_chart(chart: StabilityChart, tests: Sequence[ChartTest] = (), note: str = "") -> Figure:
+def plot_chart(chart: StabilityChart, tests: Sequence[ChartTest] = (), note: str = "", title: str = FEED_ONLY) -> Figure:
     """Stability over spindle speed (rpm) and depth (mm), coloured by the class of the instability, tests on top.
 
-    note: a line of the legend on what the labels of the tests mean.
+    note: a line of the legend on what the labels of the tests mean. title: what the chart leaves out.
     """
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.lines import Line2D
@@ -123,7 +123,7 @@ def plot_chart(chart: StabilityChart, tests: Sequence[ChartTest] = (), note: str
     _legend_beside(axes, handles)
     axes.set_xlabel("spindle speed (rpm)")
     axes.set_ylabel("axial depth of cut (mm)")
-    axes.set_title(FEED_ONLY, fontsize="small", loc="left")
+    axes.set_title(title, fontsize="small", loc="left")
     label(axes, [test.label for test in tests], places, np.concatenate([np.empty((0, 2)), *borders]))
     return figure
 

@@ -140,10 +140,13 @@ def milling_equation(model: Model, cut: Cut, *, added_damping: Coefficient | Non
 
     Any number of flutes, up- or down-milling, helix. Principal period and delay are the tooth passing period.
     added_damping: further damping c(t) over the modal mass (1/s) at times after a tooth's entry, such as process
-    damping; it acts during the cut only. Raises ValueError when the model has no cutter.
+    damping; it acts during the cut only. Raises ValueError when the model has no cutter, or more than one mode along the feed.
     """
     if model.cutter is None or model.cutting is None:
         raise ValueError("the model has no cutter: nothing is cut")
+    if model.planar:
+        raise ValueError("the machine has modes beyond one of the workpiece along x, or a pitch for each tooth: "
+                         "this takes one mode along x")
     structure, cutter, cutting = model.structure, model.cutter, model.cutting
     lag = abs(2.0 * cut.axial_depth_of_cut * math.tan(cutter.helix_angle) / cutter.diameter)
     coefficient = CuttingStiffness(

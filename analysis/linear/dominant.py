@@ -125,23 +125,30 @@ def dominant(matrix, work, u0, u1, u2):
 
 
 @kept
+def append(basis, h, k, new):
+    """Make `new`, the map of Arnoldi's vector k (row of `basis`), the next one; h (m + 1, m). True where there are no more."""
+    size = math.sqrt(np.dot(new, new))
+    for _ in range(2):  # once more: orthogonal to rounding
+        for i in range(k + 1):
+            part = np.dot(basis[i], new)
+            h[i, k] += part
+            new -= part * basis[i]
+    rest = math.sqrt(np.dot(new, new))
+    if not rest > 1e-14 * size:
+        return True
+    h[k + 1, k] = rest
+    basis[k + 1] = new / rest
+    return False
+
+
+@kept
 def _expand(points, locals_, flight, basis, h, begin, end):
     """Arnoldi's vectors (rows of `basis`) and Hessenberg matrix h (m + 1, m) from `begin` to `end`; how many there are."""
-    n = basis.shape[1]
-    new = np.empty(n)
+    new = np.empty(basis.shape[1])
     for k in range(begin, end):
         times_map(points, locals_, flight, basis[k], new)
-        size = math.sqrt(np.dot(new, new))
-        for _ in range(2):  # once more: orthogonal to rounding
-            for i in range(k + 1):
-                part = np.dot(basis[i], new)
-                h[i, k] += part
-                new -= part * basis[i]
-        rest = math.sqrt(np.dot(new, new))
-        if not rest > 1e-14 * size:
+        if append(basis, h, k, new):
             return k + 1, True
-        h[k + 1, k] = rest
-        basis[k + 1] = new / rest
     return end, False
 
 

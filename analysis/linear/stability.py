@@ -20,7 +20,13 @@ StabilityClass = Literal["stable", "neimark_sacker", "flip", "saddle_node"]
 CLASSES: tuple[StabilityClass, ...] = ("stable", "neimark_sacker", "flip", "saddle_node")
 _SAID = {"neimark_sacker": "Neimark-Sacker", "saddle_node": "saddle-node"}
 FEED_ONLY = "the machine is taken to be flexible along the feed only: what moves across it is not in the chart"
+ALONG_FEED = 1e-9  # of a unit vector: a mode that moves less across the feed moves along it
 _STEPS, _CLOSE = 60, 1e-7  # towards a stability limit, and the share of it that ends them
+
+
+def feed_note(model: Model) -> str:
+    """FEED_ONLY where the machine has motion along the feed alone; else nothing."""
+    return FEED_ONLY if all(abs(mode.shape[1]) < ALONG_FEED for mode in model.structure.modes) else ""
 
 
 def said_class(name: str) -> str:

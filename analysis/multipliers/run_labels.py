@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.spectral_elements import multipliers
+from analysis.linear.planar_multipliers import cut_multipliers
 from analysis.linear.stability import classify
 from analysis.multipliers.verdict import changing_part, once_per_tooth_samples, simulated_verdict
 from analysis.records.segments import main_channel
@@ -46,7 +45,8 @@ def linear_class(multipliers: np.ndarray, period_passes: int = 1) -> LinearClass
 def class_of_linear(model: Model, cut: Cut) -> LinearClass:
     """The label of a machine without effects; modulus to 1e-5, or no label where its multipliers do not settle."""
     try:
-        return linear_class(multipliers(milling_equation(model, cut))[0])
+        values, _, passes = cut_multipliers(model, cut)
+        return linear_class(values, passes)
     except ArithmeticError:
         return NO_CLASS
 

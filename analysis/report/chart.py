@@ -11,7 +11,7 @@ from scipy.stats import spearmanr
 from analysis.comparison.residual_views import ChartView, on_chart
 from analysis.fit.held_out import RecordError
 from analysis.fit.observed import Observed
-from analysis.linear.stability import FEED_ONLY
+from analysis.linear.stability import feed_note
 from analysis.report.packed import even, listed, packed
 from analysis.report.page import Page, Panel
 from testbed.machine import Model
@@ -75,7 +75,8 @@ def add_chart(page: Page, records: Sequence[Observed], errors: Sequence[RecordEr
         ),
         "stability chart with the error of each cut",
     )
-    page.text(f"Violet: unstable by the fitted linear machine; {FEED_ONLY}. A dot is a record; touch it for its figures.",
+    limits = f"; {feed}" if (feed := feed_note(model)) else ""
+    page.text(f"Violet: unstable by the fitted linear machine{limits}. A dot is a record; touch it for its figures.",
               small=True)
 
 

@@ -14,8 +14,7 @@ import numpy as np
 
 from analysis.fit.observed import Observed, drift_basis
 from analysis.fit.prediction import Plant
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.spectral_elements import multipliers
+from analysis.linear.planar_multipliers import cut_multipliers
 from testbed.cut import Cut, Sampling
 from testbed.machine import Model
 
@@ -66,7 +65,8 @@ def _largest(model: Model, like: Observed, speed: float, depth: float) -> float:
     assert like.cut is not None
     cut = replace(like.cut, spindle_speed=speed, axial_depth_of_cut=depth)
     try:
-        return float(np.abs(multipliers(milling_equation(model, cut))[0]).max())
+        values, _, passes = cut_multipliers(model, cut)
+        return float(np.abs(values).max()) ** (1.0 / passes)
     except (ValueError, ArithmeticError):
         return math.inf
 

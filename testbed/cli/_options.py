@@ -123,6 +123,13 @@ def refuse_planar(model: Any, place: str) -> None:
                            "fits take one mode along x so far; run, chart and multipliers take any")
 
 
+def refuse_planar_effects(model: Any, place: str) -> None:
+    """InputProblem where a machine beyond one mode along x has effects: such a loop is not linearised so far."""
+    if model.planar and model.effects:
+        raise InputProblem(place, f"has effects ({', '.join(sorted(model.effects))}) beside modes beyond one of the workpiece "
+                           "along x, or a pitch for each tooth", "leave the effects out: here such a machine cuts without them")
+
+
 def guesses_note(model: Any) -> list[str]:
     """A line where a model has parameters that no record told: what it foretells is a guess as far as it hangs on them."""
     told = ", ".join(f"{path} ({model.value(path):.4g})" for path in model.not_determined)

@@ -7,7 +7,16 @@ from typing import Any
 import click
 
 from testbed.cli._answer import Answer, progress
-from testbed.cli._options import DEPTH, SPEED, catalogue_of, cutting_model, effects_option, guesses_note, shared
+from testbed.cli._options import (
+    DEPTH,
+    SPEED,
+    catalogue_of,
+    cutting_model,
+    effects_option,
+    guesses_note,
+    refuse_planar_effects,
+    shared,
+)
 from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
@@ -34,18 +43,19 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     import numpy as np
 
     from analysis.linear.chart_plot import plot_chart, save
-    from analysis.linear.stability import CLASSES, FEED_ONLY, sharpened_limit
+    from analysis.linear.stability import CLASSES, feed_note, sharpened_limit
 
     answer = Answer(json_file, quiet)
     if len(speed) * len(depth) > MOST_CELLS:
         raise click.UsageError(f"{len(speed) * len(depth)} cells: give at most {MOST_CELLS}")
     catalogue = catalogue_of(folders)
     model = cutting_model(model_file, catalogue)
+    refuse_planar_effects(model, model_file)
     tests = _tests(model, data) if data else []
     folder = output_folder(output)
     speeds, depths = np.array(speed), np.array(depth)
     chart = _with_effects(model, speeds, depths, catalogue, quiet) if model.effects else _linear(model, speeds, depths)
-    known, notes = chart.classes >= 0, [*guesses_note(model), FEED_ONLY]
+    known, notes = chart.classes >= 0, [*guesses_note(model), *filter(None, [feed_note(model)])]
     stable = f"{np.mean(chart.classes[known] == 0):.0%} stable" if known.any() else "none with multipliers to be trusted"
     answer.say(f"{len(speed)} x {len(depth)} cells, {stable}")
     if not known.all():
@@ -54,7 +64,7 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     for note in notes:
         answer.say(f"note: {note}")
     limit = chart.stability_limit() if model.effects else sharpened_limit(chart, model)
-    for path in save(plot_chart(_drawn(chart, model), tests), folder / "stability_chart"):
+    for path in save(plot_chart(_drawn(chart, model), tests, title=feed_note(model)), folder / "stability_chart"):
         answer.say(f"written: {path}")
     answer.finish({"spindle_speed": speeds, "axial_depth_of_cut": depths, "largest_multiplier": chart.largest,
                    "class": [[CLASSES[cell] if cell >= 0 else None for cell in row] for row in chart.classes.tolist()],

@@ -7,7 +7,16 @@ from typing import Any
 import click
 
 from testbed.cli._answer import Answer, shown
-from testbed.cli._options import DEPTH, SPEED, catalogue_of, cutting_model, effects_option, guesses_note, shared
+from testbed.cli._options import (
+    DEPTH,
+    SPEED,
+    catalogue_of,
+    cutting_model,
+    effects_option,
+    guesses_note,
+    refuse_planar_effects,
+    shared,
+)
 from testbed.problem import InputProblem
 
 MOST_SWINGS = 1000.0  # periods of the structure within a tooth pass up to which a loop with effects is linearised
@@ -29,7 +38,8 @@ MEANING = {"stable": "stable", "neimark_sacker": "Neimark-Sacker (chatter at a f
 @shared
 def command(model_file: str, speed: list[float], depth: list[float], feed_text: str, count: int,
             folders: tuple[str, ...], json_file: str | None, seed: int | None, quiet: bool) -> None:
-    """Largest characteristic multipliers of MODEL.yaml at one cut: over a tooth passing period, largest modulus first.
+    """Largest characteristic multipliers of MODEL.yaml at one cut, largest modulus first: over a tooth passing period, or
+    over a revolution where the teeth have different pitches.
 
     With effects, the whole loop is linearised about its periodic motion, over its principal period.
     """
@@ -47,6 +57,7 @@ def command(model_file: str, speed: list[float], depth: list[float], feed_text: 
         raise InputProblem("--feed", f"'{feed_text}' must be above 0", "correct the value")
     catalogue = catalogue_of(folders)
     model = cutting_model(model_file, catalogue)
+    refuse_planar_effects(model, model_file)
     place = model_file if model.effects else f"--speed {shown(speed[0], 'rad/s')}, --depth {depth[0] * 1e3:.6g} mm"
     found = multipliers(model, Cut(speed[0], depth[0], feed), catalogue, place)
     values, period = found["multipliers"][:count], found["period_passes"]
@@ -67,8 +78,7 @@ def multipliers(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, An
     """
     import numpy as np
 
-    from analysis.linear.delay_equation import milling_equation
-    from analysis.linear.spectral_elements import multipliers as of_equation
+    from analysis.linear.planar_multipliers import cut_multipliers
     from analysis.linear.stability import classify
 
     try:
@@ -79,7 +89,7 @@ def multipliers(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, An
             values, errors, passes = _of_loop(model, cut, catalogue)
         else:
             with np.errstate(over="ignore", invalid="ignore"):  # at absurd speeds and depths, which are refused below
-                (values, errors), passes = of_equation(milling_equation(model, cut), TOLERANCE), 1
+                values, errors, passes = cut_multipliers(model, cut, TOLERANCE)
     except (ValueError, ArithmeticError) as problem:
         why = "its numbers grow beyond what a computer holds" if isinstance(problem, np.linalg.LinAlgError) else problem
         raise InputProblem(name, f"no multipliers of this cut can be had ({why})",
