@@ -10,8 +10,10 @@ import numpy as np
 
 Origin = Literal["measured", "synthetic", "predicted"]
 Outcome = Literal["ok", "diverged", "limit", "crashed"]
-CHANNEL_UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "force": "N", "force_x": "N",
-                 "force_y": "N", "tachometer": "V", "spindle_angle": "rad"}
+MOTIONS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+# motion without an axis is along x, the feed, of a sensor on the workpiece; `tool_`: of one on the tool
+CHANNEL_UNITS = {**MOTIONS, "force": "N", "force_x": "N", "force_y": "N", "tachometer": "V", "spindle_angle": "rad"} | {
+    f"{sensor}{quantity}_{axis}": unit for sensor in ("", "tool_") for axis in ("x", "y") for quantity, unit in MOTIONS.items()}
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from testbed.engines.measure import measured_channels
 from testbed.engines.mujoco_record import sample_record
 from testbed.engines.packing import Packed, active_effects, fastest_frequency, pack
 from testbed.machine import Cutter, Model, Structure
+from testbed.problem import InputProblem
 from testbed.recording import Outcome, Recording
 
 LIMIT = 1.0  # m; a displacement beyond it is a run that has diverged
@@ -62,6 +63,8 @@ def _grid(model: Model, cut: Cut, effects: Mapping[str, Effect], steps: int | No
     steps: how many while the leading tooth crosses its cut.
     """
     packed = pack(model, cut, effects, steps)
+    if packed.planar:
+        raise InputProblem("structure", "this engine simulates one mode along the feed", "take the fast engine")
     segments = packed.I[fk.SEGMENTS]
     lengths = np.diff(packed.G[lk.CORNERS : lk.CORNERS + segments + 1])
     if steps is None:

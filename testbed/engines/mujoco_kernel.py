@@ -149,7 +149,7 @@ def choose_step(N, U, A, P, G, base, span, row0, teeth):
             Y[0] += ahead * (Y0[1] + 0.5 * ahead * D0[1])
             speed = spindle_speed(A, P, G, Y)
             force, across, torque = met_force(N, U, A, P, G, Y, base, span, row0, teeth, 0.5 if stage < 3 else 1.0)
-            derivative(A, P, G, Y, K, force, torque)
+            derivative(A, P, G, Y, K, force, across, torque)
             K[1] = D0[1]
         weight = 1.0 if stage in (0, 3) else 2.0
         total += weight * span / speed / 6.0
@@ -189,10 +189,10 @@ def stage_force(N, U, time, x, v):
     if stage == 0:
         copy(Y, Y0)
         U[U_FORCE_X], U[U_FORCE_Y] = force, across
-        derivative(A, P, G, Y, D, force, torque)
+        derivative(A, P, G, Y, D, force, across, torque)
         choose_step(N, U, A, P, G, base, span, row0, teeth)
     elif N[M_STATES_ON] != 0.0:
-        derivative(A, P, G, Y, D, force, torque)
+        derivative(A, P, G, Y, D, force, across, torque)
     return force + own
 
 
@@ -279,7 +279,7 @@ def end_step(N, U, R, time, x, v):
                 Y1[i] += weight * K[i]
     force_middle, across_middle = 0.0, 0.0
     force, across, torque = met_force(N, U, A, P, G, Y1, base, span, row0, teeth, 1.0)
-    derivative(A, P, G, Y1, D1, force, torque)
+    derivative(A, P, G, Y1, D1, force, across, torque)
     if teeth > 0:
         force_middle, across_middle = leave_step(N, U, A, P, G, row, phase, span, pass_number, teeth,
                                                  spindle_speed(A, P, G, Y1))

@@ -21,6 +21,7 @@ from testbed.engines import mujoco_abi as abi
 from testbed.engines.compose import compose
 from testbed.engines.mujoco_kernel import M_DOF, M_RECORD, M_ROWS, R_SIZE, U_DT, U_STAGE
 
+KERNELS = ("array_kernel", "plane_kernel", "loop_kernel", "oscillator_kernel", "front_kernel", "mujoco_kernel")
 _CALLBACKS = ("nstate", "nsensordata", "init", "destroy", "copy", "reset", "compute", "advance", "visualize",
               "actuator_act_dot", "sdf_distance", "sdf_gradient", "sdf_staticdistance", "sdf_attribute", "sdf_aabb")
 STATE_SIZE_KEY = b"state_size"
@@ -135,7 +136,7 @@ def register(effects: Mapping[str, Effect]) -> tuple[str, ModuleType]:
             return known[1], known[2]
         abi.check()
         ctypes.c_void_p.in_dll(abi.library(), "mju_user_warning").value = _silent.address
-        kernel = compose(effects, ("array_kernel", "loop_kernel", "oscillator_kernel", "front_kernel", "mujoco_kernel"))
+        kernel = compose(effects, KERNELS)
         name = f"testbed.cut.{len(_registered)}"
         _add(name, kernel)
         _registered[id(effects)] = (effects, name, kernel)
