@@ -9,7 +9,7 @@ from plane_road import Road
 
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling, whole_cut_sampling
-from testbed.engines import fast
+from testbed.engines import fast, mujoco_engine
 from testbed.machine import Cutter, Cutting, Mode, Model, Structure
 from testbed.recording import MOTIONS
 
@@ -47,6 +47,19 @@ def test_random_machines_move_as_by_the_second_road(modes):
     sampling = whole_cut_sampling(cut, model.cutter.flutes, RATE)
     road = Road(model, speed, 0.3e-3, cut.feed_per_tooth, 10.0 * math.pi)
     assert apart(relative(model, cut, sampling), road.motion(np.arange(sampling.count) / RATE)) < 1e-6
+
+
+@pytest.mark.parametrize("modes", [1, 2, 3, 4])
+def test_mujoco_agrees_on_random_machines(modes):
+    rng = np.random.default_rng(10 + modes)
+    model, speed = random_machine(rng, modes), 2.0 * math.pi * rng.uniform(50.0, 120.0)
+    cut = Cut(speed, 0.3e-3, idle_passes=1, passes=3 * model.cutter.flutes, ring_down_passes=2, initial_displacement=1e-6)
+    sampling = whole_cut_sampling(cut, model.cutter.flutes, RATE)
+    ours, theirs = (engine.simulate(model, cut, sampling, channels=tuple(fast.CHANNELS), steps=steps).channels
+                    for engine, steps in ((fast, 400), (mujoco_engine, 1600)))  # fmt: skip
+    for name in fast.CHANNELS:  # the reference samples accelerations and forces by lower powers within its steps
+        least = 1e-8 if "acceleration" not in name and "force" not in name else 1e-6
+        assert np.abs(theirs[name] - ours[name]).max() <= least * np.abs(ours[name]).max(), name
 
 
 def test_the_order_is_four():
