@@ -25,9 +25,10 @@ _PLAUSIBLE = {
     "entry_angle": 0.2, "feed_travel": 0.003, "feed_per_tooth": 1e-4, "chip": 8e-5, "penetration": 8e-5, "depth": 2e-3,
     "cutting_speed": 4.0,
     "length_cut": 0.01, "mass": 2.5, "stiffness": 2e6, "damping": 15.0, "spindle_speed": 400.0,
-    "applied_force": 20.0, "torque": 0.1, "immersion": 0.16, "helix_angle": 0.5,
+    "applied_force": 20.0, "applied_force_y": 12.0, "torque": 0.1, "immersion": 0.16, "helix_angle": 0.5,
 }  # fmt: skip
-_SIGNED = {"displacement": 3e-5, "velocity": 0.03, "edge_velocity": 0.02}
+_SIGNED = {"displacement": 3e-5, "velocity": 0.03, "displacement_y": 2e-5, "velocity_y": 0.02, "edge_velocity": 0.02,
+           "edge_velocity_along": 0.01}  # fmt: skip
 # what `measure` may ask for
 _SAMPLED = {"signal": np.linspace(0.0, 3e-5, 8), "true_signal": np.linspace(0.0, 3e-5, 8), "rate": np.full(8, 0.03),
             "sampling_rate": 12800.0, "quantity": "displacement", "time": np.arange(8) / 12800.0}

@@ -13,6 +13,13 @@ arguments: quantities of that place, parameters of the effect, states of the eff
         return -coefficient * displacement**3
 
 Effects add up (sums) or scale (products), so a set of them has no order.
+
+x is the feed, y the normal to it in the plane of the cutter. `displacement` and `velocity` are the motion of the workpiece
+against the tool along x by the structure's own modes, `displacement_y` and `velocity_y` along y; mass, stiffness and damping
+are the first mode's. A force along x or y drives every mode by its share in the mode's direction. Of an edge, `edge_velocity`
+is the velocity at which it sinks into the work (x' sin + y' cos), `edge_velocity_along` the one that the motion adds to the
+cutting speed (x' cos - y' sin). A direction (rad, from x towards y) is a parameter named `direction`: where it is 0 the
+effect moves nothing across the feed.
 """
 
 from __future__ import annotations
@@ -37,12 +44,14 @@ class Hook:
     meaning: str
 
 
-_EVERYWHERE = ("displacement", "velocity", "time")
+ACROSS_OFFERS = ("displacement_y", "velocity_y", "applied_force_y")  # what stays 0 on a structure that moves along x alone
+_EVERYWHERE = ("displacement", "velocity", "displacement_y", "velocity_y", "time")
 _TOOTH = (
     "chip",
     "penetration",
     "angle",
     "edge_velocity",
+    "edge_velocity_along",
     "depth",
     "cutting_speed",
     "length_cut",
@@ -61,8 +70,10 @@ HOOKS: Mapping[str, Hook] = MappingProxyType(
             "m",
             "radial position of a tooth's edge beyond the nominal radius",
         ),
-        "relative_displacement": Hook(_EVERYWHERE, "sum", "m", "displacement of workpiece against tool beyond the mode's"),
+        "relative_displacement": Hook(_EVERYWHERE, "sum", "m", "displacement of workpiece against tool beyond the modes'"),
         "relative_velocity": Hook(_EVERYWHERE, "sum", "m/s", "time derivative of relative_displacement"),
+        "relative_displacement_y": Hook(_EVERYWHERE, "sum", "m", "relative_displacement across the feed, along y"),
+        "relative_velocity_y": Hook(_EVERYWHERE, "sum", "m/s", "time derivative of relative_displacement_y"),
         "engagement": Hook(
             ("phase", "engagement_angle", "entry_angle", "feed_travel", "feed_per_tooth", "radius", "time"),
             "product",
@@ -74,15 +85,18 @@ HOOKS: Mapping[str, Hook] = MappingProxyType(
         "tangential_force": Hook(_TOOTH, "sum", "N", "tangential force on the tooth beyond K_t b chip"),
         "normal_force": Hook(_TOOTH, "sum", "N", "normal force on the tooth beyond K_n b chip"),
         "structure_force": Hook(_STRUCTURE, "sum", "N", "force on the structure along x"),
+        "structure_force_y": Hook(_STRUCTURE, "sum", "N", "force on the structure along y"),
         "derivative": Hook(
-            ("applied_force", "torque", *_STRUCTURE),
+            ("applied_force", "applied_force_y", "torque", *_STRUCTURE),
             "value",
             "1/s",
             "derivative_STATE: time derivative of one of the effect's own states",
         ),
         "speed": Hook(("time", "spindle_speed"), "sum", "1", "relative change of the spindle speed"),
-        "sensed_displacement": Hook((), "sum", "m", "what the sensor sees beyond the mode, linear in the effect's states"),
+        "sensed_displacement": Hook((), "sum", "m", "what the sensor sees beyond the modes, linear in the effect's states"),
         "sensed_velocity": Hook((), "sum", "m/s", "time derivative of sensed_displacement"),
+        "sensed_displacement_y": Hook((), "sum", "m", "sensed_displacement along y"),
+        "sensed_velocity_y": Hook((), "sum", "m/s", "time derivative of sensed_displacement_y"),
         "immersion": Hook(("immersion",), "python", "1", "the true immersion, from the believed one"),
         "helix_angle": Hook(("helix_angle",), "python", "rad", "the true helix angle, from the believed one"),
         "measure": Hook(
@@ -204,6 +218,13 @@ class Effect:
         """The values complete, and those of the law's form, where they are left out, as the law has them."""
         form, complete = {one.name: one.neutral for one in self.form}, self.complete(values)
         return {**form, **complete} if form else complete
+
+    def acts_across(self, values: Mapping[str, float]) -> bool:
+        """Whether the effect moves something across the feed, or asks how that moves: not where its own `direction` is 0."""
+        if values.get("direction") == 0.0:
+            return False
+        return any(hook.endswith("_y") or not set(_arguments(function)).isdisjoint(ACROSS_OFFERS)
+                   for hook, function in self.hooks.items())
 
     def is_neutral(self, values: Mapping[str, float]) -> bool:
         """True where any parameter that switches the effect off stands at its neutral value."""

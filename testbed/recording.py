@@ -17,6 +17,9 @@ MOTIONS = tuple(f"{name}{axis}" for name in MOTION_UNITS for axis in ("", "_x", 
 CHANNEL_UNITS = {**{name: MOTION_UNITS[name.split("_")[0]] for name in MOTIONS}, "force": "N", "force_x": "N",
                  "force_y": "N", "tachometer": "V", "spindle_angle": "rad"}
 
+# what engines give: of a sensor on the tool by another name
+ENGINE_UNITS = CHANNEL_UNITS | {f"tool_{quantity}_{axis}": unit for axis in "xy" for quantity, unit in MOTION_UNITS.items()}
+
 
 def motion_channel(name: str, on: Carrier = "workpiece") -> str:
     """The engines' name of what a sensor gives: `displacement` is `displacement_x`; on the tool, `tool_displacement_x`."""

@@ -111,7 +111,7 @@ def _parameters(name: str, values: dict[str, float]) -> np.ndarray:
     from testbed.engines.compose import Layout
 
     layout = Layout(EFFECTS)
-    P = np.zeros(max(1, len(layout.parameter)))
+    P = np.zeros(layout.parameters)
     for key, value in EFFECTS[name].shaped(values).items():
         P[layout.parameter[name, key]] = value
     return P
@@ -183,7 +183,7 @@ def slope_of(name: str, state: str, **given: float) -> float:
     effect = EFFECTS[name]
     hook = effect.hooks[f"derivative_{state}"]
     rest = {"displacement": 0.0, "velocity": 0.0, "time": 0.0, "mass": 2.6, "stiffness": 2e6, "damping": 15.0,
-            "applied_force": 0.0, "torque": 0.0}
+            "applied_force": 0.0, "applied_force_y": 0.0, "torque": 0.0}
     values = rest | dict.fromkeys(effect.states, 0.0) | effect.shaped(effect.example()) | given
     return hook(**{key: values[key] for key in inspect.signature(hook).parameters})
 

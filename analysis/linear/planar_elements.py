@@ -19,6 +19,7 @@ import numpy as np
 from analysis.linear.planar_equation import chip_stiffness
 from analysis.linear.spectral_elements import LONGEST, MOST_POINTS, TABLES, _eliminate
 from analysis.linear.temporal_elements import transition_matrix
+from testbed.kernel_cache import kept
 
 MOST_PHASE = 1200.0  # rad in the cuts of a period: about 190 oscillations
 FEWEST, A_RADIAN = 1.5, 0.65  # points of an element, where the delayed motion is known at the same points: measured, for 1e-5

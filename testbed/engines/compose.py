@@ -20,21 +20,28 @@ from pathlib import Path
 from threading import RLock
 from types import ModuleType
 
-from testbed.effect import HOOKS, Effect
+from testbed.effect import ACROSS_OFFERS, HOOKS, Effect
 from testbed.engines import hooks as base_hooks
 from testbed.kernel_cache import keep, read
 
 ENGINES = Path(__file__).parent
-FAST = ("array_kernel", "loop_kernel", "oscillator_kernel", "front_kernel", "sampling_kernel", "slider_kernel", "glide_kernel",
-        "fast_kernel")  # fmt: skip
-_SLOTS = {"displacement": "Y[0]", "velocity": "Y[1]", "time": "Y[2]"}
+FAST = ("array_kernel", "plane_kernel", "loop_kernel", "oscillator_kernel", "front_kernel", "sampling_kernel",
+        "slider_kernel", "glide_kernel", "fast_kernel")  # fmt: skip
+# what the state gives, on a structure of one mode along the feed, and on any other
+_SLOTS = {"displacement": "Y[0]", "velocity": "Y[1]", "time": "Y[2]"} | dict.fromkeys(ACROSS_OFFERS, "0.0")
+_PLANAR_SLOTS = {"displacement": "structure_x(P, Y)", "velocity": "structure_vx(P, Y)", "displacement_y": "structure_y(P, Y)",
+                 "velocity_y": "structure_vy(P, Y)", "time": "Y[2]"}  # fmt: skip
 _COMPILED = [name for name, hook in HOOKS.items() if hook.joins in ("sum", "product", "replace")]
 
 
 class Layout:
-    """Where each effect's flag, parameters and states lie in the arrays the kernels are given, sorted by name."""
+    """Where each effect's flag, parameters and states lie in the arrays the kernels are given, sorted by name.
 
-    def __init__(self, effects: Mapping[str, Effect]) -> None:
+    planar: for the kernels of structures with more than one mode along the feed.
+    """
+
+    def __init__(self, effects: Mapping[str, Effect], planar: bool = False) -> None:
+        self.slots = _PLANAR_SLOTS if planar else _SLOTS
         self.effects = dict(sorted(effects.items()))
         self.flag = {name: index for index, name in enumerate(self.effects)}
         self.parameter: dict[tuple[str, str], int] = {}
@@ -44,6 +51,7 @@ class Layout:
                 self.parameter[name, parameter.name] = len(self.parameter)
             for state in effect.states:
                 self.state[name, state] = 3 + len(self.state)
+        self.parameters = max(1, len(self.parameter))
         self.oscillators = 1 + sum(len(effect.oscillators) for effect in effects.values())
 
 
@@ -52,7 +60,7 @@ def _argument(layout: Layout, effect: Effect, argument: str) -> str:
         return f"Y[{layout.state[effect.name, argument]}]"
     if (effect.name, argument) in layout.parameter:
         return f"P[{layout.parameter[effect.name, argument]}]"
-    return _SLOTS.get(argument, argument)
+    return layout.slots.get(argument, argument)
 
 
 def _call(layout: Layout, effect: Effect, hook: str) -> str:
@@ -113,7 +121,8 @@ def _kernel_text(name: str) -> str:
 
 
 def _module_text(layout: Layout, kernels: tuple[str, ...]) -> str:
-    lines = _import_text(layout.effects) + [f"N_STATES = {len(layout.state)}", "", ""]
+    constants = [f"PLANAR, N_STATES, N_PARAMETERS = {layout.slots is _PLANAR_SLOTS}, {len(layout.state)}, {layout.parameters}"]
+    lines = [*_import_text(layout.effects), *constants, "", ""]
     for hook in _COMPILED:
         lines += _hook_text(layout, hook)
     lines += _derivatives_text(layout)
@@ -136,23 +145,26 @@ def _compose(key: str, text: str) -> ModuleType:
 
 
 _ONE_AT_A_TIME = RLock()  # ast.parse on several threads fails in Python 3.11, and numba compiles one module at a time
-_modules: dict[tuple[int, tuple[str, ...]], tuple[Mapping[str, Effect], ModuleType]] = {}
+_modules: dict[tuple[int, tuple[str, ...], bool], tuple[Mapping[str, Effect], ModuleType]] = {}
 
 
-def compose(effects: Mapping[str, Effect], kernels: tuple[str, ...]) -> ModuleType:
-    """The kernels (names of files in testbed/engines) over this catalogue's hooks."""
-    known = _modules.get((id(effects), kernels))
+def compose(effects: Mapping[str, Effect], kernels: tuple[str, ...], planar: bool = False) -> ModuleType:
+    """The kernels (names of files in testbed/engines) over this catalogue's hooks.
+
+    planar: for structures with more than one mode along the feed; those of one mode keep kernels without a loop over modes.
+    """
+    known = _modules.get((id(effects), kernels, planar))
     if known is not None and known[0] is effects:
         return known[1]
     with _ONE_AT_A_TIME:
-        return _composed(effects, kernels)
+        return _composed(effects, kernels, planar)
 
 
-def _composed(effects: Mapping[str, Effect], kernels: tuple[str, ...]) -> ModuleType:
-    known = _modules.get((id(effects), kernels))
+def _composed(effects: Mapping[str, Effect], kernels: tuple[str, ...], planar: bool) -> ModuleType:
+    known = _modules.get((id(effects), kernels, planar))
     if known is not None and known[0] is effects:  # by another thread, while this one waited
         return known[1]
-    layout = Layout(effects)
+    layout = Layout(effects, planar)
     text, by_name = _module_text(layout, kernels), layout.effects.values()
     sources = "".join(effect.path.read_text() for effect in by_name if effect.path)
     modules = " ".join(hook.__module__ for effect in by_name for hook in effect.hooks.values())  # kept in code
@@ -160,5 +172,5 @@ def _composed(effects: Mapping[str, Effect], kernels: tuple[str, ...]) -> Module
     _loading.clear()
     _loading.update(effects)
     module = _compose(sha256(stamp.encode()).hexdigest()[:16], text)
-    _modules[id(effects), kernels] = (effects, module)
+    _modules[id(effects), kernels, planar] = (effects, module)
     return module

@@ -10,10 +10,10 @@ import numpy as np
 from testbed.engines.array_kernel import copy, fill_columns
 from testbed.engines.compiled import holding, inner
 from testbed.engines.fast_kernel import CARRIED, EXACT_FLIGHT, PLAIN, PLAIN_COUNT
-from testbed.engines.hooks import hook_sensed_displacement, hook_sensed_velocity
 from testbed.engines.loop_kernel import derivative
 from testbed.engines.oscillator_kernel import end_state, increment, set_half_and_whole, stage_state
-from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X
+from testbed.engines.plane_kernel import bounded
+from testbed.engines.sampling_kernel import put_motion
 from testbed.engines.slider_kernel import fly_exactly
 from testbed.kernel_cache import kept
 
@@ -35,27 +35,25 @@ def decay_freely(A, P, G, O, Y, clock, W, D, E, out):
 
 @inner
 def march(A, P, G, O, plain, Y, Y1, D, W, K, H, E, force, rate, substeps, limit, out):
-    """Step from sample to sample; True if the motion stayed below `limit`. Y1, D, W, K, H, E are scratch."""
+    """Step from sample to sample under a force along the feed; True if it stayed below `limit`. The others are scratch."""
     more = O.shape[0] > 1 or plain.shape[0] > 0
     h = 1.0 / (rate * substeps)
     set_half_and_whole(O, h, H, E)
-    derivative(A, P, G, Y, D, force[0], 0.0)
+    derivative(A, P, G, Y, D, force[0], 0.0, 0.0)
     for sample in range(out.shape[1]):
-        out[SENSED_X, sample] = Y[0] + hook_sensed_displacement(A, P, Y)
-        out[SENSED_V, sample] = Y[1] + hook_sensed_velocity(A, P, Y)
-        out[SENSED_A, sample] = D[1] + hook_sensed_velocity(A, P, D)
+        put_motion(A, P, Y, D, out, sample)
         for sub in range(substeps):
             u, du = sub / substeps, 1.0 / substeps
             middle, end = force_between(force, sample, u + 0.5 * du), force_between(force, sample, u + du)
             increment(O, plain, more, Y, D, h, h, K, 0)
             for stage in range(1, 4):
                 stage_state(O, plain, more, H, E, Y, K, stage, W)
-                derivative(A, P, G, W, D, end if stage == 3 else middle, 0.0)
+                derivative(A, P, G, W, D, end if stage == 3 else middle, 0.0, 0.0)
                 increment(O, plain, more, W, D, h, h, K, stage)
             end_state(O, plain, more, H, E, Y, K, Y1)
             copy(Y1, Y)
-            derivative(A, P, G, Y, D, end, 0.0)  # that at the start of the next step
-            if not abs(Y[0]) < limit:
+            derivative(A, P, G, Y, D, end, 0.0, 0.0)  # that at the start of the next step
+            if not bounded(P, Y, limit):
                 fill_columns(out, sample + 1, np.nan)
                 return False
     return True
@@ -68,7 +66,7 @@ def drive_one(A, P, G, I, O, Y, force, rate, substeps, limit, out):
     Returns True if the motion stayed below `limit`; behind the point where it did not, the samples are NaN.
     """
     work, K, maps = np.zeros((3, Y.shape[0])), np.zeros((4, Y.shape[0])), np.zeros((2, O.shape[0], 4))
-    if I[EXACT_FLIGHT] and abs(Y[0]) < limit and not np.any(force):
+    if I[EXACT_FLIGHT] and bounded(P, Y, limit) and not np.any(force):
         decay_freely(A, P, G, O, Y, np.array([0.0, rate]), work[0], work[1], maps[0], out)
         return True
     return march(A, P, G, O, I[PLAIN : PLAIN + I[PLAIN_COUNT]], Y, work[0], work[1], work[2], K, maps[0], maps[1], force, rate,
@@ -76,8 +74,8 @@ def drive_one(A, P, G, I, O, Y, force, rate, substeps, limit, out):
 
 
 @kept(nogil=True)
-def drive_batch(A, P, G, I, O, Y, force, rate, substeps, limit, out, bounded):
+def drive_batch(A, P, G, I, O, Y, force, rate, substeps, limit, out, within):
     """drive_one over the first axis of the arrays (rate and substeps are shared)."""
     for run in range(G.shape[0]):
-        bounded[run] = drive_one(A[run], P[run], G[run], I[run], O[run, : I[run, CARRIED]], Y[run], force[run], rate,
+        within[run] = drive_one(A[run], P[run], G[run], I[run], O[run, : I[run, CARRIED]], Y[run], force[run], rate,
                                  substeps, limit, out[run])  # fmt: skip

@@ -17,9 +17,9 @@ from testbed.engines import loop_kernel as lk
 from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, compose
 from testbed.engines.measure import measured_channels
-from testbed.engines.packing import Packed, active_names, pack, stiffening, stiffens
+from testbed.engines.packing import Packed, active_names, pack, stacked, stiffening, stiffens
 from testbed.machine import Cutter, Model
-from testbed.recording import Outcome, Recording
+from testbed.recording import ENGINE_UNITS, MOTION_UNITS, Outcome, Recording
 
 _NO_EFFECTS: Mapping[str, Effect] = MappingProxyType({})
 STIFFER = 1.05  # a structure stiffened beyond this, in frequency, is run again with finer steps
@@ -33,17 +33,13 @@ CHANNELS = {
     "force_x": sk.FORCE_X,
     "force_y": sk.FORCE_Y,
     "spindle_angle": sk.ANGLE,
-}
-UNITS = {
-    "displacement": "m",
-    "velocity": "m/s",
-    "acceleration": "m/s^2",
-    "force_x": "N",
-    "force_y": "N",
-    "spindle_angle": "rad",
-}
+} | {f"{sensor}{quantity}_{axis}": first + order
+     for sensor, axis, first in (("", "x", sk.SENSED_X), ("", "y", sk.ACROSS),
+                                 ("tool_", "x", sk.TOOL_X), ("tool_", "y", sk.TOOL_Y))
+     for order, quantity in enumerate(MOTION_UNITS)}  # fmt: skip
+UNITS = {name: ENGINE_UNITS[name] for name in CHANNELS}
 _OUTCOMES: dict[int, Outcome] = {fk.OUTCOME_OK: "ok", fk.OUTCOME_DIVERGED: "diverged"}
-_LINEAR_CHANNELS = {"displacement", "velocity", "acceleration"}
+_LINEAR_CHANNELS = {name for name in CHANNELS if name not in ("force_x", "force_y", "spindle_angle")}
 
 
 @dataclass(frozen=True)
@@ -99,9 +95,15 @@ class _Batch:
         return whole
 
     def _run(self, packed: Sequence[Packed], linear: bool) -> BatchResult:
-        """The runs as they are packed, all of them followed."""
+        """The runs as they are packed, all of them followed: those of motion in the plane by kernels of their own."""
+        planar = packed[0].planar
+        if any(one.planar != planar for one in packed):
+            groups = [[run for run, one in enumerate(packed) if one.planar == kind] for kind in (False, True)]
+            parts = [self.of(runs)._run([packed[run] for run in runs], False) for runs in groups]
+            order = np.argsort(np.concatenate(groups))
+            return BatchResult(*(getattr(_together(*parts), one.name)[order] for one in fields(BatchResult)))
         runs, (signals, count, passes) = len(packed), self.shape
-        A, P, G, I, O, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIOY")  # noqa: E741
+        A, P, G, I, O, Y = stacked(packed)  # noqa: E741
         result = BatchResult(np.empty((runs, signals, count)), np.empty((runs, passes + 1)), np.empty((runs, passes + 1, 2)),
                              np.empty(runs, dtype=np.int64), np.empty(runs))  # fmt: skip
         found = (result.out, result.pass_times, result.pass_states, result.outcome, result.outcome_time)
@@ -109,8 +111,10 @@ class _Batch:
             kernel = compose(_NO_EFFECTS, (*FAST, "linear_kernel"))
             kernel.run_linear_batch(G, I, Y, self.clock, LIMIT, *found)
         else:
-            kernel = compose(self.effects, FAST)
+            kernel = compose(self.effects, FAST, planar)
             kernel.run_batch(A, P, G, I, O, Y, self.table, self.clock, self.forces, LIMIT, *found)
+        if not planar:
+            result.out[:, sk.N_CHANNELS :] = 0.0 * result.out[:, :1]  # NaN where the run diverged
         return result
 
 
@@ -133,7 +137,8 @@ def simulate_batch(
 
     durations: measured times of the tooth passes (s), one array a run, in place of the nominal speed. general: take the
     general kernel even where the linear one would do. signals: how many channels `out` holds: 1 (the displacement), 3 (the
-    motion) or all. alike: the runs differ little, and all may have steps as fine as the first needs. refinement: how many
+    motion along the feed), 6 or 15 (see `sampling_kernel`; what is across the feed or on the tool is filled for structures
+    that move there). alike: the runs differ little, and all may have steps as fine as the first needs. refinement: how many
     times as many steps as are chosen, a whole number. most_steps: within one sample; a run that takes more is not followed:
     NaN, outcome "diverged" at 0. Arrays are as the sensor sits on the structure, before any effect of the sensor itself.
     """
@@ -207,6 +212,8 @@ def simulate(
 ) -> Recording:
     """Simulate one test. See `testbed.recording` for what comes back; sampled after the sensor's own effects.
 
+    Motion without an axis in its name is along the feed, x; `tool_...` is what a sensor on the tool sees, all other motion what
+    one on the workpiece sees. On a structure of one mode along the feed the tool and all across the feed stand still.
     steps: Runge-Kutta steps while the leading tooth crosses its cut; chosen where None, for an
     error of about 1e-6 of the peak (1e-5 to 1e-4 where a law is not smooth).
     """
@@ -225,9 +232,14 @@ def simulate(
         catalogue=effects,
         durations=None if durations is None else [durations],
         general=general,
-        signals=1 if alone else sk.N_CHANNELS,
+        signals=1 if alone else signals_for(channels),
     )
     return _recording(result, 0, model, cut, sampling, channels, effects, alone)
+
+
+def signals_for(channels: Sequence[str]) -> int:
+    """How many rows of `out` it takes for these channels, and for what the sensor's own effects may ask besides."""
+    return sk.N_PLANE if any(CHANNELS[name] >= sk.N_CHANNELS for name in channels) else sk.N_CHANNELS
 
 
 def _recording(result: BatchResult, run: int, model: Model, cut: Cut, sampling: Sampling, channels: Sequence[str],
@@ -238,7 +250,8 @@ def _recording(result: BatchResult, run: int, model: Model, cut: Cut, sampling: 
     times, states = result.pass_times[run, : cut.total_passes + 1], result.pass_states[run, : cut.total_passes + 1]
     cutter = model.cutter or Cutter()
     return Recording(
-        channels=signals if alone else measured_channels(model, effects, signals, channels, sampling),
+        channels={"displacement": signals["displacement"]} if alone
+        else measured_channels(model, effects, signals, channels, sampling),
         sampling_rate=sampling.rate,
         units={name: UNITS[name] for name in channels},
         origin="predicted",

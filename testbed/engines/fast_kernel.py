@@ -15,7 +15,7 @@ from testbed.engines.array_kernel import copy, fill, fill_columns, fill_rows
 from testbed.engines.compiled import holding, inner
 from testbed.engines.front_kernel import first_surface
 from testbed.engines.glide_kernel import glide
-from testbed.engines.hooks import hook_chip, hook_relative_velocity
+from testbed.engines.hooks import PLANAR, hook_chip
 from testbed.engines.loop_kernel import (
     CORNERS,
     ENTRY,
@@ -35,6 +35,7 @@ from testbed.engines.loop_kernel import (
     weights_in_cut,
 )
 from testbed.engines.oscillator_kernel import end_state, increment, set_half_and_whole, stage_state
+from testbed.engines.plane_kernel import bounded, position_at_cut, structure_vx, structure_x, velocity_at_cut
 from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_forces, sample_step, skip_held
 from testbed.engines.slider_kernel import fly_exactly
 from testbed.kernel_cache import kept
@@ -76,18 +77,20 @@ def slope(A, P, G, Y, D, T, row, S, left, left_row, tooth, edges, weight):
 
     weight: what the force counts, see `weights_in_cut`.
     """
-    force, torque = 0.0, 0.0
-    velocity = Y[1] + hook_relative_velocity(A, P, Y)
+    force, across, torque = 0.0, 0.0, 0.0
+    at, moving = position_at_cut(A, P, Y), velocity_at_cut(A, P, Y)
     feed = G[FEED_SPEED] * (Y[2] - G[T_ENTRY])
     for edge in range(edges):
         sine, cosine = T[row, edge, SINE], T[row, edge, COSINE]
         tangential, normal, radial = force_of_edge(
-            A, P, G, Y, velocity, feed, T[row, edge, COVER], T[row, edge, TURNED], T[row, edge, THETA], sine, cosine,
+            A, P, G, Y, at, moving, feed, T[row, edge, COVER], T[row, edge, TURNED], T[row, edge, THETA], sine, cosine,
             S[row, edge], tooth[edge])  # fmt: skip
         left[left_row, edge] = radial
         force -= tangential * cosine + normal * sine
+        if PLANAR:
+            across += tangential * sine - normal * cosine
         torque += tangential * G[RADIUS]
-    derivative(A, P, G, Y, D, weight * force, weight * torque)
+    derivative(A, P, G, Y, D, weight * force, weight * across, weight * torque)
     return spindle_speed(A, P, G, Y)
 
 
@@ -136,10 +139,12 @@ def keep_surface(A, P, G, Y, D0, Y1, D1, ends, W, T, S, row, left, now, tooth, e
     """
     for i in range(Y.shape[0]):
         W[i] = 0.5 * (Y[i] + Y1[i]) + 0.125 * (D0[i] * ends[0] - D1[i] * ends[1])
-    feed = G[FEED_SPEED] * (W[2] - G[T_ENTRY])
+    x, y = position_at_cut(A, P, W)
+    x += G[FEED_SPEED] * (W[2] - G[T_ENTRY])
     for edge in range(edges):
         met = S[row + 1, edge]
-        radial = radius_of_edge(A, P, G, W, feed, T[row + 1, edge, THETA], T[row + 1, edge, SINE], tooth[edge])
+        radial = radius_of_edge(A, P, G, W, x, y, T[row + 1, edge, THETA], T[row + 1, edge, SINE], T[row + 1, edge, COSINE],
+                                tooth[edge])  # fmt: skip
         chip = hook_chip(A, P, radial - met)
         S[row, edge] = left[now, edge]
         S[row + 1, edge] = radial if chip == radial - met else met + chip
@@ -200,7 +205,7 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, maps, 
         before = weights[2]
         speed1 = advance(A, P, G, O, plain, steady, work, maps[segment], T, row, S, left, now, tooth, edges, span, speed0,
                          weights)  # fmt: skip
-        if not abs(Y1[0]) < limit:
+        if not bounded(P, Y1, limit):
             return position, False
         if position < out.shape[1] and clock[0] + position / clock[1] <= Y1[2]:
             first = position
@@ -242,9 +247,9 @@ def cross_pitch(A, P, G, I, O, T, S, pass_number, maps, work, left, tooth, clock
             position = fly(A, P, G, I, O, work[0], work[10], work[4], work[5], maps[I[SEGMENTS], 0], clock, segment,
                            angle + base, out, position)  # fmt: skip
         else:
-            position, bounded = cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, maps, work, left, tooth,
-                                              clock, wanted, limit, out, position)  # fmt: skip
-            if not bounded:
+            position, within = cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, maps, work, left, tooth,
+                                             clock, wanted, limit, out, position)  # fmt: skip
+            if not within:
                 return position, False
             staying = I[TEETH + segment + 1] if segment + 1 < I[SEGMENTS] else 0
             if cutting:  # what the teeth that leave here have left; the others' the next segment's first step keeps
@@ -275,7 +280,7 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
     Y = work[0]
     fill_table(G, I, T)
     position, start = skip_held(G, clock, out), Y[2]
-    pass_times[0], pass_states[0, 0], pass_states[0, 1] = Y[2], Y[0], Y[1]
+    pass_times[0], pass_states[0, 0], pass_states[0, 1] = Y[2], structure_x(P, Y), structure_vx(P, Y)
     for number in range(I[IDLE] + I[CUT] + I[RING_DOWN]):
         pass_number = number - I[IDLE]
         if durations.shape[0] > 0:
@@ -288,9 +293,9 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
             tooth[edge] = (number - edge // int(G[SLICES])) % int(G[FLUTES])
         if pass_number == 0 and I[CUT] > 0:
             enter_cut(A, P, G, I, Y, work[4], S)
-        position, bounded = cross_pitch(A, P, G, I, O, T, S, pass_number, maps, work, left, tooth, clock, wanted, limit, out,
+        position, within = cross_pitch(A, P, G, I, O, T, S, pass_number, maps, work, left, tooth, clock, wanted, limit, out,
                                         position)  # fmt: skip
-        if not bounded:
+        if not within:
             fill_columns(out, position, np.nan)
             fill(pass_times, number + 1, np.nan)
             fill_rows(pass_states, number + 1, np.nan)
@@ -299,7 +304,8 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
             Y[2] = pass_times[number] + durations[number]
         elif I[STEADY_SPEED]:  # the clock does not gather rounding
             Y[2] = start + (number + 1) * G[PITCH] / G[OMEGA]
-        pass_times[number + 1], pass_states[number + 1, 0], pass_states[number + 1, 1] = Y[2], Y[0], Y[1]
+        pass_times[number + 1] = Y[2]
+        pass_states[number + 1, 0], pass_states[number + 1, 1] = structure_x(P, Y), structure_vx(P, Y)
     last = I[IDLE] + I[CUT] + I[RING_DOWN] + 1
     fill_columns(out, position, np.nan)
     fill(pass_times, last, np.nan)

@@ -7,6 +7,7 @@ where the tool was one pitch before, whether it cut there or not. A simulator th
 import math
 
 from testbed.engines.compiled import inner
+from testbed.engines.hooks import PLANAR
 from testbed.engines.loop_kernel import (
     DAMPING,
     ENTRY,
@@ -22,6 +23,15 @@ from testbed.engines.loop_kernel import (
     spindle_speed,
 )
 from testbed.engines.oscillator_kernel import oscillator_map
+from testbed.engines.plane_kernel import (
+    COUNT,
+    FIRST_MODE,
+    MODE_DAMPING,
+    MODE_MASS,
+    MODE_SIZE,
+    MODE_STIFFNESS,
+    mode_place,
+)
 
 FINE, COARSE = 16, 1  # steps a pitch of a clock that is turned back: for the last pitch, and for those before
 
@@ -31,6 +41,19 @@ def swing_before(G, x, v, time):
     """Displacement (m) that the structure had `time` (s) before the state (x, v), ringing freely."""
     a, b, c, d = oscillator_map(G[STIFFNESS] / G[MASS], G[DAMPING] / G[MASS], -time)
     return a * x + b * v
+
+
+@inner
+def plane_swing_before(P, Y, time):
+    """(x, y) of that of all modes (m) before the state Y."""
+    x, y = 0.0, 0.0
+    for mode in range(int(P[COUNT])):
+        at, place = FIRST_MODE + mode * MODE_SIZE, mode_place(mode)
+        mass = P[at + MODE_MASS]
+        a, b, c, d = oscillator_map(P[at + MODE_STIFFNESS] / mass, P[at + MODE_DAMPING] / mass, -time)
+        moved = a * Y[place] + b * Y[place + 1]
+        x, y = x + P[at] * moved, y + P[at + 1] * moved
+    return x, y
 
 
 @inner
@@ -62,7 +85,7 @@ def first_surface(A, P, G, Y, entry, steady, phase, teeth, begun, new):
 
     entry: the state with which the first tooth enters, at the time `begun` (s); phase (rad): where the teeth will be then.
     Where contact can be lost, one of unequal teeth may fly over what others before it have cut: two turns settle that. Of the
-    swing only the structure's own mode is followed back, as if nothing but its spring and damper held it.
+    swing only the structure's own modes are followed back, as if nothing but their springs and dampers held them.
     """
     for place in range(Y.shape[0]):
         Y[place] = 0.0
@@ -76,7 +99,13 @@ def first_surface(A, P, G, Y, entry, steady, phase, teeth, begun, new):
         Y[2] = time_before(A, P, G, Y, steady, Y[2], -G[PITCH], COARSE) if back > 1 else last
         leave_surface(A, P, G, Y, phase, -back, teeth, new, new)
     if G[SWUNG_FRONT] != 0.0:
-        swing = swing_before(G, entry[0], entry[1], begun - last)
+        across = 0.0
+        if PLANAR:
+            swing, across = plane_swing_before(P, entry, begun - last)
+        else:
+            swing = swing_before(G, entry[0], entry[1], begun - last)
         for edge in range(teeth * int(G[SLICES])):
             cover, turned = piece_of_edge(G, phase, edge)
             new[edge] += swing * math.sin(G[ENTRY] + turned)
+            if PLANAR:
+                new[edge] += across * math.cos(G[ENTRY] + turned)

@@ -2,9 +2,10 @@
 
 from testbed.engines.array_kernel import copy
 from testbed.engines.compiled import inner
-from testbed.engines.hooks import hook_structure_force
+from testbed.engines.hooks import PLANAR, hook_structure_force
 from testbed.engines.loop_kernel import DAMPING, HELD_UNTIL, MASS, STIFFNESS, derivative, spindle_speed
 from testbed.engines.oscillator_kernel import DRAG, PULL, end_state, increment, set_half_and_whole, stage_state
+from testbed.engines.plane_kernel import bounded
 from testbed.engines.sampling_kernel import sample_step
 
 ROUNDED = 1e-9  # of a step, that is no step of its own
@@ -86,14 +87,14 @@ def glide(A, P, G, O, plain, steady, work, maps, base, span, steps, angle, clock
     Y, Y1, D0, D1, W, D, K = work[0], work[1], work[2], work[3], work[4], work[5], work[6:10]
     H, E = maps[0], maps[1]
     more = O.shape[0] > 1 or plain.shape[0] > 0
-    if not more:
+    if not more and not PLANAR:
         return glide_alone(A, P, G, O, steady, work, maps, base, span, steps, angle, clock, limit, out, position)
-    derivative(A, P, G, Y, D0, 0.0, 0.0)
+    derivative(A, P, G, Y, D0, 0.0, 0.0, 0.0)
     speed0 = spindle_speed(A, P, G, Y)
     for step in range(steps):
         held = held_share(A, P, G, work, span, speed0)
         if held > 0.0:
-            derivative(A, P, G, Y, D0, 0.0, 0.0)
+            derivative(A, P, G, Y, D0, 0.0, 0.0, 0.0)
             speed0 = spindle_speed(A, P, G, Y)
         if held == 1.0:
             continue
@@ -104,12 +105,12 @@ def glide(A, P, G, O, plain, steady, work, maps, base, span, steps, angle, clock
         increment(O, plain, more, Y, D0, h, h, K, 0)
         for stage in range(1, 4):
             stage_state(O, plain, more, H, E, Y, K, stage, W)
-            derivative(A, P, G, W, D, 0.0, 0.0)
+            derivative(A, P, G, W, D, 0.0, 0.0, 0.0)
             increment(O, plain, more, W, D, part / spindle_speed(A, P, G, W), h, K, stage)
         end_state(O, plain, more, H, E, Y, K, Y1)
-        derivative(A, P, G, Y1, D1, 0.0, 0.0)
+        derivative(A, P, G, Y1, D1, 0.0, 0.0, 0.0)
         speed1 = spindle_speed(A, P, G, Y1)
-        if not abs(Y1[0]) < limit:
+        if not bounded(P, Y1, limit):
             return position, False
         if position < out.shape[1] and clock[0] + position / clock[1] <= Y1[2]:
             position = sample_step(A, P, G, clock, Y, D0, Y1, D1, angle + phase, angle + phase + part, speed0, speed1, out,

@@ -64,7 +64,8 @@ class Motion:
 def _at_rest(effect: Effect, structure: Structure) -> dict[str, float]:
     """What the hooks of an effect are offered where nothing moves and nothing acts."""
     return dict.fromkeys(effect.states, 0.0) | {
-        "applied_force": 0.0, "torque": 0.0, "displacement": 0.0, "velocity": 0.0, "time": 0.0,
+        "applied_force": 0.0, "applied_force_y": 0.0, "torque": 0.0, "displacement": 0.0, "velocity": 0.0,
+        "displacement_y": 0.0, "velocity_y": 0.0, "time": 0.0,
         "mass": structure.mass, "stiffness": structure.stiffness, "damping": structure.damping}  # fmt: skip
 
 
@@ -88,12 +89,17 @@ def _oscillators(effect: Effect, values: Mapping[str, float], structure: Structu
 
 
 def motion_of(structure: Structure, active: Mapping[str, Mapping[str, float]], catalogue: Mapping[str, Effect],
-            layout: Layout) -> Motion:  # fmt: skip
-    """Sort the states of the active effects into oscillators and others."""
+            layout: Layout, planar: bool = False) -> Motion:  # fmt: skip
+    """Sort the states of the active effects into oscillators and others.
+
+    planar: the structure moves in the plane. A slider is then integrated: it holds the motion along x, which is no coordinate.
+    """
     plain: list[int] = []
-    rows = [(0.0, structure.stiffness / structure.mass, structure.damping / structure.mass)]
-    exact, carried, integrated, turning = True, structure.natural_frequency_rad, 0.0, 0.0
-    sliders = [name for name in active if catalogue[name].slider is not None]
+    behind = 3 + len(layout.state)  # the effects' states; see `plane_kernel`
+    rows = [(float(behind + 2 * (place - 1) if place else 0), mode.stiffness / mode.mass, mode.damping / mode.mass)
+            for place, mode in enumerate(structure.modes)]  # fmt: skip
+    exact, carried, integrated, turning = True, max(mode.natural_frequency_rad for mode in structure.modes), 0.0, 0.0
+    sliders = [] if planar else [name for name in active if catalogue[name].slider is not None]
     for name, values in active.items():
         effect = catalogue[name]
         pairs = _oscillators(effect, values, structure)

@@ -91,7 +91,7 @@ def cross(G, x, v, t0, dt, angle, span, steps, kappa, memory, row0, last, clock,
                 u = (clock[0] + position / clock[1] - t0) / dt
                 if u > 1.0:
                     break
-                fill_quintic(out, position, u, dt, x, v, a0, x1, v1, a1)
+                fill_quintic(out, SENSED_X, position, u, dt, x, v, a0, x1, v1, a1)
                 position += 1
         memory[row] = last
         memory[row + 1] = 0.5 * (x + x1) + 0.125 * dt * (v - v1)

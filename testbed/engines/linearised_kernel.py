@@ -36,7 +36,7 @@ def rate_in_angle(A, P, G, Y, past, phase, pass_number, teeth, surface, D, f):
     force, across, torque = 0.0, 0.0, 0.0
     if teeth > 0:
         force, across, torque = cutting_force(A, P, G, Y, phase, pass_number, teeth, surface)
-    derivative(A, P, G, Y, D, force, torque)
+    derivative(A, P, G, Y, D, force, across, torque)
     speed = spindle_speed(A, P, G, Y)
     for place in range(Y.shape[0]):
         f[place] = D[place] / speed

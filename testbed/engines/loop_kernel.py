@@ -13,18 +13,17 @@ import numpy as np
 
 from testbed.engines.compiled import inner
 from testbed.engines.hooks import (
+    PLANAR,
     hook_chip,
     hook_derivatives,
     hook_edge_position,
     hook_engagement,
     hook_force_factor,
     hook_normal_force,
-    hook_relative_displacement,
-    hook_relative_velocity,
     hook_speed,
-    hook_structure_force,
     hook_tangential_force,
 )
+from testbed.engines.plane_kernel import drive_structure, position_at_cut, velocity_at_cut
 
 FLUTES, PITCH, RADIUS, ENTRY, ENGAGED, SLICES, SLICE_LAG, SLICE_DEPTH, KT, KN, FEED, FEED_SPEED, OMEGA, T_ENTRY, \
     LENGTH_BEFORE, FIRST_TOOTH, MASS, DAMPING, STIFFNESS, BEGIN, END, SLIDER, SLIDER_PULL, SLIDER_TRAVEL, HELD_UNTIL, \
@@ -82,17 +81,19 @@ def piece_of_edge(G, phase, edge):
 
 
 @inner
-def radius_of_edge(A, P, G, Y, feed, theta, sine, tooth):
-    """`edge_radius` where the feed's travel (m), the angle's sine and the tooth's number are known already."""
-    x = Y[0] + hook_relative_displacement(A, P, Y)
-    return (feed + x) * sine + hook_edge_position(A, P, Y, tooth, G[FLUTES], G[RADIUS], theta)
+def radius_of_edge(A, P, G, Y, x, y, theta, sine, cosine, tooth):
+    """`edge_radius` at a known angle, with the workpiece at (x, y): x along the feed, its travel included; m."""
+    radial = x * sine + hook_edge_position(A, P, Y, tooth, G[FLUTES], G[RADIUS], theta)
+    return radial + y * cosine if PLANAR else radial
 
 
 @inner
 def edge_radius(A, P, G, Y, theta, edge, pass_number):
     """Radial position of an edge beyond the nominal circle of a tool that does not feed, m."""
     tooth = (pass_number + int(G[FIRST_TOOTH]) - edge // int(G[SLICES])) % int(G[FLUTES])
-    return radius_of_edge(A, P, G, Y, G[FEED_SPEED] * (Y[2] - G[T_ENTRY]), theta, math.sin(theta), tooth)
+    x, y = position_at_cut(A, P, Y)
+    x += G[FEED_SPEED] * (Y[2] - G[T_ENTRY])
+    return radius_of_edge(A, P, G, Y, x, y, theta, math.sin(theta), math.cos(theta), tooth)
 
 
 @inner
@@ -107,9 +108,12 @@ def leave_surface(A, P, G, Y, phase, pass_number, teeth, old, new):
 
 
 @inner
-def force_of_edge(A, P, G, Y, velocity, feed, cover, turned, theta, sine, cosine, met, tooth):
-    """(tangential force, normal force, radial position left behind) of one edge that met the surface `met`; N, m."""
-    radial = radius_of_edge(A, P, G, Y, feed, theta, sine, tooth)
+def force_of_edge(A, P, G, Y, at, moving, feed, cover, turned, theta, sine, cosine, met, tooth):
+    """(tangential force, normal force, radial position left behind) of one edge that met the surface `met`; N, m.
+
+    at, moving: `position_at_cut` and `velocity_at_cut`; feed: how far the workpiece has travelled besides, m.
+    """
+    radial = radius_of_edge(A, P, G, Y, feed + at[0], at[1], theta, sine, cosine, tooth)
     penetration = radial - met
     chip = hook_chip(A, P, penetration)
     if cover <= 0.0:
@@ -117,13 +121,18 @@ def force_of_edge(A, P, G, Y, velocity, feed, cover, turned, theta, sine, cosine
     cutting_speed, length = G[RADIUS] * G[OMEGA], G[LENGTH_BEFORE] + feed
     depth = G[SLICE_DEPTH] * cover \
         * hook_engagement(A, P, Y, turned, G[ENGAGED], G[ENTRY], feed - G[FEED] * G[BEGIN] / G[PITCH], G[FEED], G[RADIUS])
-    radial_velocity = velocity * sine
-    factor = depth * chip * hook_force_factor(A, P, Y, chip, penetration, theta, radial_velocity, depth,
-                                              cutting_speed, length, G[RADIUS], G[FEED], tooth)
+    radial_velocity, velocity_along = moving[0] * sine, moving[0] * cosine
+    if PLANAR:
+        radial_velocity += moving[1] * cosine
+        velocity_along -= moving[1] * sine
+    factor = depth * chip * hook_force_factor(A, P, Y, chip, penetration, theta, radial_velocity, velocity_along,
+                                              depth, cutting_speed, length, G[RADIUS], G[FEED], tooth)
     tangential = G[KT] * factor + hook_tangential_force(
-        A, P, Y, chip, penetration, theta, radial_velocity, depth, cutting_speed, length, G[RADIUS], G[FEED], tooth)
+        A, P, Y, chip, penetration, theta, radial_velocity, velocity_along, depth, cutting_speed, length, G[RADIUS], G[FEED],
+        tooth)
     normal = G[KN] * factor + hook_normal_force(
-        A, P, Y, chip, penetration, theta, radial_velocity, depth, cutting_speed, length, G[RADIUS], G[FEED], tooth)
+        A, P, Y, chip, penetration, theta, radial_velocity, velocity_along, depth, cutting_speed, length, G[RADIUS], G[FEED],
+        tooth)
     return tangential, normal, radial if chip == penetration else met + chip
 
 
@@ -131,14 +140,14 @@ def force_of_edge(A, P, G, Y, velocity, feed, cover, turned, theta, sine, cosine
 def cutting_force(A, P, G, Y, phase, pass_number, teeth, surface):
     """(F_x on the structure, F_y across the feed, torque on the spindle) of all edges, N and N m."""
     force_x, force_y, torque = 0.0, 0.0, 0.0
-    velocity = Y[1] + hook_relative_velocity(A, P, Y)
+    at, moving = position_at_cut(A, P, Y), velocity_at_cut(A, P, Y)
     feed = G[FEED_SPEED] * (Y[2] - G[T_ENTRY])
     for edge in range(teeth * int(G[SLICES])):
         cover, turned = piece_of_edge(G, phase, edge)
         theta = G[ENTRY] + turned
         sine, cosine = math.sin(theta), math.cos(theta)
         tooth = (pass_number + int(G[FIRST_TOOTH]) - edge // int(G[SLICES])) % int(G[FLUTES])
-        tangential, normal, left = force_of_edge(A, P, G, Y, velocity, feed, cover, turned, theta, sine, cosine,
+        tangential, normal, left = force_of_edge(A, P, G, Y, at, moving, feed, cover, turned, theta, sine, cosine,
                                                  surface[edge], tooth)
         force_x -= tangential * cosine + normal * sine
         force_y += tangential * sine - normal * cosine
@@ -147,14 +156,12 @@ def cutting_force(A, P, G, Y, phase, pass_number, teeth, surface):
 
 
 @inner
-def derivative(A, P, G, Y, D, force_x, torque):
+def derivative(A, P, G, Y, D, force_x, force_y, torque):
     """Time derivative D of the state Y under the applied force and torque: the structure's own law and the effects' states."""
     mass, damping, stiffness = G[MASS], G[DAMPING], G[STIFFNESS]
-    own = hook_structure_force(A, P, Y, mass, stiffness, damping)
-    D[0] = Y[1]
-    D[1] = (force_x + own - damping * Y[1] - stiffness * Y[0]) / mass
+    drive_structure(A, P, Y, D, force_x, force_y, mass, stiffness, damping)
     D[2] = 1.0
-    hook_derivatives(A, P, Y, D, force_x, torque, mass, stiffness, damping)
+    hook_derivatives(A, P, Y, D, force_x, force_y, torque, mass, stiffness, damping)
 
 
 @inner

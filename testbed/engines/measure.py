@@ -11,8 +11,13 @@ from testbed.cut import Sampling
 from testbed.effect import Effect, arguments_of
 from testbed.engines.packing import active_effects
 from testbed.machine import Model
+from testbed.recording import MOTION_UNITS
 
-_RATE_OF = {"displacement": "velocity", "velocity": "acceleration"}
+_RATE_OF = {"displacement": "velocity", "velocity": "acceleration"} | {
+    f"{sensor}{one}_{axis}": f"{sensor}{rate}_{axis}" for sensor in ("", "tool_") for axis in ("x", "y")
+    for one, rate in (("displacement", "velocity"), ("velocity", "acceleration"))}
+# what a hook is told of a channel: motion along the feed, at the workpiece, goes by its short name
+_QUANTITY = {f"{one}_x": one for one in MOTION_UNITS}
 
 
 def _with_rates(channels: Sequence[str], known: Mapping[str, Any]) -> dict[str, int]:
@@ -65,7 +70,7 @@ def measured_channels(model: Model, catalogue: Mapping[str, Effect], signals: Ma
             if quantity == "spindle_angle" or order[quantity] > later:  # a rate that no later hook asks for
                 continue
             offers = {"signal": signal, "true_signal": true[quantity], "sampling_rate": sampling.rate,
-                      "quantity": quantity, "time": time, **values}
+                      "quantity": _QUANTITY.get(quantity, quantity), "time": time, **values}
             if "rate" in wanted:
                 rate = before.get(_RATE_OF.get(quantity, ""))
                 offers["rate"] = _differences(signal, sampling.rate) if rate is None else rate

@@ -28,30 +28,32 @@ from testbed.engines.measure import measured_channels
 from testbed.engines.mujoco_record import sample_record
 from testbed.engines.packing import Packed, active_effects, fastest_frequency, pack
 from testbed.machine import Cutter, Model, Structure
-from testbed.recording import Outcome, Recording
+from testbed.recording import ENGINE_UNITS, MOTION_UNITS, Outcome, Recording
 
 LIMIT = 1.0  # m; a displacement beyond it is a run that has diverged
 STEP_PHASE = 0.04  # rad of the fastest vibration a step may cover
 STEP_ANGLE = 0.06  # rad of tooth travel a step in the cut may cover
 FEED_JOINT = "workpiece_feed"
-CHANNELS = ("displacement", "velocity", "acceleration", "force_x", "force_y", "spindle_angle")
-UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "force_x": "N", "force_y": "N",
-         "spindle_angle": "rad"}
+_OWN = (*MOTION_UNITS, "force_x", "force_y", "spindle_angle")  # then, in the plane, the motion of the other kinds
+_FURTHER = tuple(f"{kind[:-1]}{quantity}_{kind[-1]}" for kind in ("y", "tool_x", "tool_y") for quantity in MOTION_UNITS)
+CHANNELS = (*_OWN, *_FURTHER, *(f"{quantity}_x" for quantity in MOTION_UNITS))
+UNITS = {name: ENGINE_UNITS[name] for name in CHANNELS}
 _BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
-_LEAN = """<mujoco model="one_mode">
+_LEAN = """<mujoco model="{name}">
   <option integrator="RK4" gravity="0 0 0">
     <flag contact="disable" constraint="disable" equality="disable" limit="disable" gravity="disable"
       warmstart="disable" autoreset="disable"/>
   </option>
   <size memory="64K"/>
   <worldbody>
-    <body name="workpiece">
-      <inertial pos="0 0 0" mass="{mass!r}" diaginertia="1e-3 1e-3 1e-3"/>
-      <joint name="workpiece_feed" type="slide" axis="-1 0 0" stiffness="{stiffness!r}" damping="{damping!r}"/>
-    </body>
-  </worldbody>
+{bodies}  </worldbody>
 </mujoco>"""
+_BODY = """    <body name="{name}">
+      <inertial pos="0 0 0" mass="{mass!r}" diaginertia="1e-3 1e-3 1e-3"/>
+      <joint name="{joint}" type="slide" axis="{axis}" stiffness="{stiffness!r}" damping="{damping!r}"/>
+    </body>
+"""
 
 _NO_EFFECTS: Mapping[str, Effect] = MappingProxyType({})
 
@@ -79,7 +81,7 @@ def _settings(packed: Packed) -> np.ndarray:
     for place, source in ((mk.M_SEGMENTS, fk.SEGMENTS), (mk.M_IDLE, fk.IDLE), (mk.M_CUT, fk.CUT),
                           (mk.M_STEADY, fk.STEADY_SPEED)):
         head[place] = packed.I[source]
-    head[mk.M_STATES_ON] = packed.states_on
+    head[mk.M_STATES_ON], head[mk.M_MODES] = packed.states_on, packed.modes
     head[mk.M_STEPS : mk.M_STEPS + lk.MOST_SEGMENTS] = packed.I[fk.STEPS : fk.STEPS + lk.MOST_SEGMENTS]
     head[mk.M_TEETH : mk.M_TEETH + lk.MOST_SEGMENTS] = packed.I[fk.TEETH : fk.TEETH + lk.MOST_SEGMENTS]
     head[[mk.M_A, mk.M_P, mk.M_Y]] = packed.A.size, packed.P.size, packed.Y.size
@@ -107,11 +109,26 @@ def _fit_structure(root: ElementTree.Element, structure: Structure, own: Structu
     platform.set("mass", repr(mass))
 
 
+def _lean(structure: Structure) -> str:
+    """A machine of modes alone, a body and a slide joint for each: modal coordinates, so that every body has its modal mass.
+
+    The workpiece's x is the rig's -X, and its y the rig's -Y; a tool moves the other way.
+    """
+    bodies = ""
+    for place, mode in enumerate(structure.modes):
+        sign = 1.0 if mode.on == "tool" else -1.0
+        axis = " ".join(f"{sign * share:.17g}" if share else "0" for share in (*mode.shape, 0.0))
+        name = f"{mode.on}_mode_{place}" if structure.planar else "workpiece"
+        bodies += _BODY.format(name=name, mass=mode.mass, joint=FEED_JOINT if place == 0 else f"mode_{place}", axis=axis,
+                               stiffness=mode.stiffness, damping=mode.damping)
+    return _LEAN.format(name="modes_in_the_plane" if structure.planar else "one_mode", bodies=bodies)
+
+
 def _xml(model: Model, packed: Packed, plugin: str) -> str:
     if model.machine is None:
-        structure = model.structure
-        root = ElementTree.fromstring(_LEAN.format(mass=structure.mass, stiffness=structure.stiffness,
-                                                   damping=structure.damping))
+        root = ElementTree.fromstring(_lean(model.structure))
+    elif model.structure.planar:
+        raise ValueError(f"the machine {model.machine} has one mode along the feed: leave out `machine`")
     else:
         machine = models.machine(model.machine)
         root = ElementTree.fromstring(machine.xml())
@@ -124,7 +141,7 @@ def _xml(model: Model, packed: Packed, plugin: str) -> str:
     ElementTree.SubElement(extension, "plugin", plugin=plugin)
     custom = ElementTree.SubElement(root, "custom")
     ElementTree.SubElement(custom, "numeric", name="cut", data=" ".join(repr(float(value)) for value in settings))
-    body = root.find(".//body[@name='workpiece']")
+    body = root.find("worldbody/body" if model.structure.planar else ".//body[@name='workpiece']")
     assert body is not None
     instance = ElementTree.Element("plugin", plugin=plugin)
     ElementTree.SubElement(instance, "config", key="state_size", value=str(_state_size(settings)))
@@ -144,7 +161,16 @@ def model_xml(model: Model, cut: Cut, *, steps: int | None = None,
               catalogue: Mapping[str, Effect] | None = None) -> str:
     """The MJCF text that one run simulates: the machine, its values, and the cut's settings as a custom numeric."""
     model, effects = _needed(model, known_effects() if catalogue is None else catalogue)
-    return _xml(model, _grid(model, cut, effects, steps), mujoco_plugin.register(effects)[0])
+    packed = _grid(model, cut, effects, steps)
+    return _xml(model, packed, mujoco_plugin.register(effects, packed.planar)[0])
+
+
+def _largest(rows: np.ndarray) -> np.ndarray:
+    """How far the workpiece has moved against the tool at the ends of some steps of a record, the larger of x and y, m."""
+    if rows.shape[1] == mk.R_MOTION:
+        return np.abs(rows[:, mk.R_X1])
+    y, tool_x, tool_y = (rows[:, mk.R_MOTION + 6 * kind + 3] for kind in range(3))
+    return np.maximum(np.abs(rows[:, mk.R_X1] - tool_x), np.abs(y - tool_y))
 
 
 @dataclass
@@ -168,7 +194,7 @@ class Run:
             begin = self.data.time
             mujoco.mj_step(self.model, self.data, nstep=self.steps_per_pass)
             rows = self.record[self.done * self.steps_per_pass:(self.done + 1) * self.steps_per_pass]
-            beyond = ~(np.abs(rows[:, mk.R_X1]) < LIMIT)
+            beyond = ~(_largest(rows) < LIMIT)
             if beyond.any():
                 first = int(np.argmax(beyond))
                 self.stopped = float(rows[first, mk.R_T0])
@@ -183,10 +209,10 @@ def prepare(model: Model, cut: Cut, *, steps: int | None = None, catalogue: Mapp
     """Compile the model of one run and set it at time 0."""
     model, effects = _needed(model, known_effects() if catalogue is None else catalogue)
     packed = _grid(model, cut, effects, steps)
-    plugin, kernel = mujoco_plugin.register(effects)
+    plugin, kernel = mujoco_plugin.register(effects, packed.planar)
     compiled = mujoco.MjModel.from_xml_string(_xml(model, packed, plugin))
     per_pass = int(packed.I[fk.STEPS : fk.STEPS + packed.I[fk.SEGMENTS]].sum())
-    record = np.full((max(1, per_pass * cut.total_passes), mk.R_SIZE), np.nan)
+    record = np.full((max(1, per_pass * cut.total_passes), kernel.R_SIZE), np.nan)
     joint = mujoco.mj_name2id(compiled, mujoco.mjtObj.mjOBJ_JOINT, FEED_JOINT)
     numeric = compiled.numeric("cut").data  # a view; the record's address is this process's own, so not in the text
     numeric[[mk.M_DOF, mk.M_RECORD, mk.M_ROWS]] = compiled.jnt_dofadr[joint], record.ctypes.data, len(record)
@@ -243,9 +269,11 @@ def simulate(model: Model, cut: Cut, sampling: Sampling, *, channels: Sequence[s
     run = prepare(model, cut, steps=steps, catalogue=effects)
     run.advance(cut.total_passes)
     taken = int(np.count_nonzero(np.isfinite(run.record[:, mk.R_T1])))
-    out = np.full((len(CHANNELS), sampling.count), np.nan)
+    planar = run.record.shape[1] > mk.R_MOTION
+    out = np.full((len(_OWN) + len(_FURTHER) if planar else len(_OWN), sampling.count), np.nan)
     sample_record(run.record[:taken], sampling.start, sampling.rate, out)
-    signals = dict(zip(CHANNELS, out, strict=True))
+    signals = dict(zip((*_OWN, *_FURTHER), out, strict=False))
+    signals |= {f"{name}_x": signals[name] for name in MOTION_UNITS} | {name: 0.0 * out[0] for name in _FURTHER if not planar}
     times = _pass_times(run, cut.total_passes)
     flutes = (model.cutter or Cutter()).flutes
     outcome: Outcome = "ok" if math.isnan(run.stopped) else "diverged"

@@ -10,7 +10,7 @@ its physics state, so a run continues bit for bit. Neither knows of MuJoCo: `muj
 from testbed.engines.array_kernel import copy, fill
 from testbed.engines.compiled import holding
 from testbed.engines.front_kernel import first_surface
-from testbed.engines.hooks import hook_sensed_displacement, hook_sensed_velocity, hook_structure_force
+from testbed.engines.hooks import N_STATES, PLANAR, hook_structure_force, hook_structure_force_y
 from testbed.engines.loop_kernel import (
     CORNERS,
     DAMPING,
@@ -26,17 +26,21 @@ from testbed.engines.loop_kernel import (
     leave_surface,
     spindle_speed,
 )
+from testbed.engines.plane_kernel import FIRST_MODE, MODE_SIZE, mode_place, sensed, sensed_across, sensed_on_tool
 from testbed.kernel_cache import kept
 
 # settings N: this head, with one number a segment from M_STEPS and M_TEETH on; then the arrays A, P and G of `packing`
-M_SEGMENTS, M_IDLE, M_CUT, M_STATES_ON, M_STEADY, M_A, M_P, M_Y, M_DOF, M_EDGES, M_RECORD, M_ROWS, M_STEPS = range(13)
+M_SEGMENTS, M_IDLE, M_CUT, M_STATES_ON, M_STEADY, M_A, M_P, M_Y, M_DOF, M_EDGES, M_RECORD, M_ROWS, M_MODES, M_STEPS = range(14)
 M_TEETH, N_HEAD = M_STEPS + MOST_SEGMENTS, M_STEPS + 2 * MOST_SEGMENTS
 # state U: this head, then G, seven states (Y0, Y, D0 = first slope, three more slopes, D1), two surfaces, the memory
 U_COUNT, U_PASS, U_SEGMENT, U_STEP, U_TIME, U_DT, U_STAGE, U_MIDDLE, U_SPEED0, U_FORCE_X, U_FORCE_Y, U_HEAD = range(12)
 Y_0, Y_STAGE, SLOPES, D_1, Y_BLOCKS = 0, 1, 2, 6, 7
 # one row of the record a step: times; displacement, velocity, acceleration at both ends; forces at start, middle, end
 R_T0, R_T1, R_X0, R_V0, R_A0, R_X1, R_V1, R_A1, R_FX0, R_FXM, R_FX1, R_FY0, R_FYM, R_FY1, R_ANGLE0, R_ANGLE1, \
-    R_SIZE = range(17)
+    R_MOTION = range(17)
+# where the structure moves in the plane, behind that: the six numbers of motion once more, across the feed, and of a sensor on
+# the tool along x and along y
+R_SIZE = R_MOTION + 18 if PLANAR else R_MOTION
 
 
 @holding
@@ -52,6 +56,27 @@ def state_block(N, U, block):
     size = int(N[M_Y])
     start = U_HEAD + G_SIZE + block * size
     return U[start:start + size]
+
+
+@holding
+def put_structure(N, Y, q, v):
+    """Into the state Y the coordinates and rates of the structure's modes."""
+    for mode in range(int(N[M_MODES])):
+        place = mode_place(mode)
+        Y[place], Y[place + 1] = q[mode], v[mode]
+
+
+@holding
+def push_structure(N, A, P, G, Y, force, across, added):
+    """Add the force of the cut and of the effects to what pushes the structure's modes."""
+    force += hook_structure_force(A, P, Y, G[MASS], G[STIFFNESS], G[DAMPING])
+    if PLANAR:
+        across += hook_structure_force_y(A, P, Y, G[MASS], G[STIFFNESS], G[DAMPING])
+        for mode in range(int(N[M_MODES])):
+            at = FIRST_MODE + mode * MODE_SIZE
+            added[mode] += P[at] * force + P[at + 1] * across
+    else:
+        added[0] += force
 
 
 @holding
@@ -149,7 +174,7 @@ def choose_step(N, U, A, P, G, base, span, row0, teeth):
             Y[0] += ahead * (Y0[1] + 0.5 * ahead * D0[1])
             speed = spindle_speed(A, P, G, Y)
             force, across, torque = met_force(N, U, A, P, G, Y, base, span, row0, teeth, 0.5 if stage < 3 else 1.0)
-            derivative(A, P, G, Y, K, force, torque)
+            derivative(A, P, G, Y, K, force, across, torque)
             K[1] = D0[1]
         weight = 1.0 if stage in (0, 3) else 2.0
         total += weight * span / speed / 6.0
@@ -169,8 +194,11 @@ def stage_of(U, time):
 
 
 @kept
-def stage_force(N, U, time, x, v):
-    """Force on the structure at one stage beyond its own spring and damper; the first stage also chooses the step."""
+def stage_force(N, U, time, q, v, added):
+    """Add the force on the modes at one stage beyond their own springs and dampers; the first stage also chooses the step.
+
+    q, v (modes,): coordinates and rates of the modes; added (modes,): the forces on them.
+    """
     A, P = settings_of(N)
     G = U[U_HEAD:U_HEAD + G_SIZE]
     stage = stage_of(U, time)
@@ -178,22 +206,22 @@ def stage_force(N, U, time, x, v):
     steps, span, base, row0, teeth = place_on_grid(N, U)
     Y0, Y, D = state_block(N, U, Y_0), state_block(N, U, Y_STAGE), state_block(N, U, SLOPES + stage)
     share = 0.0 if stage == 0 else (1.0 if stage == 3 else U[U_MIDDLE])
-    Y[0], Y[1], Y[2] = x, v, time
+    put_structure(N, Y, q, v)
+    Y[2] = time
     if N[M_STATES_ON] != 0.0:
         before = state_block(N, U, SLOPES + max(stage - 1, 0))
         ahead = 0.0 if stage == 0 else U[U_DT] * (1.0 if stage == 3 else 0.5)
-        for i in range(3, Y.shape[0]):
+        for i in range(3, 3 + N_STATES):
             Y[i] = Y0[i] + (ahead * before[i] if stage > 0 else 0.0)
     force, across, torque = met_force(N, U, A, P, G, Y, base, span, row0, teeth, share)
-    own = hook_structure_force(A, P, Y, G[MASS], G[STIFFNESS], G[DAMPING])
+    push_structure(N, A, P, G, Y, force, across, added)
     if stage == 0:
         copy(Y, Y0)
         U[U_FORCE_X], U[U_FORCE_Y] = force, across
-        derivative(A, P, G, Y, D, force, torque)
+        derivative(A, P, G, Y, D, force, across, torque)
         choose_step(N, U, A, P, G, base, span, row0, teeth)
     elif N[M_STATES_ON] != 0.0:
-        derivative(A, P, G, Y, D, force, torque)
-    return force + own
+        derivative(A, P, G, Y, D, force, across, torque)
 
 
 @holding
@@ -206,9 +234,15 @@ def write_row(N, U, A, P, R, angle, span, force, across, force_middle, across_mi
         return
     row = R[start:start + R_SIZE]
     row[R_T0], row[R_T1] = Y0[2], Y1[2]
-    row[R_X0], row[R_X1] = Y0[0] + hook_sensed_displacement(A, P, Y0), Y1[0] + hook_sensed_displacement(A, P, Y1)
-    row[R_V0], row[R_V1] = Y0[1] + hook_sensed_velocity(A, P, Y0), Y1[1] + hook_sensed_velocity(A, P, Y1)
-    row[R_A0], row[R_A1] = D0[1] + hook_sensed_velocity(A, P, D0), D1[1] + hook_sensed_velocity(A, P, D1)
+    row[R_X0], row[R_V0], row[R_A0] = sensed(A, P, Y0, D0)
+    row[R_X1], row[R_V1], row[R_A1] = sensed(A, P, Y1, D1)
+    if PLANAR:
+        row[R_MOTION], row[R_MOTION + 1], row[R_MOTION + 2] = sensed_across(A, P, Y0, D0)
+        row[R_MOTION + 3], row[R_MOTION + 4], row[R_MOTION + 5] = sensed_across(A, P, Y1, D1)
+        for axis in range(2):
+            at = R_MOTION + 6 * (axis + 1)
+            row[at], row[at + 1], row[at + 2] = sensed_on_tool(P, Y0, D0, axis)
+            row[at + 3], row[at + 4], row[at + 5] = sensed_on_tool(P, Y1, D1, axis)
     row[R_FX0], row[R_FXM], row[R_FX1] = U[U_FORCE_X], force_middle, force
     row[R_FY0], row[R_FYM], row[R_FY1] = U[U_FORCE_Y], across_middle, across
     row[R_ANGLE0], row[R_ANGLE1] = angle, angle + span
@@ -260,7 +294,7 @@ def next_place(N, U, time, steps, row_end, teeth):
 
 
 @kept
-def end_step(N, U, R, time, x, v):
+def end_step(N, U, R, time, q, v):
     """MuJoCo has taken the step: finish the effects' states, leave the surface, keep the record, move on."""
     A, P = settings_of(N)
     G = U[U_HEAD:U_HEAD + G_SIZE]
@@ -268,18 +302,19 @@ def end_step(N, U, R, time, x, v):
     Y0, Y1, D1 = state_block(N, U, Y_0), state_block(N, U, Y_STAGE), state_block(N, U, D_1)
     row, phase = row0 + 2 * int(U[U_STEP]), base + U[U_STEP] * span
     pass_number, dt = int(U[U_PASS] - N[M_IDLE]), U[U_DT]
-    Y1[0], Y1[1], Y1[2] = x, v, time
+    put_structure(N, Y1, q, v)
+    Y1[2] = time
     if N[M_STATES_ON] != 0.0:
-        for i in range(3, Y1.shape[0]):
+        for i in range(3, 3 + N_STATES):
             Y1[i] = Y0[i]
         for stage in range(4):
             weight = dt / 6.0 if stage in (0, 3) else dt / 3.0
             K = state_block(N, U, SLOPES + stage)
-            for i in range(3, Y1.shape[0]):
+            for i in range(3, 3 + N_STATES):
                 Y1[i] += weight * K[i]
     force_middle, across_middle = 0.0, 0.0
     force, across, torque = met_force(N, U, A, P, G, Y1, base, span, row0, teeth, 1.0)
-    derivative(A, P, G, Y1, D1, force, torque)
+    derivative(A, P, G, Y1, D1, force, across, torque)
     if teeth > 0:
         force_middle, across_middle = leave_step(N, U, A, P, G, row, phase, span, pass_number, teeth,
                                                  spindle_speed(A, P, G, Y1))

@@ -1,7 +1,7 @@
 """The cut as a native MuJoCo engine plugin: numba C functions, registered from Python; no Python in the loop.
 
-One plugin a catalogue of effects. `compute` runs at each of the four Runge-Kutta stages and adds the force to the feed
-joint; `advance` runs once a step. All that changes is in mjData's plugin state, all settings in the model's first
+One plugin a catalogue of effects. `compute` runs at each of the four Runge-Kutta stages and adds the forces to the
+joints of the modes; `advance` runs once a step. All that changes is in mjData's plugin state, all settings in the model's first
 custom numeric, and the model's time step is rewritten as the run goes: one model a run, and threads share nothing.
 """
 
@@ -19,8 +19,9 @@ from numba.extending import intrinsic
 from testbed.effect import Effect
 from testbed.engines import mujoco_abi as abi
 from testbed.engines.compose import compose
-from testbed.engines.mujoco_kernel import M_DOF, M_RECORD, M_ROWS, R_SIZE, U_DT, U_STAGE
+from testbed.engines.mujoco_kernel import M_DOF, M_MODES, M_RECORD, M_ROWS, U_DT, U_STAGE
 
+KERNELS = ("array_kernel", "plane_kernel", "loop_kernel", "oscillator_kernel", "front_kernel", "mujoco_kernel")
 _CALLBACKS = ("nstate", "nsensordata", "init", "destroy", "copy", "reset", "compute", "advance", "visualize",
               "actuator_act_dot", "sdf_distance", "sdf_gradient", "sdf_staticdistance", "sdf_attribute", "sdf_aabb")
 STATE_SIZE_KEY = b"state_size"
@@ -54,7 +55,7 @@ def _callbacks(kernel: ModuleType) -> dict:
     numeric, number, address, timestep = abi.NUMERIC_DATA, abi.STATE_NUMBER, abi.STATE_ADDRESS, abi.TIMESTEP
     get_config = abi.library().mj_getPluginConfig
     get_config.argtypes, get_config.restype = [ctypes.c_void_p, ctypes.c_int, ctypes.c_void_p], ctypes.c_void_p
-    key, settings = _KEY, 1 << 16
+    key, settings, row_size = _KEY, 1 << 16, kernel.R_SIZE
 
     @cfunc(types.int32(types.intp, types.int32))
     def nstate(m, instance):  # asked while the model is compiled, before the numerics exist: the size is an attribute
@@ -80,10 +81,10 @@ def _callbacks(kernel: ModuleType) -> dict:
         size = _integers(_addresses(m + number)[0])[instance]
         place = _integers(_addresses(m + address)[0])[instance]
         U = carray(_doubles(_addresses(d + state)[0] + 8 * place), (size,))
-        dof = int(N[M_DOF])
-        added = stage_force(N, U, _doubles(d + time)[0], _doubles(_addresses(d + qpos)[0])[dof],
-                            _doubles(_addresses(d + qvel)[0])[dof])
-        _doubles(_addresses(d + force)[0])[dof] += added
+        first, modes = 8 * int(N[M_DOF]), int(N[M_MODES])
+        stage_force(N, U, _doubles(d + time)[0], carray(_doubles(_addresses(d + qpos)[0] + first), (modes,)),
+                    carray(_doubles(_addresses(d + qvel)[0] + first), (modes,)),
+                    carray(_doubles(_addresses(d + force)[0] + first), (modes,)))
         if U[U_STAGE] == 0.0:  # MuJoCo reads the step only after the first stage
             _doubles(m + timestep)[0] = U[U_DT]
 
@@ -93,10 +94,10 @@ def _callbacks(kernel: ModuleType) -> dict:
         size = _integers(_addresses(m + number)[0])[instance]
         place = _integers(_addresses(m + address)[0])[instance]
         U = carray(_doubles(_addresses(d + state)[0] + 8 * place), (size,))
-        R = carray(_doubles(int(N[M_RECORD])), (int(N[M_ROWS]) * R_SIZE,))
-        dof = int(N[M_DOF])
-        end_step(N, U, R, _doubles(d + time)[0], _doubles(_addresses(d + qpos)[0])[dof],
-                 _doubles(_addresses(d + qvel)[0])[dof])
+        R = carray(_doubles(int(N[M_RECORD])), (int(N[M_ROWS]) * row_size,))
+        first, modes = 8 * int(N[M_DOF]), int(N[M_MODES])
+        end_step(N, U, R, _doubles(d + time)[0], carray(_doubles(_addresses(d + qpos)[0] + first), (modes,)),
+                 carray(_doubles(_addresses(d + qvel)[0] + first), (modes,)))
 
     return {"nstate": nstate, "init": init, "reset": reset, "compute": compute, "advance": advance}
 
@@ -107,7 +108,7 @@ def _silent(message):
 
 
 _alive: list = []  # what the C side points into
-_registered: dict[int, tuple[Mapping[str, Effect], str, ModuleType]] = {}
+_registered: dict[tuple[int, bool], tuple[Mapping[str, Effect], str, ModuleType]] = {}
 _lock = threading.Lock()
 
 
@@ -127,16 +128,19 @@ def _add(name: str, kernel: ModuleType) -> None:
         raise RuntimeError(f"MuJoCo refused the plugin {name}")
 
 
-def register(effects: Mapping[str, Effect]) -> tuple[str, ModuleType]:
-    """(name of the plugin that cuts with this catalogue's effects, its compiled kernel); made once a process."""
+def register(effects: Mapping[str, Effect], planar: bool = False) -> tuple[str, ModuleType]:
+    """(name of the plugin that cuts with this catalogue's effects, its compiled kernel); made once a process.
+
+    planar: for structures with more than one mode along the feed.
+    """
     with _lock:
-        known = _registered.get(id(effects))
+        known = _registered.get((id(effects), planar))
         if known is not None and known[0] is effects:
             return known[1], known[2]
         abi.check()
         ctypes.c_void_p.in_dll(abi.library(), "mju_user_warning").value = _silent.address
-        kernel = compose(effects, ("array_kernel", "loop_kernel", "oscillator_kernel", "front_kernel", "mujoco_kernel"))
+        kernel = compose(effects, KERNELS, planar)
         name = f"testbed.cut.{len(_registered)}"
         _add(name, kernel)
-        _registered[id(effects)] = (effects, name, kernel)
+        _registered[id(effects), planar] = (effects, name, kernel)
         return name, kernel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from threading import Lock
 
@@ -14,10 +14,11 @@ from testbed.cut import Cut
 from testbed.effect import HOOKS, Effect, arguments_of, hook_value
 from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
+from testbed.engines import plane_kernel as pk
 from testbed.engines.compose import Layout
 from testbed.engines.grid import Motion, axial_points, corners_of_pitch, motion_of, steps_of_segments
 from testbed.geometry import true_geometry
-from testbed.machine import Cutter, Cutting, Model, Structure
+from testbed.machine import Cutter, Cutting, Mode, Model, Structure
 from testbed.problem import InputProblem
 
 _PYTHON_HOOKS = ("measure",)
@@ -37,13 +38,15 @@ class Packed:
     I: np.ndarray  # noqa: E741
     O: np.ndarray  # noqa: E741
     Y: np.ndarray
-    base: bool  # True where no effect touches the loop, so that the linear kernel serves
+    base: bool  # True where no effect touches the loop of one mode along the feed, so that the linear kernel serves
+    modes: int  # of the structure
+    planar: bool  # True where it takes the kernels of motion in the plane
     crossing: float  # rad the leading tooth turns through its cut, what whole pitches leave of it
 
     @property
     def states_on(self) -> bool:
         """Whether an active effect has states of its own."""
-        return bool(self.I[fk.CARRIED] > 1 or self.I[fk.PLAIN_COUNT] > 0)
+        return bool(self.I[fk.CARRIED] > self.modes or self.I[fk.PLAIN_COUNT] > 0)
 
     @property
     def steps_of_pass(self) -> int:
@@ -77,32 +80,37 @@ def active_effects(model: Model, catalogue: Mapping[str, Effect]) -> dict[str, M
     return active
 
 
+_STIFFENING = (("structure_force", "displacement"), ("structure_force_y", "displacement_y"))  # along x and along y
+
+
 def stiffens(model: Model, catalogue: Mapping[str, Effect]) -> bool:
     """Whether the model has an effect that may make its structure stiffer as it moves further."""
-    return any("displacement" in arguments_of(catalogue[name], "structure_force") for name in model.effects)
+    return any(argument in arguments_of(catalogue[name], hook) for name in model.effects for hook, argument in _STIFFENING)
 
 
 def stiffening(model: Model, catalogue: Mapping[str, Effect], amplitude: float) -> float:
-    """Highest frequency of the structure up to a displacement of `amplitude` (m) over its natural one, at least 1."""
-    structure, added = model.structure, 0.0
+    """Highest frequency of a mode up to a displacement of `amplitude` (m) over its natural one, at least 1."""
+    structure, added = model.structure, [0.0, 0.0]
     width = 1e-3 * amplitude
     offers = {"velocity": 0.0, "time": 0.0, "mass": structure.mass, "stiffness": structure.stiffness,
-              "damping": structure.damping}  # fmt: skip
+              "damping": structure.damping, "velocity_y": 0.0}  # fmt: skip
     for name, values in active_effects(model, catalogue).items():
         effect = catalogue[name]
-        if amplitude > 0.0 and "displacement" in arguments_of(effect, "structure_force"):
-            still = offers | dict.fromkeys(effect.states, 0.0)
-            added += max(
-                -(hook_value(effect, "structure_force", values, **still, displacement=side + width)
-                  - hook_value(effect, "structure_force", values, **still, displacement=side - width)) / (2.0 * width)
-                for side in (-amplitude, amplitude))  # fmt: skip
-    return math.sqrt(1.0 + max(0.0, added) / structure.stiffness)
+        for axis, (hook, argument) in enumerate(_STIFFENING):
+            if amplitude > 0.0 and argument in arguments_of(effect, hook):
+                still = offers | dict.fromkeys(effect.states, 0.0) | {"displacement": 0.0, "displacement_y": 0.0}
+                force = [hook_value(effect, hook, values, **(still | {argument: side + step * width}))
+                         for side in (-amplitude, amplitude) for step in (-1.0, 1.0)]  # fmt: skip
+                added[axis] += max(force[0] - force[1], force[2] - force[3]) / (2.0 * width)
+    return math.sqrt(1.0 + max(
+        sum(max(0.0, pull) * share**2 for pull, share in zip(added, mode.shape, strict=True)) / mode.stiffness
+        for mode in structure.modes))  # fmt: skip
 
 
 def fastest_frequency(model: Model, catalogue: Mapping[str, Effect]) -> float:
     """The highest angular frequency that the structure or an active effect brings in, rad/s."""
     structure = model.structure
-    rates = [structure.natural_frequency_rad]
+    rates = [mode.natural_frequency_rad for mode in structure.modes]
     for name, values in active_effects(model, catalogue).items():
         if "highest_frequency" in catalogue[name].hooks:
             rates.append(
@@ -181,12 +189,20 @@ class _OfModel:
     motion: Motion
     steady: bool
     base: bool
+    planar: bool
     lags: dict[float, _OfLag] = field(default_factory=dict)  # without a helix all depths share one
 
 
 KEPT = 32  # models, and depths of each under a helix, of which what they are packed from is kept
 _of_models: OrderedDict[int, _OfModel] = OrderedDict()  # the runs of a sweep, and the records of a fit, share a few
 _turn = Lock()
+
+
+def _mode_numbers(mode: Mode) -> list[float]:
+    """What the kernels are told of a mode, see `plane_kernel`."""
+    numbers = {pk.SHAPE_X: mode.shape[0], pk.SHAPE_Y: mode.shape[1], pk.MODE_MASS: mode.mass, pk.MODE_DAMPING: mode.damping,
+               pk.MODE_STIFFNESS: mode.stiffness, pk.ON_TOOL: float(mode.on == "tool")}  # fmt: skip
+    return [numbers[place] for place in range(pk.MODE_SIZE)]
 
 
 def _of_model(model: Model, catalogue: Mapping[str, Effect]) -> _OfModel:
@@ -197,16 +213,21 @@ def _of_model(model: Model, catalogue: Mapping[str, Effect]) -> _OfModel:
     layout = _layout(catalogue)
     active = active_effects(model, catalogue)
     cutter, cutting = true_geometry(model, catalogue) if active else (model.cutter or Cutter(), model.cutting or Cutting())
-    A, P = np.zeros(max(1, len(catalogue))), np.zeros(max(1, len(layout.parameter)))
+    planar = model.structure.planar or any(catalogue[name].acts_across(values) for name, values in active.items())
+    A, P = np.zeros(max(1, len(catalogue))), np.zeros(layout.parameters)
     for name, values in active.items():
         A[layout.flag[name]] = 1.0
         for parameter in catalogue[name].every_parameter:
             P[layout.parameter[name, parameter.name]] = values[parameter.name]
+    if planar:
+        P = np.concatenate([P, [len(model.structure.modes)], *map(_mode_numbers, model.structure.modes)])
     A.flags.writeable = P.flags.writeable = False
+    if cutter.pitch_angles:
+        raise InputProblem("cutter", "teeth of unequal pitch cannot be simulated", "leave out `pitch`")
     found = _OfModel(model, {name: catalogue[name] for name in model.effects}, layout, active, cutter, cutting, A, P,
-                     motion_of(model.structure, active, catalogue, layout),
+                     motion_of(model.structure, active, catalogue, layout, planar),
                      not any("speed" in catalogue[name].hooks for name in active),
-                     not any(_touches_loop(catalogue[name]) for name in active))
+                     not planar and not any(_touches_loop(catalogue[name]) for name in active), planar)
     with _turn:
         _of_models[id(model)] = found
         while len(_of_models) > KEPT:
@@ -217,6 +238,21 @@ def _of_model(model: Model, catalogue: Mapping[str, Effect]) -> _OfModel:
 def active_names(model: Model, catalogue: Mapping[str, Effect]) -> tuple[str, ...]:
     """Names of the model's effects that are not at their neutral value."""
     return tuple(_of_model(model, catalogue).active)
+
+
+def stacked(packed: Sequence[Packed]) -> tuple[np.ndarray, ...]:
+    """Runs side by side: the arrays A, P, G, I, O, Y with one axis more, padded with zeros to the most modes."""
+    return tuple(_stack([getattr(one, name) for one in packed]) for name in "APGIOY")
+
+
+def _stack(arrays: Sequence[np.ndarray]) -> np.ndarray:
+    most = max(len(one) for one in arrays)
+    if all(len(one) == most for one in arrays):
+        return np.ascontiguousarray(arrays)
+    found = np.zeros((len(arrays), most, *arrays[0].shape[1:]), arrays[0].dtype)
+    for row, one in zip(found, arrays, strict=True):
+        row[: len(one)] = one
+    return found
 
 
 @dataclass(frozen=True)
@@ -258,7 +294,7 @@ def _steps(of: _OfModel, tooth: _OfLag, speed: float, steps: int | None, stiffen
     known = tooth.steps.get(key)
     if known is not None:
         return known
-    motion, own = of.motion, of.model.structure.natural_frequency_rad
+    motion, own = of.motion, max(mode.natural_frequency_rad for mode in of.model.structure.modes)
     if stiffening > 1.0:
         carried, integrated = motion.rates
         # squared: the frequency grows, and so does the share of the force that is integrated and not carried exactly
@@ -301,8 +337,10 @@ def pack(
     G[lk.END] = (cut.passes - cut.early_exit) * G[lk.PITCH]
     I[fk.IDLE], I[fk.CUT], I[fk.RING_DOWN] = cut.idle_passes, cut.passes, cut.ring_down_passes
     I[fk.STEPS : fk.STEPS + len(counts)] = counts
-    Y = np.zeros(3 + len(of.layout.state))
+    further = len(of.model.structure.further)
+    Y = np.zeros(3 + len(of.layout.state) + 2 * further)
     Y[0], Y[1] = cut.initial_displacement, cut.initial_velocity
-    O = np.zeros((of.layout.oscillators, 3))  # noqa: E741
+    O = np.zeros((of.layout.oscillators + further, 3))  # noqa: E741
     O[: len(of.motion.oscillators)] = of.motion.oscillators
-    return Packed(of.A, of.P, G, I, O, Y, of.base and not measured_clock, tooth.crossing)
+    return Packed(of.A, of.P, G, I, O, Y, of.base and not measured_clock, 1 + further, of.planar,
+                  tooth.crossing)

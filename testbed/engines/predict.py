@@ -16,7 +16,7 @@ from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, compose
 from testbed.engines.grid import STEP_PHASE
 from testbed.engines.measure import asks_rates, measured_channels, senses
-from testbed.engines.packing import fastest_frequency, pack, state_place
+from testbed.engines.packing import fastest_frequency, pack, stacked, state_place
 from testbed.machine import Model
 
 LARGEST = 3.0  # a swing is followed back no further than to where it was exp(3) times what it is at the first sample
@@ -86,7 +86,7 @@ def _signals(models: Sequence[Model], effects: Mapping[str, Effect], channels: S
     """How many of the fast engine's channels it takes to predict these."""
     most = max(fast.CHANNELS[name] for name in channels)
     if most >= sk.N_MOTION:
-        return sk.N_CHANNELS
+        return fast.signals_for(channels)
     return sk.N_MOTION if most > 0 or any(asks_rates(model, effects) for model in models) else 1
 
 
@@ -102,7 +102,9 @@ def predict_driven(
     refinement: int = 1,
     own: Sequence[Mapping[str, float]] = (),
 ) -> np.ndarray:
-    """Predicted channels of a structure under a sampled force (N), from states (x, v) at the first sample.
+    """Predicted channels of a structure under a sampled force along the feed (N), from states (x, v) at the first sample.
+
+    Of a structure that moves in the plane the states are the first mode's; the models are then all of that kind.
 
     Shape (runs, channels, samples); zeros for `force` make it a free decay; NaN where a step would have to be absurdly short.
     refinement: how many times as many steps as the engine would choose. own: of each run, the effects' own states at the first
@@ -114,13 +116,13 @@ def predict_driven(
     if substeps > refinement * MOST_SUBSTEPS:  # a friction far stiffer than anything these samples could show
         return np.full((len(models), len(channels), len(force)), np.nan)
     packed = [pack(model, _STILL, effects) for model in models]
-    A, P, G, integers, O, Y = (np.ascontiguousarray([getattr(one, name) for one in packed]) for name in "APGIOY")
+    A, P, G, integers, O, Y = stacked(packed)
     Y[:, :2] = states
     for row, begun in zip(Y, own, strict=False):
         for path, value in begun.items():
             row[state_place(effects, path)] = value
-    out = np.zeros((len(models), sk.N_CHANNELS, len(force)))
-    kernel = compose(effects, (*FAST, "drive_kernel"))
+    out = np.zeros((len(models), fast.signals_for(channels), len(force)))
+    kernel = compose(effects, (*FAST, "drive_kernel"), packed[0].planar)
     kernel.drive_batch(
         A,
         P,
@@ -164,5 +166,6 @@ def _swing_before(model: Model, cut: Cut, rate: float) -> dict[str, np.ndarray]:
     cosine, sine = np.cos(damped * time), np.sin(damped * time) / damped
     displacement = np.exp(-decay * time) * (x * cosine + (v + decay * x) * sine)
     velocity = np.exp(-decay * time) * (v * cosine - (omega**2 * x + decay * v) * sine)
-    return {"displacement": displacement, "velocity": velocity,
-            "acceleration": -2.0 * decay * velocity - omega**2 * displacement}  # fmt: skip
+    seen = model.structure.shape[0] if model.structure.on == "workpiece" else 0.0
+    return {"displacement": seen * displacement, "velocity": seen * velocity,
+            "acceleration": seen * (-2.0 * decay * velocity - omega**2 * displacement)}  # fmt: skip

@@ -21,6 +21,7 @@ from testbed.engines import loop_kernel as lk
 from testbed.engines.compose import Layout, compose
 from testbed.engines.packing import Packed, active_effects, fastest_frequency, pack
 from testbed.machine import Model
+from testbed.problem import InputProblem
 
 TIME = 2  # the place of the time in the state
 
@@ -90,6 +91,8 @@ def regenerative_loop(model: Model, cut: Cut, catalogue: Mapping[str, Effect] | 
         raise ValueError("the model has no cutter: nothing is cut")
     effects = known_effects() if catalogue is None else catalogue
     packed, layout = pack(model, cut, effects), Layout(effects)
+    if packed.planar:
+        raise InputProblem("structure", "only one mode along the feed is linearised here", "leave out the others")
     active = active_effects(model, effects)
     for name in active:
         if effects[name].no_linear_answer:
@@ -103,7 +106,7 @@ def regenerative_loop(model: Model, cut: Cut, catalogue: Mapping[str, Effect] | 
     segments = packed.I[fk.SEGMENTS]
     breaks = packed.G[lk.CORNERS : lk.CORNERS + segments + 1].copy()
     teeth = packed.I[fk.TEETH : fk.TEETH + segments].copy()
-    kernel = compose(effects, ("array_kernel", "loop_kernel", "linearised_kernel"))
+    kernel = compose(effects, ("array_kernel", "plane_kernel", "loop_kernel", "linearised_kernel"))
     return RegenerativeLoop(
         packed, kernel, np.array(unknowns), np.array(prescribed), breaks, teeth, float(packed.G[lk.PITCH]), cut.spindle_speed,
         fastest_frequency(model, effects), bool(packed.I[fk.STEADY_SPEED]), model.cutter.flutes if uneven else 1)

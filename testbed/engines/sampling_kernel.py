@@ -1,16 +1,19 @@
 """Samples at the recording's rate: within a step by the quintic through displacement, velocity and acceleration at both
-ends, in free flight by the exact map. `out` holds all channels, or the first alone, or the first three: the motion."""
+ends, in free flight by the exact map. `out` holds the first channel alone, or the first three: the motion along the feed of
+a sensor on the workpiece, or the first six, or all: the motion across the feed too, and what a sensor on the tool sees."""
 
 import numpy as np
 
 from testbed.engines.array_kernel import copy
 from testbed.engines.compiled import inner
-from testbed.engines.hooks import hook_sensed_displacement, hook_sensed_velocity
+from testbed.engines.hooks import PLANAR, hook_sensed_displacement, hook_sensed_velocity
 from testbed.engines.loop_kernel import HELD_UNTIL, SLICES, cutting_force
 from testbed.engines.oscillator_kernel import carry, free_slope, set_maps
+from testbed.engines.plane_kernel import sensed, sensed_across, sensed_on_tool
 
 SENSED_X, SENSED_V, SENSED_A, FORCE_X, FORCE_Y, ANGLE, N_CHANNELS = range(7)
 N_MOTION = 3  # the first of them
+ACROSS, TOOL_X, TOOL_Y, N_PLANE = 6, 9, 12, 15  # each the first of displacement, velocity, acceleration
 
 
 @inner
@@ -34,19 +37,19 @@ def skip_held(G, clock, out):
 
 
 @inner
-def fill_quintic(out, position, u, dt, x0, v0, a0, x1, v1, a1):
-    """One sample of displacement, velocity and acceleration at the share u of a step of dt."""
+def fill_quintic(out, row, position, u, dt, x0, v0, a0, x1, v1, a1):
+    """One sample of displacement, velocity and acceleration, from `row` on, at the share u of a step of dt."""
     rise = (x1 - x0) / dt - v0 - 0.5 * a0 * dt  # what the three powers above the second must make up
     gain = v1 - v0 - a0 * dt
     bend = (a1 - a0) * dt
     c3 = 10.0 * rise - 4.0 * gain + 0.5 * bend
     c4 = -15.0 * rise + 7.0 * gain - bend
     c5 = 6.0 * rise - 3.0 * gain + 0.5 * bend
-    out[SENSED_X, position] = x0 + dt * u * (v0 + u * (0.5 * a0 * dt + u * (c3 + u * (c4 + u * c5))))
+    out[row, position] = x0 + dt * u * (v0 + u * (0.5 * a0 * dt + u * (c3 + u * (c4 + u * c5))))
     if out.shape[0] == 1:
         return
-    out[SENSED_V, position] = v0 + u * (a0 * dt + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))
-    out[SENSED_A, position] = a0 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5)) / dt
+    out[row + 1, position] = v0 + u * (a0 * dt + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))
+    out[row + 2, position] = a0 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5)) / dt
 
 
 @inner
@@ -57,6 +60,34 @@ def angle_between(u, dt, angle0, angle1, w0, w1):
 
 
 @inner
+def sample_plane(A, P, clock, Y0, D0, Y1, D1, out, position, stop):
+    """The samples from `position` to `stop` of one step, across the feed and on the tool."""
+    dt = Y1[2] - Y0[2]
+    for row in (ACROSS, TOOL_X, TOOL_Y):
+        if row == ACROSS:
+            (x0, v0, a0), (x1, v1, a1) = sensed_across(A, P, Y0, D0), sensed_across(A, P, Y1, D1)
+        else:
+            axis = 0 if row == TOOL_X else 1
+            (x0, v0, a0), (x1, v1, a1) = sensed_on_tool(P, Y0, D0, axis), sensed_on_tool(P, Y1, D1, axis)
+        for place in range(position, stop):
+            u = (clock[0] + place / clock[1] - Y0[2]) / dt
+            fill_quintic(out, row, place, u, dt, x0, v0, a0, x1, v1, a1)
+
+
+@inner
+def put_motion(A, P, Y, D, out, position):
+    """One sample of the motion of state Y, whose slope is D: all that `out` holds of it."""
+    x, v, a = sensed(A, P, Y, D)
+    out[SENSED_X, position] = x
+    if out.shape[0] > 1:
+        out[SENSED_V, position], out[SENSED_A, position] = v, a
+    if PLANAR and out.shape[0] > N_CHANNELS:
+        out[ACROSS, position], out[ACROSS + 1, position], out[ACROSS + 2, position] = sensed_across(A, P, Y, D)
+        out[TOOL_X, position], out[TOOL_X + 1, position], out[TOOL_X + 2, position] = sensed_on_tool(P, Y, D, 0)
+        out[TOOL_Y, position], out[TOOL_Y + 1, position], out[TOOL_Y + 2, position] = sensed_on_tool(P, Y, D, 1)
+
+
+@inner
 def sample_step(A, P, G, clock, Y0, D0, Y1, D1, angle0, angle1, w0, w1, out, position):
     """Fill the samples of the motion that fall into one step; return the next sample."""
     start, rate = clock[0], clock[1]
@@ -64,14 +95,15 @@ def sample_step(A, P, G, clock, Y0, D0, Y1, D1, angle0, angle1, w0, w1, out, pos
     count = out.shape[1]
     if position >= count or start + position / rate > Y1[2]:
         return position
-    x0, v0 = Y0[0] + hook_sensed_displacement(A, P, Y0), Y0[1] + hook_sensed_velocity(A, P, Y0)
-    x1, v1 = Y1[0] + hook_sensed_displacement(A, P, Y1), Y1[1] + hook_sensed_velocity(A, P, Y1)
-    a0, a1 = D0[1] + hook_sensed_velocity(A, P, D0), D1[1] + hook_sensed_velocity(A, P, D1)
+    x0, v0, a0 = sensed(A, P, Y0, D0)
+    x1, v1, a1 = sensed(A, P, Y1, D1)
     stop = samples_until(start, rate, Y1[2], position, count)
+    if PLANAR and out.shape[0] > N_CHANNELS:
+        sample_plane(A, P, clock, Y0, D0, Y1, D1, out, position, stop)
     while position < stop:
         u = (start + position / rate - Y0[2]) / dt
-        fill_quintic(out, position, u, dt, x0, v0, a0, x1, v1, a1)
-        if out.shape[0] == N_CHANNELS:
+        fill_quintic(out, SENSED_X, position, u, dt, x0, v0, a0, x1, v1, a1)
+        if out.shape[0] >= N_CHANNELS:
             out[ANGLE, position] = angle_between(u, dt, angle0, angle1, w0, w1)
             out[FORCE_X, position] = 0.0
             out[FORCE_Y, position] = 0.0
@@ -131,16 +163,20 @@ def sample_flight(A, P, G, O, clock, Y, middle, dt, angle0, span, w0, w1, W, D, 
     carry(O, E, W)
     set_maps(O, 1.0 / rate, E)
     stop = samples_until(start, rate, Y[2] + dt, position, count)
-    if O.shape[0] == 1 and out.shape[0] == 1:
+    if O.shape[0] == 1 and out.shape[0] == 1 and not PLANAR:
         fill_flight(A, P, E, W, middle, out, position, stop)
         return max(position, stop)
     while position < stop:
-        out[SENSED_X, position] = middle + W[0] + hook_sensed_displacement(A, P, W)
         if out.shape[0] > 1:
             free_slope(O, W, D)
-            out[SENSED_V, position] = W[1] + hook_sensed_velocity(A, P, W)
-            out[SENSED_A, position] = D[1] + hook_sensed_velocity(A, P, D)
-        if out.shape[0] == N_CHANNELS:
+        if PLANAR:
+            put_motion(A, P, W, D, out, position)
+        else:
+            out[SENSED_X, position] = middle + W[0] + hook_sensed_displacement(A, P, W)
+            if out.shape[0] > 1:
+                out[SENSED_V, position] = W[1] + hook_sensed_velocity(A, P, W)
+                out[SENSED_A, position] = D[1] + hook_sensed_velocity(A, P, D)
+        if out.shape[0] >= N_CHANNELS:
             out[FORCE_X, position] = 0.0
             out[FORCE_Y, position] = 0.0
             t = start + position / rate
