@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 DEMO ?= demo
 TESTS := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test long lint validate blind bench lock clean
+.PHONY: demo test long lint validate blind versions bench lock clean
 .DEFAULT_GOAL := demo
 
 $(VENV)/ready: requirements.lock pyproject.toml
@@ -39,12 +39,19 @@ blind: $(VENV)/ready
 	$(BIN)/python -m tests.validation.blind.propose
 	$(BIN)/python -m tests.validation.outside.judge --count 120
 
+# The lowest declared and the newest allowed dependencies; VERSIONS=all: with all tests that are not long
+versions: $(VENV)/ready
+	$(BIN)/python -m tests.validation.run versions
+
 bench: $(VENV)/ready
 	$(BIN)/python benchmarks/run.py
 
+# extras.lock: what a user of any extra gets. Apart, since `make test` needs neither a cluster's queues nor the benchmark's peers.
+COMPILE := $(BIN)/uv pip compile --universal --generate-hashes --no-header --no-emit-index-url --no-annotate \
+	--python-version 3.11 pyproject.toml
 lock:
-	$(BIN)/uv pip compile --universal --generate-hashes --no-header --no-emit-index-url --no-annotate --extra dev \
-		--python-version 3.11 pyproject.toml build-requirements.in -o requirements.lock
+	$(COMPILE) --extra dev build-requirements.in -o requirements.lock
+	$(COMPILE) --extra formats --extra fast --extra cluster --extra bench -c requirements.lock -o extras.lock
 
 clean:
 	rm -rf $(VENV) $(DEMO)

@@ -173,6 +173,8 @@ class _Processes:
         finally:
             for worker in workers:
                 worker.end()
+            for path in self.job.parts.glob(".*.part"):  # what a killed worker was writing
+                path.unlink(missing_ok=True)
 
     def _begin(self, worker: _Worker) -> None:
         span = self.waiting.popleft()

@@ -35,6 +35,7 @@ LADDER = math.log(1.1)  # swings within this ratio share their elements
 BLANK = 1e-4  # of the largest multiplier over max(1, modulus): a cell with a larger error is left blank
 PATIENCE = 2  # points more at which cells are given the full eigenvalue problem: two multipliers may be almost one
 _FEW = 200  # cells that are not worth a thread
+_MOST = 5_000  # cells together, about a second: an interruption waits for them
 
 
 @kept
@@ -92,7 +93,7 @@ class _Cells:
         """Cells that share their elements, at most so many together that every thread has some."""
         key = self._shapes * 10_000 + self.levels - self.levels.min(initial=0)
         order = np.argsort(key, kind="stable")
-        size = max(_FEW, -(-order.size // (4 * WORKERS)))
+        size = min(_MOST, max(_FEW, -(-order.size // (4 * WORKERS))))
         parts = np.split(order, np.flatnonzero(np.diff(key[order])) + 1)
         return [part[begin:begin + size] for part in parts for begin in range(0, part.size, size)]
 

@@ -264,14 +264,23 @@ COMMANDS = {"doctor": ("doctor",), "run": RUN, "identify": ("identify", "small.h
             "chart": ("chart", "model.yaml", "--speed", "3000:4000:11", "--depth", "1:3:5")}
 
 
-def _stranger(without: Sequence[str] = ("HOME", "TESTBED_CACHE", "XDG_CACHE_HOME"), **environment_: str) -> str:
-    """Every command as a service account: no home, no name, nothing of the installation to be written to."""
+def _stranger(made: bool = False, **environment_: str) -> str:
+    """Every command as a service account: no home, no name, nothing of the installation to be written to.
+
+    made: its folder of compiled functions has most of them already.
+    """
+    without = [name for name in ("HOME", "TESTBED_CACHE", "XDG_CACHE_HOME") if name not in environment_]
     prefix = ("setpriv", f"--reuid={STRANGER}", f"--regid={STRANGER}", "--clear-groups",
               "--inh-caps=+dac_read_search", "--ambient-caps=+dac_read_search")  # it may read all: the interpreter is root's
     with place() as folder:
         folder.chmod(0o777)
         (folder / "tmp").mkdir()
         (folder / "tmp").chmod(0o1777)
+        if made:
+            own = folder / "tmp" / f"testbed-kernels-{STRANGER}"
+            shutil.copytree(warm()[0], own)
+            for path in (own, *own.iterdir()):
+                os.chown(path, STRANGER, STRANGER)
         for name, one in COMMANDS.items():
             done = command(folder, one, prefix, without, TMPDIR=str(folder / "tmp"), **environment_)
             if done.returncode or done.stderr:
@@ -325,7 +334,7 @@ def probes() -> list[Probe]:
         found += [Probe(f"a folder of compiled code that {name}", partial(_planted, spoil), True)
                   for name, spoil in ONLY_ROOT.items()]
         found += [Probe("a user without HOME", _stranger), Probe("a user whose HOME is not there",
-                                                                 partial(_stranger, HOME="/nonexistent"))]
+                                                                 partial(_stranger, True, HOME="/nonexistent"))]
     return found
 
 

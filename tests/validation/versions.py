@@ -1,0 +1,84 @@
+"""The lowest declared and the newest allowed versions of all dependencies, in environments of their own:  make versions
+
+For every Python from 3.11 to 3.14 that uv finds or can get. "Lowest" is the lowest version of each direct dependency that is
+declared and has a wheel for that Python; packages are never built here. Tests: those of FILES, or all that are not long where
+VERSIONS=all is set.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from tests.validation.claims import Claim, Section
+
+ROOT = Path(__file__).resolve().parents[2]
+PYTHONS = ("3.11", "3.12", "3.13", "3.14")
+RESOLUTIONS = {"lowest": "lowest-direct", "newest": "highest"}
+EXTRAS = ("formats", "fast", "cluster", "bench", "dev")
+# at least one that leans on each dependency: command line, files, HDF5, engines, readers of every format, Parquet, dask
+FILES = ("test_cli.py", "test_model_file.py", "test_scenario.py", "test_store.py", "test_verify.py", "test_mujoco_engine.py",
+         "test_stability.py", "test_readers_binary.py", "test_export.py", "test_sweep_cluster.py")
+SHOWN = ("numpy", "scipy", "numba", "h5py", "matplotlib", "ruamel-yaml", "pydantic", "click", "rich", "plotly", "pyarrow",
+         "distributed")  # fmt: skip
+
+
+def _uv(*arguments: object) -> subprocess.CompletedProcess[str]:
+    own = Path(sys.executable).with_name("uv")
+    return subprocess.run([str(own if own.exists() else shutil.which("uv") or "uv"), *map(str, arguments)], cwd=ROOT,
+                          capture_output=True, text=True)
+
+
+def _interpreter(python: str) -> str:
+    """Its path; empty where it is not here and cannot be got."""
+    _uv("python", "install", "--quiet", python)
+    found = _uv("python", "find", "--no-project", "--system", python)
+    return found.stdout.strip() if found.returncode == 0 else ""
+
+
+def _tried(interpreter: str, resolution: str, folder: Path) -> tuple[str, dict[str, str], bool]:
+    """(what the tests said, versions installed, whether all passed)."""
+    wanted, home = folder / "requirements.txt", folder / "venv"
+    extras = [word for extra in EXTRAS for word in ("--extra", extra)]
+    steps = (("venv", "--quiet", "--python", interpreter, home),
+             ("pip", "compile", "--quiet", "--no-build", "--python", interpreter, "--resolution", resolution, *extras,
+              "pyproject.toml", "-o", wanted),
+             ("pip", "install", "--quiet", "--no-build", "--python", home, "-r", wanted),
+             ("pip", "install", "--quiet", "--no-deps", "--python", home, "-e", "."))
+    for step in steps:
+        done = _uv(*step)
+        if done.returncode:
+            return f"{step[0]} {step[1]}: {' '.join(done.stderr.split())[:200]}", {}, False
+    versions = dict(re.findall(r"^([\w.-]+)==(\S+)", wanted.read_text(), re.M))
+    tests = [] if os.environ.get("VERSIONS") == "all" else [f"tests/{name}" for name in FILES]
+    pytest = (home / "bin" / "python", "-m", "pytest", "-q", "-m", "not long", "-n", "2", "--dist", "loadfile")
+    done = subprocess.run([*pytest, *tests], cwd=ROOT, capture_output=True, text=True,
+                          env={**os.environ, "TESTBED_CACHE": str(folder / "cache")})
+    print(done.stdout[-20_000:], flush=True)
+    lines = [line for line in done.stdout.splitlines() if re.search(r"\d (passed|failed|error)", line)]
+    return (lines or ["no test ran"])[-1].strip("= "), versions, done.returncode == 0
+
+
+def check() -> Section:
+    """A line for each Python and each end of the declared versions."""
+    claims, rows = [], []
+    for python in PYTHONS:
+        interpreter = _interpreter(python)
+        for name, resolution in RESOLUTIONS.items():
+            what = f"Python {python}, {name} versions"
+            if not interpreter:
+                claims.append(Claim(what, "all tests pass", "-", None, "this Python could not be had where this was run"))
+                continue
+            with tempfile.TemporaryDirectory() as folder:
+                said, versions, passed = _tried(interpreter, resolution, Path(folder))
+            claims.append(Claim(what, "all tests pass", re.sub(r" in [\d.]+s.*", "", said), passed))
+            print(claims[-1], flush=True)
+            rows.append((what, *(versions.get(package, "-") for package in SHOWN)))
+    tests = "all tests that are not long" if os.environ.get("VERSIONS") == "all" else "tests: " + ", ".join(FILES)
+    table = ("Versions", ("environment", *SHOWN), tuple(rows))
+    return Section("Lowest and newest versions", tuple(claims), (table,), f"{tests}.")
