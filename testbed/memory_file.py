@@ -23,7 +23,7 @@ class MemoryFile:
         self.room = np.empty(size, np.uint8) if room is None or len(room) < size else room
         _kept.room = None  # two files of one thread do not share it
         self.keep, self.place, self.end = keep, 0, 0
-        self.problem: MemoryError | None = None
+        self.problem: BaseException | None = None
 
     def __enter__(self) -> MemoryFile:
         return self
@@ -33,7 +33,7 @@ class MemoryFile:
             _kept.room = self.room
 
     def content(self) -> memoryview:
-        """All bytes; good until the file is left. MemoryError where they did not find room."""
+        """All bytes; good until the file is left. Raises what kept them from being written."""
         if self.problem is not None:
             raise self.problem
         return self.room.data[: self.end]
@@ -51,7 +51,7 @@ class MemoryFile:
             if size and self.place + size > self.end:
                 self._reach(self.place, self.place + size)
             self.room[self.place:self.place + size] = np.frombuffer(data, np.uint8)
-        except MemoryError as problem:
+        except BaseException as problem:  # no room, or an interruption that strikes here
             self.problem = problem
         self.place += size
         return size

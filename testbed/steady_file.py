@@ -18,7 +18,7 @@ class SteadyFile:
     def __init__(self, path: Path) -> None:
         self.file = path.open("r+b", buffering=0)
         self.place, self.end = 0, 0
-        self.problem: Exception | None = None
+        self.problem: BaseException | None = None  # also an interruption that strikes here
         self.after: list[tuple[int, bytes]] = []  # written since the disk failed
 
     def __enter__(self) -> SteadyFile:
@@ -50,7 +50,7 @@ class SteadyFile:
                 done = 0
                 while done < len(view):
                     done += self.file.write(view[done:]) or 0
-            except (OSError, MemoryError) as problem:
+            except BaseException as problem:
                 self.problem = problem
         if self.problem is not None:
             self.after.append((self.place, bytes(view)))

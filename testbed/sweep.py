@@ -11,6 +11,7 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from glob import escape
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +73,7 @@ def run(scenario: Scenario, simulate: Simulate, output: str | Path, *, workers: 
     target = Path(output)
     check_packing(compression)
     catalogue = known_effects(*folders)
-    header = _header(scenario, model_xml, catalogue)
+    header = _header(scenario, model_xml, catalogue, folders)
     if target.exists() and not (resume and target.is_dir()):
         return _already_there(target, header, len(scenario), resume)
     try:
@@ -186,11 +187,19 @@ def _reopened(folder: Path, header: Header, runs: int) -> bool:
     return True
 
 
-def _header(scenario: Scenario, model_xml: str, catalogue: Mapping[str, Effect]) -> Header:
+def _header(scenario: Scenario, model_xml: str, catalogue: Mapping[str, Effect], folders: tuple[str, ...]) -> Header:
     assert scenario.model.cutter is not None  # the reader of scenarios refuses a model without one
     return Header(scenario.name, scenario.seed, scenario.engine, scenario.sampling_rate, scenario.model.cutter.flutes,
-                  scenario.text, model_text(scenario.model, catalogue), model_xml, scenario.fingerprint(catalogue),
+                  scenario.text, model_text(scenario.model, catalogue), model_xml, _fingerprint(scenario, catalogue, folders),
                   truth_units(scenario.model, catalogue), versions())
+
+
+def _fingerprint(scenario: Scenario, catalogue: Mapping[str, Effect], folders: tuple[str, ...]) -> str:
+    """The scenario's own, with the laws of the user's effects in it: runs of two laws under one name are not mixed."""
+    found, places = scenario.fingerprint(catalogue), {Path(folder).resolve() for folder in folders}
+    laws = [path.read_bytes() for name in sorted(scenario.model.effects)
+            if (path := catalogue[name].path) is not None and path.resolve().parent in places]
+    return sha256(b"".join([found.encode(), *laws])).hexdigest() if laws else found
 
 
 def _plan(scenario: Scenario, header: Header, simulate: Simulate, parts: Path, workers: int,

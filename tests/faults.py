@@ -28,7 +28,8 @@ from testbed.shards import find
 from testbed.verification import verify
 
 KINDS = {"ENOSPC": lambda: OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)),
-         "EIO": lambda: OSError(errno.EIO, os.strerror(errno.EIO)), "MemoryError": MemoryError}
+         "EIO": lambda: OSError(errno.EIO, os.strerror(errno.EIO)), "MemoryError": MemoryError,
+         "Ctrl-C": KeyboardInterrupt}
 _CALLS = {os: ("replace", "rename", "fsync", "mkdir", "chmod", "ftruncate", "pwrite"),
           h5py.Group: ("create_dataset",), h5py.Dataset: ("__setitem__", "make_scale"), h5py.AttributeManager: ("__setitem__",)}
 _LATER = {"testbed.chunk_writer": ("ChannelWriter._hand_over",), "testbed.memory_file": ("MemoryFile._reach",),
@@ -101,7 +102,7 @@ class _Numpy:
 
 @contextmanager
 def failing(kind, number):
-    """Within it the `number`-th write (kinds ENOSPC, EIO) or allocation (MemoryError) fails; gives the Fault."""
+    """Within it the `number`-th write (ENOSPC, EIO, Ctrl-C) or allocation (MemoryError) fails; gives the Fault."""
     fault = Fault(kind, number)
     with ExitStack() as stack:
         for owner, names in _targets(kind):
@@ -185,6 +186,8 @@ def sweep_with(folder, struck, keep, wanted):
             sweep.run(scenario, plain_engine.simulate, target, keep_shards=keep, progress=progress)
         except InputProblem as problem:
             wrong += [f"said in lines: {problem}"] if "\n" in str(problem) else []
+        except KeyboardInterrupt as stop:
+            wrong += [] if fault.kind == "Ctrl-C" else [f"interrupted: {stop}"]
         except BaseException as problem:  # whatever it is, it is not what a user is to see
             wrong.append(f"{type(problem).__name__}: {problem}")
         else:

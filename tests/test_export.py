@@ -217,6 +217,12 @@ def test_inspect_says_what_it_is_and_notices_damage(exported, tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     assert found["kind"] == "exported_shard" and found["split"] == "test" and found["about"]["sampling_rate"] == 6400
     assert run("export", exported[0], "-o", tmp_path / "set", "--quiet") == 0
+    manifest = tmp_path / "set" / "export.json"
+    text = manifest.read_text()
+    manifest.write_text(text.replace('"seed": 5', '"seed": 6', 1))
+    assert manifest.read_text() != text
+    assert run("inspect", tmp_path / "set") == 2 and "export.json: was changed" in capsys.readouterr().err
+    manifest.write_text(text)
     damaged = next((tmp_path / "set" / "data").glob("train-*"))
     whole = bytearray(damaged.read_bytes())
     whole[len(whole) // 2] ^= 4

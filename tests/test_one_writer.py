@@ -15,11 +15,14 @@ import sweep_kills
 
 from testbed import one_writer as module
 from testbed import sweep
+from testbed.catalogue import catalogue
 from testbed.data_set import read_data_set
 from testbed.one_writer import lock_path, one_writer
 from testbed.problem import InputProblem
+from testbed.scenario_file import scenario_from
 from testbed.shards import find, note_text, read_note, shard_path
 from testbed.verification import verify
+from testbed.yaml_text import parse
 
 RUNS = 24
 HOLDER = "import sys, time\nfrom pathlib import Path\nfrom testbed.one_writer import one_writer\n" \
@@ -272,6 +275,23 @@ def test_a_shard_that_cannot_be_read_just_now_is_not_removed(scenario, tmp_path,
     before = len(find(tmp_path / "a.h5.parts"))
     report = sweep.run(scenario, plain_engine.simulate, tmp_path / "a.h5", resume=True)
     assert before and report.content_hash == whole and report.computed == 12
+
+
+def test_runs_of_two_laws_under_one_name_are_not_mixed(tmp_path):
+    law, folders = tmp_path / "fx" / "my_drag.py", (str(tmp_path / "fx"),)
+    law.parent.mkdir()
+    text = (Path(sweep.__file__).parent / "effects" / "process_damping.py").read_text("utf-8")
+    law.write_text(text, "utf-8")
+    effect = "  effects: {my_drag: {coefficient: 1e4 N/m}}\ncut: {"
+    described = sweep_kills.TEXT.replace("RUNS", "8").replace("cut: {", effect, 1)
+    scenario = scenario_from(parse(described, "s.yaml"), catalogue(*folders))
+    with pytest.raises(sweep.Interrupted):
+        sweep.run(scenario, plain_engine.StopsAfter(5), tmp_path / "a.h5", folders=folders)
+    law.write_text(text + "\n# another law\n", "utf-8")
+    with pytest.raises(InputProblem, match="another scenario"):
+        sweep.run(scenario, plain_engine.unwanted, tmp_path / "a.h5", folders=folders, resume=True)
+    law.write_text(text, "utf-8")
+    assert sweep.run(scenario, plain_engine.simulate, tmp_path / "a.h5", folders=folders, resume=True).computed < 8
 
 
 def test_what_a_killed_consolidation_left_is_removed(scenario, tmp_path, whole):

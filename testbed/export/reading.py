@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from testbed.export.schema import FORMAT, KEY
-from testbed.export.writing import MANIFEST, file_hash
+from testbed.export.writing import MANIFEST, file_hash, manifest_hash
 from testbed.problem import InputProblem
 
 
@@ -60,6 +60,8 @@ def _folder(place: Path, check: bool) -> dict[str, Any]:
         raise InputProblem(place / MANIFEST, "is damaged", "export the data set again") from None
     if newer:
         raise InputProblem(place, f"is of a newer testbed (format {content['format']})", "update testbed")
+    if manifest_hash(content) != content.get("hash", manifest_hash(content)):  # older exports have none
+        raise InputProblem(place / MANIFEST, "was changed after it was written", "export the data set again")
     for name, (digest, _) in shards.items():
         file = (place / name).resolve()
         if not file.is_relative_to(place.resolve()) or not file.is_file():

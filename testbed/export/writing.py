@@ -142,8 +142,15 @@ def write_manifest(folder: Path, planned: Plan, written: Mapping[str, Mapping[st
               for split, files in written.items() for name, rows in files.items()}
     content = {"format": FORMAT, "about": dict(planned.about), "splits": planned.counts(), "shards": shards,
                "columns": [vars(each) for each in planned.columns], **more}
+    content["hash"] = manifest_hash(content)
     (folder / MANIFEST).write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     return content
+
+
+def manifest_hash(content: Mapping[str, Any]) -> str:
+    """SHA-256 of what `export.json` says, apart from this."""
+    said = json.loads(json.dumps({key: value for key, value in content.items() if key != "hash"}))  # keys as in the file
+    return sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
 
 def file_hash(path: Path) -> str:
