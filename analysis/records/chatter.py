@@ -1,11 +1,16 @@
 """Did the cut chatter? Told from its record alone, by a line that the cut feeds.
 
-What repeats with the spindle is taken out of the last revolutions of the cut. A line that is left there is chatter where it
-lasts or grows, is none that stood there before the entry (hum, another machine), and is loud. Loud is measured against the
-feed: the motion changes from one tooth to the next by so much that teeth leave the work, or nearly; where no channel tells
-metres, or no feed is known, against the tooth passing. Before no idling was recorded, a line on a multiple of the mains is
-the cut's only with side bands at the tooth passing. What dies away was the entry's. With an even number of teeth a flip falls
-on multiples of the spindle's frequency, where runout is, too: there alone the size decides, and the kind stays open.
+What repeats with the spindle is taken out of the last revolutions of the cut. A line that is left is chatter where it
+
+- lasts or grows: what dies away from part to part of the cut was the entry's;
+- did not stand there before the entry (hum, another machine). Where no idling was recorded, a line on a multiple of the mains,
+  as nearly as its place is known, is the cut's only with side bands at the tooth passing;
+- is loud against the feed: the motion changes from tooth to tooth by so much that teeth leave the work, or nearly. A line with
+  such side bands may be fainter. Where no channel tells metres, or no feed is known, loud is against the tooth passing.
+
+What repeats with the spindle, but not with the teeth, is runout, a flip of an even number of teeth, or chatter that has
+locked to the spindle. It is runout where it is small, or made of those orders alone that a cutter beside its axis makes, or
+stood right behind the entry; chatter where teeth leave the work; else the kind, or the verdict too, stays open.
 """
 
 from __future__ import annotations
@@ -36,13 +41,13 @@ GROWS, GROWS_ABOVE, FAINT = 1.3, 10.0, 0.1  # the same for one that grows, how f
 LOUD = 0.3  # of the feed, in motion from tooth to tooth; of the tooth passing, in a force: a line between the orders
 LOUD_FED = 0.1  # the same for a line with side bands, off the mains
 LOUD_UNMEASURED = 1.0  # of the loudest order, in a motion that cannot be measured against the feed; doubted from LOUD on
-LOUD_ORDER, DOUBTED_ORDER = 0.7, 0.4  # of the feed: what repeats with the spindle only; runout is less than the first
+LOUD_ORDER, DOUBTED_ORDER = 0.7, 0.4  # of the feed: what repeats with the spindle only
+LOUD_ECCENTRIC = 1.0  # of the feed: the same where a cutter beside its axis can make it, then doubted from LOUD_ORDER on
 LOUD_FORCE, DOUBTED_FORCE = 1.5, 0.6  # of the teeth's: the same in a force, where runout itself shows and not what it moves
 DOUBTED_UNMEASURED = 1.0  # of the teeth's: odd halves of the tooth passing in a motion that cannot be measured
 RAISED = 4.0  # times its median: the spectrum's floor where a motion has no lines,
 LOUD_IRREGULAR, LEAST_IRREGULAR = 0.5, 0.05  # as loud as a line; where integrated, of what repeats in the channel, too
 HANN_NOISE = 1.5  # bins, that noise counts for under a Hann window
-LOUD_ECCENTRIC = 1.0  # of the feed: the same where it is what a cutter beside its axis makes
 ECCENTRIC, NEARLY_ECCENTRIC = 0.6, 0.4  # of the orders beside the teeth's, that others have at the most where runout made them
 _MOTION = {("displacement", "m"): 0, ("velocity", "m/s"): 1, ("acceleration", "m/s^2"): 2}
 _QUANTITIES = ("displacement", "velocity", "acceleration", "force")
@@ -148,14 +153,12 @@ def _answer(end: CutEnd, lines: Sequence[Line]) -> Chatter:
     doubt: Chatter | None = None
     for line in lines:
         loud, enough = _loudness(end, line)
-        loud_from = LOUD
         rises = line.kept > 1.0 and line.kept * max(line.kept_before, 1.0) > GROWS
         grows = rises and not end.beside_order(line.order) and line.stands > GROWS_ABOVE and loud > FAINT * enough
-        if line.sides >= FEWEST_SIDES and not line.on_mains and not end.beside_order(line.order):
-            loud_from = LOUD_FED
+        fed = line.sides >= FEWEST_SIDES and not (line.on_mains or end.beside_order(line.order) or end.unmeasured)
         before = end.before(line.order) / line.amplitude
         dies = max(line.kept, line.kept_before) < least
-        if dies or (loud < loud_from and not grows) or end.folded(line) or before > BEFORE:
+        if dies or (loud < (LOUD_FED if fed else LOUD) and not grows) or end.folded(line) or before > BEFORE:
             continue
         here = _chatter_at(end, line.order, line.amplitude, tooth, _kind(end, line.order))
         if math.isnan(before) and line in hum:
@@ -216,7 +219,8 @@ def _teeth_leave(end: CutEnd, seen: Pattern) -> bool:
 def _limits(end: CutEnd, seen: Pattern) -> tuple[float, float]:
     """(size that is chatter, size that may be) of what repeats with the spindle only."""
     if end.measured:
-        return (LOUD_ORDER if seen.grew else LOUD_ECCENTRIC, LOUD_ORDER) if seen.rest < ECCENTRIC else (LOUD_ORDER, DOUBTED_ORDER)
+        eccentric = LOUD_ORDER if seen.grew else LOUD_ECCENTRIC, LOUD_ORDER
+        return eccentric if seen.rest < ECCENTRIC else (LOUD_ORDER, DOUBTED_ORDER)
     if not end.is_force:
         return math.inf, DOUBTED_UNMEASURED
     if end.flutes < 4:

@@ -165,7 +165,7 @@ class CutEnd:
         return abs(order - round(order)) < 1.0 / self.count
 
     def _sides(self, order: float, found: Sequence[Line]) -> int:
-        """How many side bands at the tooth passing a line has, none of which is an order, hum, or a side lobe of a line found."""
+        """How many side bands at the tooth passing a line has: none is an order, hum, or a side lobe of a line found."""
         lines, floor = self.spectrum
         bins, count = self.count * PADDED, 0
         for step in (*range(-SIDE_BANDS, 0), *range(1, SIDE_BANDS + 1)):

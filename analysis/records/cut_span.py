@@ -12,7 +12,7 @@ from testbed.recording import Recording
 
 QUIET = 0.25  # of the power of the cut, above that of the idling: a stretch that does not cut
 IDLES = 1.5  # times the power of the idling, that such a stretch has at the most
-LASTS = {"exit": 0.5, "idle": 0.5, "ring-down": 0.9}  # of its level at its start, that a stretch has at its end if it cuts still
+LASTS = {"exit": 0.5, "idle": 0.5, "ring-down": 0.9}  # of its level at its start, that a stretch keeps if it cuts still
 FEWEST = 4  # revolutions in a stretch that are needed to tell
 
 

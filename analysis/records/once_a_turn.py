@@ -1,7 +1,7 @@
-"""What repeats with the spindle, but not with the teeth, at the end of a cut: runout, or chatter that has locked to the spindle.
+"""What repeats with the spindle, but not with the teeth, at the end of a cut: runout, or chatter locked to the spindle.
 
-A cutter beside its axis makes the orders next to multiples of the flutes, and no others as long as its teeth stay in the work; a
-flip makes the odd halves of the tooth passing. Runout stands from the first revolutions on, while chatter grows.
+A cutter beside its axis makes the orders next to multiples of the flutes, and no others as long as its teeth stay in the work.
+A flip makes the odd halves of the tooth passing. Runout stands from the first revolutions on, while chatter grows.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ PLACED = 0.4  # bins within which an order lies on a multiple of the mains
 class Pattern:
     """What repeats with the spindle only.
 
-    others, half: Fourier coefficients by order of all of it and of the odd halves. size, most: how large it is, without what
-    may be hum and in all; a motion in feeds, else in what repeats with the teeth. rest: orders that an eccentric cutter does not
-    make, over those that it does. at_once: whether it stood behind the entry already; grew: that it did not. Neither is told
-    where no idling was recorded.
+    others, half: Fourier coefficients by order, of all of it and of the odd halves. size, most: how large it is, without what
+    may be hum, and in all: a motion in feeds, else in what repeats with the teeth. rest: orders that an eccentric cutter does
+    not make, over those that it does. at_once: whether it stood behind the entry already; grew: that it did not. Neither is
+    told where no idling was recorded.
     """
 
     others: np.ndarray
