@@ -13,7 +13,8 @@ from scipy.interpolate import CubicSpline
 from analysis.linear.planar_multipliers import cut_multipliers
 from analysis.linear.stability import classify
 from analysis.multipliers.verdict import changing_part, once_per_tooth_samples, simulated_verdict
-from analysis.records.segments import main_channel
+from analysis.records.chatter import judge_cut
+from analysis.records.segments import Segment, main_channel
 from testbed.cut import Cut
 from testbed.machine import Model
 from testbed.recording import Recording
@@ -99,6 +100,8 @@ def observed(recording: Recording, noise: Mapping[str, float], by_revolution: bo
     """What the cut did alone, by the displacement, else the velocity, the acceleration, a force; noise: rms of each channel's.
 
     by_revolution: the teeth differ, so that samples are compared once a revolution and not once a tooth.
+    Where the samples of another channel than the displacement leave it undecided, its lines are asked.
+
     Undecided where the run is too short, broken off or has no marks.
     """
     known, passes = recording.conditions, recording.pass_times
@@ -113,6 +116,17 @@ def observed(recording: Recording, noise: Mapping[str, float], by_revolution: bo
     try:
         samples = (once_per_tooth_samples(timed, flutes) if channel == "displacement"
                    else changing_part(timed, flutes, channel))
-        return simulated_verdict(samples, noise.get(channel, 0.0)).outcome
+        found = simulated_verdict(samples, noise.get(channel, 0.0)).outcome
+        return found if found != "undecided" or channel == "displacement" else _by_lines(timed, channel)
     except (ValueError, IndexError, np.linalg.LinAlgError):
         return "undecided"
+
+
+def _by_lines(recording: Recording, channel: str) -> str:
+    """What the lines of the cut in a channel tell where its samples, once a tooth, leave it undecided."""
+    start, stop = (float(recording.conditions[name]) for name in ("entry_time", "exit_time"))
+    alone = replace(recording, channels={channel: recording.channels[channel]})
+    found = judge_cut(alone, (Segment("idle", recording.start, start), Segment("steady", start, stop)))
+    if found.verdict == "chatter" and found.kind in ("neimark_sacker", "flip"):
+        return str(found.kind)
+    return "stable" if found.verdict == "none" else "undecided"

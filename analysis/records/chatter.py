@@ -1,11 +1,16 @@
 """Did the cut chatter? Told from its record alone, by a line that the cut feeds.
 
-What repeats with the spindle is taken out of the last revolutions of the cut. A line that is left there is chatter where it
-lasts or grows, is none that stood there before the entry (hum, another machine), and is loud. Loud is measured against the
-feed: the motion changes from one tooth to the next by so much that teeth leave the work, or nearly; where no channel tells
-metres, or no feed is known, against the tooth passing. Before no idling was recorded, a line on a multiple of the mains is
-the cut's only with side bands at the tooth passing. What dies away was the entry's. With an even number of teeth a flip falls
-on multiples of the spindle's frequency, where runout is, too: there alone the size decides, and the kind stays open.
+What repeats with the spindle is taken out of the last revolutions of the cut. A line that is left is chatter where it
+
+- lasts or grows: what dies away from part to part of the cut was the entry's;
+- did not stand there before the entry (hum, another machine). Where no idling was recorded, a line on a multiple of the mains,
+  as nearly as its place is known, is the cut's only with side bands at the tooth passing;
+- is loud against the feed: the motion changes from tooth to tooth by so much that teeth leave the work, or nearly. A line with
+  such side bands may be fainter. Where no channel tells metres, or no feed is known, loud is against the tooth passing.
+
+What repeats with the spindle, but not with the teeth, is runout, a flip of an even number of teeth, or chatter that has
+locked to the spindle. It is runout where it is small, or made of those orders alone that a cutter beside its axis makes, or
+stood right behind the entry; chatter where teeth leave the work; else the kind, or the verdict too, stays open.
 """
 
 from __future__ import annotations
@@ -17,10 +22,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from analysis.records.cut_end import STANDS, CutEnd, Line
+from analysis.records.cut_end import BEFORE, STANDS, CutEnd, Line
+from analysis.records.cut_span import cut_span
+from analysis.records.once_a_turn import Pattern, pattern_of
 from analysis.records.orders import PADDED, turns_of
 from analysis.records.passing_speed import cut_speeds
-from analysis.records.segments import Segment
+from analysis.records.segments import Segment, revolution_period
 from testbed.readers.tachometer import speed as marks_speed
 from testbed.recording import Recording
 
@@ -29,18 +36,19 @@ Kind = Literal["neimark_sacker", "flip", "flip_or_runout"]
 FEWEST_TURNS, FEWEST_TEETH = 8, 16  # of the cut that are needed
 SHORTEST_END, LONGEST_END = 12, 64  # revolutions of its end that are looked at, half of the cut otherwise
 FEWEST_SIDES = 2  # side bands that the cut's own line has at the least
-BEFORE = 0.4  # of a line, that stands before the entry where it is none of the cut's
 DYING, DYING_A_TOOTH = 0.5, 0.98  # of a line, from one half of the end to the other, and a tooth: a transient
-GROWS, GROWS_ABOVE = 1.3, 10.0  # the same for one that grows, and how far it must stand out
+GROWS, GROWS_ABOVE, FAINT = 1.3, 10.0, 0.1  # the same for one that grows, how far it must stand out, how loud at the least
 LOUD = 0.3  # of the feed, in motion from tooth to tooth; of the tooth passing, in a force: a line between the orders
+LOUD_FED = 0.1  # the same for a line with side bands, off the mains
 LOUD_UNMEASURED = 1.0  # of the loudest order, in a motion that cannot be measured against the feed; doubted from LOUD on
-LOUD_ORDER, DOUBTED_ORDER = 0.7, 0.4  # of the feed: what repeats with the spindle only; runout is less than the first
+LOUD_ORDER, DOUBTED_ORDER = 0.7, 0.4  # of the feed: what repeats with the spindle only
+LOUD_ECCENTRIC = 1.0  # of the feed: the same where a cutter beside its axis can make it, then doubted from LOUD_ORDER on
 LOUD_FORCE, DOUBTED_FORCE = 1.5, 0.6  # of the teeth's: the same in a force, where runout itself shows and not what it moves
 DOUBTED_UNMEASURED = 1.0  # of the teeth's: odd halves of the tooth passing in a motion that cannot be measured
 RAISED = 4.0  # times its median: the spectrum's floor where a motion has no lines,
 LOUD_IRREGULAR, LEAST_IRREGULAR = 0.5, 0.05  # as loud as a line; where integrated, of what repeats in the channel, too
 HANN_NOISE = 1.5  # bins, that noise counts for under a Hann window
-HALF_LEADS = 1.0  # times all other such orders, from which the odd halves of the tooth passing are a flip's
+ECCENTRIC, NEARLY_ECCENTRIC = 0.6, 0.4  # of the orders beside the teeth's, that others have at the most where runout made them
 _MOTION = {("displacement", "m"): 0, ("velocity", "m/s"): 1, ("acceleration", "m/s^2"): 2}
 _QUANTITIES = ("displacement", "velocity", "acceleration", "force")
 
@@ -80,18 +88,16 @@ def judge_cut(recording: Recording, segments: Sequence[Segment]) -> Chatter:
 
 def _of_channel(recording: Recording, segments: Sequence[Segment], name: str, quantity: str) -> tuple[float, Chatter]:
     """(how far the cut stands out, the answer) of one channel."""
-    cutting = [part for part in segments if part.kind in ("entry", "steady")]
-    leaving = [part for part in segments if part.kind == "exit"]
-    if sum(part.duration for part in cutting) < sum(part.duration for part in leaving):
-        cutting += leaving  # chatter whose level changes looks like an exit
-    flutes = int(recording.conditions.get("flutes") or 1)
-    if not cutting:
-        return 0.0, Chatter("unknown", "no cut is found in the record")
-    time = recording.time
-    inside = (time >= min(part.start for part in cutting)) & (time < max(part.stop for part in cutting))
+    flutes, turn = int(recording.conditions.get("flutes") or 1), revolution_period(recording)
+    span = cut_span(recording, segments, name, turn) if turn else None
+    if not turn:
+        return 0.0, Chatter("unknown", "no tachometer and no spindle speed", channel=name)
+    if span is None:
+        return 0.0, Chatter("unknown", "no cut is found in the record", channel=name)
+    inside = (recording.time >= span[0]) & (recording.time < span[1])
     speeds, sure = _speeds(recording, inside, name, flutes)
     if not speeds:
-        return 0.0, Chatter("unknown", "no tachometer and no spindle speed, or the cut is too short", channel=name)
+        return 0.0, Chatter("unknown", "the cut is too short", channel=name)
     best = None
     for speed in speeds:
         end = _end_of(recording, inside, speed, sure, name, quantity)
@@ -141,21 +147,24 @@ def _end_of(recording: Recording, inside: np.ndarray, speed: float, sure: bool, 
 
 def _answer(end: CutEnd, lines: Sequence[Line]) -> Chatter:
     tooth = float(end.amplitudes[end.flutes]) if end.flutes < len(end.amplitudes) else math.nan
-    hum = [line for line in lines if end.on_mains(line.order) and line.sides < FEWEST_SIDES]
+    hum = [line for line in lines if line.on_mains and line.sides < FEWEST_SIDES]
     least = max(DYING, DYING_A_TOOTH ** (0.5 * end.count * end.flutes))
     found: tuple[float, Chatter] | None = None
     doubt: Chatter | None = None
     for line in lines:
         loud, enough = _loudness(end, line)
-        grows = line.kept > GROWS and line.stands > GROWS_ABOVE
+        rises = line.kept > 1.0 and line.kept * max(line.kept_before, 1.0) > GROWS
+        grows = rises and not end.beside_order(line.order) and line.stands > GROWS_ABOVE and loud > FAINT * enough
+        fed = line.sides >= FEWEST_SIDES and not (line.on_mains or end.beside_order(line.order) or end.unmeasured)
         before = end.before(line.order) / line.amplitude
-        if line.kept < least or (loud < LOUD and not grows) or end.folded(line) or before > BEFORE:
+        dies = max(line.kept, line.kept_before) < least
+        if dies or (loud < (LOUD_FED if fed else LOUD) and not grows) or end.folded(line) or before > BEFORE:
             continue
         here = _chatter_at(end, line.order, line.amplitude, tooth, _kind(end, line.order))
         if math.isnan(before) and line in hum:
             alone = replace(here, verdict="unknown", reason="it may be hum: nothing was recorded before the cut")
             doubt = doubt or (alone if len(hum) == 1 else None)
-        elif loud < enough and not grows:
+        elif end.unmeasured and loud < enough and not grows:
             why = "without unit and feed it cannot be told whether it is loud"
             doubt = doubt or replace(here, verdict="unknown", reason=why)
         elif found is None or loud > found[0]:
@@ -184,37 +193,41 @@ def _chatter_at(end: CutEnd, order: float, amplitude: float, tooth: float, kind:
 
 def _of_orders(end: CutEnd, tooth: float, doubt: Chatter | None, found: tuple[float, Chatter] | None) -> Chatter:
     """The answer with what repeats with the spindle, but not with the teeth. found: (loudness, answer) of a line between."""
-    pattern = np.fft.rfft(end.turns.pattern)
-    orders = np.arange(len(pattern))
-    before = [end.before(order) > BEFORE * amplitude for order, amplitude in enumerate(end.amplitudes)]
-    others = np.where((orders % end.flutes > 0) & ~np.array(before), pattern, 0.0)
-    unheard = math.isnan(end.before(1.0))  # nothing tells hum from what repeats with the spindle
-    sure = np.where([unheard and end.on_mains(float(order)) for order in orders], 0.0, others)
-    half = others * (orders % end.flutes == end.flutes / 2)
-    flips = bool(np.linalg.norm(half) > HALF_LEADS * np.linalg.norm(others - half))
-    teeth = max(float(np.linalg.norm(pattern[orders % end.flutes == 0])), 1e-300)
-    if end.measured:
-        size, most = (float(np.abs(np.fft.irfft(one * end.from_tooth_to_tooth(orders), len(end.turns.pattern))).max())
-                      for one in (sure, others))  # fmt: skip
-        loud, doubted = LOUD_ORDER, DOUBTED_ORDER
-    elif end.is_force:
-        size, most, loud, doubted = *(float(np.linalg.norm(one)) / teeth for one in (sure, others)), LOUD_FORCE, DOUBTED_FORCE
-    else:
-        size = most = float(np.linalg.norm(half)) / teeth
-        loud, doubted = math.inf, DOUBTED_UNMEASURED
-    top = int(np.argmax(np.abs(half if flips else others)))
-    amplitude = float(np.abs(pattern[top])) * 2.0 / len(end.turns.pattern)
-    of_orders = _chatter_at(end, top, amplitude, tooth, "flip_or_runout" if flips else "neimark_sacker")
-    if found is not None and (size < loud or found[0] > size or not flips):
+    seen = pattern_of(end)
+    loud, doubted = _limits(end, seen)
+    top = int(np.argmax(np.abs(seen.half if seen.flips else seen.others)))
+    amplitude = float(np.abs(seen.others[top])) * 2.0 / len(end.turns.pattern)
+    both = seen.flips or end.flutes % 2 == 0 and end.measured and seen.rest > ECCENTRIC
+    of_orders = _chatter_at(end, top, amplitude, tooth, "flip_or_runout" if both else "neimark_sacker")
+    if found is not None and (seen.size < loud or found[0] > seen.size or not seen.flips):
         return found[1]
-    if size > loud:
+    if seen.size > loud:
         return of_orders
     irregular = _irregular(end, tooth)
     if irregular is not None:
         return irregular
-    if most > doubted:
+    if seen.most > doubted and (not seen.at_once or seen.rest > ECCENTRIC or _teeth_leave(end, seen)):
         return replace(of_orders, verdict="unknown", kind="flip_or_runout", reason="it may be runout")
     return _nothing(end, doubt)
+
+
+def _teeth_leave(end: CutEnd, seen: Pattern) -> bool:
+    """Whether a force of few teeth changes by as much as they make: runout seldom does so."""
+    return end.is_force and end.flutes < 4 and seen.most > 1.0
+
+
+def _limits(end: CutEnd, seen: Pattern) -> tuple[float, float]:
+    """(size that is chatter, size that may be) of what repeats with the spindle only."""
+    if end.measured:
+        eccentric = LOUD_ORDER if seen.grew else LOUD_ECCENTRIC, LOUD_ORDER
+        return eccentric if seen.rest < ECCENTRIC else (LOUD_ORDER, DOUBTED_ORDER)
+    if not end.is_force:
+        return math.inf, DOUBTED_UNMEASURED
+    if end.flutes < 4:
+        return LOUD_FORCE, DOUBTED_FORCE
+    if seen.rest > ECCENTRIC:
+        return DOUBTED_FORCE, DOUBTED_FORCE
+    return math.inf, DOUBTED_FORCE if seen.rest > NEARLY_ECCENTRIC else math.inf
 
 
 def _nothing(end: CutEnd, doubt: Chatter | None) -> Chatter:
@@ -232,8 +245,8 @@ def _irregular(end: CutEnd, tooth: float) -> Chatter | None:
     """Chatter without lines: the spectrum's floor itself stands far above the noise, as loud as a line must be."""
     lines, floor = end.spectrum
     orders = np.arange(len(lines)) / (end.count * PADDED)
-    hum = np.array([end.on_mains(float(order)) for order in orders]) & math.isnan(end.before(1.0))
-    raised = (floor > RAISED * np.median(floor)) & (orders > 2.0 / end.count) & ~hum
+    hum = np.array([end.on_mains(float(order), 0.4) for order in orders]) & math.isnan(end.before(1.0))
+    raised = (floor > RAISED * np.maximum(np.median(floor), end.still_floor(orders))) & (orders > 2.0 / end.count) & ~hum
     power = raised * floor**2 / (math.log(2.0) * HANN_NOISE * PADDED)
     loud = of_pattern = math.sqrt(float(np.sum(power))) / max(float(np.linalg.norm(end.amplitudes[1:])), 1e-300)
     if end.measured:

@@ -3,30 +3,38 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from analysis.records.hum import MAINS
+from analysis.records.lines import side_lobe
 from analysis.records.orders import PADDED, Turns, level_at, spectrum
 
 STANDS, SIDE_STANDS = 5.0, 4.0  # times its surroundings: a line, a side band
 LINES = 8  # that are looked at
 SIDE_BANDS = 4  # to either side
-ON_MAINS = 0.4, 5e-4  # bins, and of the frequency, within which a line is on a multiple of the mains
+BESIDE = 2.5  # bins from an order of the spindle, within which a line may be but that order's change
+BEFORE = 0.4  # of a line, that stands before the entry where it is none of the cut's
+ON_MAINS = 1e-3  # of the frequency, within which a line is on a multiple of the mains: so much do they err
+PLACED = 0.03, 0.5  # bins: how well a line's place is known at the best, and in noise as high as the line
 MOST_HUM = 20  # multiples of the mains
 FOLDED, FOLDS, NEAR_THE_TOP = 2.0, 3, 0.6  # of the loudest order near the spectrum's top: a harmonic from above, folded
 
 
 class Line(NamedTuple):
-    """A line between the orders: its order, amplitude, height over its surroundings, and the halves' ratio of it."""
+    """A line between the orders: its order, amplitude, height over its surroundings, how much is kept of it from the first half
+    to the second, and from the time before to the first, its side bands, and whether it lies on a multiple of the mains."""
 
     order: float
     amplitude: float
     stands: float
     kept: float
+    kept_before: float
     sides: int
+    on_mains: bool
 
 
 @dataclass(frozen=True)
@@ -54,7 +62,19 @@ class CutEnd:
         rest = (self.turns.rows - self.turns.rows.mean(axis=0)).ravel()
         object.__setattr__(self, "spectrum", spectrum(rest))
         object.__setattr__(self, "amplitudes", self.turns.amplitudes())
-        object.__setattr__(self, "still", spectrum(self.idle)[0] if len(self.idle) > 1 else np.empty(0))
+        object.__setattr__(self, "still", self._still())
+
+    def _still(self) -> np.ndarray:
+        """Spectrum of the idling; empty where too little was recorded, or the teeth cut there already."""
+        if len(self.idle) < 2 * self.turns.rows.shape[1]:
+            return np.empty(0)
+        lines, floor = spectrum(self.idle)
+        teeth = np.arange(self.flutes, len(self.amplitudes), self.flutes)
+        loudest = float(teeth[np.argmax(self.amplitudes[teeth])]) if len(teeth) else 0.0
+        place = loudest / self.turns.period * len(self.idle) * PADDED / self.rate
+        level = level_at(lines, place, PADDED)
+        cuts = level > STANDS * floor[min(round(place), len(floor) - 1)] and level > BEFORE * self.amplitudes[round(loudest)]
+        return np.empty(0) if cuts and not self.on_mains(loudest) else lines
 
     @property
     def count(self) -> int:
@@ -69,20 +89,36 @@ class CutEnd:
         return (1.0 - np.exp(-2j * math.pi * np.asarray(orders) / self.flutes)) / turning**self.integrals / self.feed
 
     @property
+    def unmeasured(self) -> bool:
+        """Whether a motion cannot be measured against the feed."""
+        return self.integrals is None and not self.is_force
+
+    @property
     def measured(self) -> bool:
         """Whether a line can be measured against the feed."""
         return self.integrals is not None
 
     def before(self, order: float) -> float:
-        """Amplitude that stood before the entry at an order's frequency; NaN where nothing was recorded then."""
-        if len(self.idle) < 2 * self.turns.rows.shape[1]:
+        """Amplitude that stood before the entry at an order's frequency; NaN where no idling was recorded then."""
+        if not len(self.still):
             return math.nan
         return level_at(self.still, order / self.turns.period * len(self.idle) * PADDED / self.rate, PADDED)
 
-    def on_mains(self, order: float) -> bool:
-        """Whether a line lies on a multiple of the mains."""
+    def still_floor(self, orders: np.ndarray) -> np.ndarray:
+        """The floor of the idling's spectrum at these orders; nothing where none was recorded."""
+        if not len(self.still):
+            return np.zeros(len(orders))
+        floor = spectrum(self.idle)[1]
+        return np.interp(orders / self.turns.period * len(self.idle) * PADDED / self.rate, np.arange(len(floor)), floor)
+
+    def beside_order(self, order: float) -> bool:
+        """Whether a line may be but an order of the spindle that changes its size."""
+        return abs(order - round(order)) < BESIDE / self.count
+
+    def on_mains(self, order: float, bins: float = 1.0) -> bool:
+        """Whether an order lies on a multiple of the mains; bins: how well its place is known."""
         hertz = order / self.turns.period
-        near = ON_MAINS[0] / (self.count * self.turns.period) + ON_MAINS[1] * hertz
+        near = bins / (self.count * self.turns.period) + ON_MAINS * hertz
         return any(abs(hertz - base * min(max(1, round(hertz / base)), MOST_HUM)) < near for base in MAINS)
 
     def folded(self, line: Line) -> bool:
@@ -102,33 +138,42 @@ class CutEnd:
         size, bins = np.abs(lines), self.count * PADDED
         inner = size[1:-1]
         tops = np.flatnonzero((inner >= size[:-2]) & (inner > size[2:]) & (inner > STANDS * floor[1:-1])) + 1
-        first, second = (self._about_mean(half) for half in self.turns.halves())
+        half, rows = self.count // 2, self.whole.rows
+        parts = [self._about_mean(rows[max(len(rows) - back, 0) : len(rows) - back + half]) for back in (2 * half, half)]
+        earlier = rows[max(len(rows) - 3 * half, 0) : len(rows) - 2 * half]
+        if len(earlier) == half:
+            parts.insert(0, self._about_mean(earlier))
         found: list[Line] = []
         for top in tops[np.argsort(-size[tops])]:
-            order = top / bins
+            left, here, right = size[top - 1 : top + 2]
+            order = (top + 0.5 * (left - right) / (left - 2.0 * here + right)) / bins
             if order < 2.0 / self.count or self._on_order(order) or any(
-                    abs(order - other.order) < 2.5 / self.count for other in found):
+                    side_lobe(abs(order - other.order) * self.count, here / other.amplitude) for other in found):
                 continue
-            ends = [level_at(half, order * self.count // 2 * PADDED, 1.5 * PADDED) for half in (first, second)]
-            found.append(Line(order, float(size[top]), float(size[top] / floor[top]), ends[1] / max(ends[0], 1e-300),
-                               self._sides(order)))
+            *before, first, last = (max(level_at(part, order * half * PADDED, 1.5 * PADDED), 1e-300) for part in parts)
+            stands = float(here / floor[top])
+            found.append(Line(order, float(here), stands, last / first, first / before[0] if before else 0.0, 0,
+                              self.on_mains(order, max(PLACED[0], PLACED[1] / stands))))
             if len(found) == LINES:
                 break
-        return found
+        return [line._replace(sides=self._sides(line.order, found)) for line in found]
 
-    def _about_mean(self, half: Turns) -> np.ndarray:
-        return spectrum((half.rows - self.turns.rows.mean(axis=0)).ravel())[0]
+    def _about_mean(self, rows: np.ndarray) -> np.ndarray:
+        return spectrum((rows - self.turns.rows.mean(axis=0)).ravel())[0]
 
     def _on_order(self, order: float) -> bool:
         return abs(order - round(order)) < 1.0 / self.count
 
-    def _sides(self, order: float) -> int:
-        """How many side bands at the tooth passing a line has, none of which is an order or hum."""
+    def _sides(self, order: float, found: Sequence[Line]) -> int:
+        """How many side bands at the tooth passing a line has: none is an order, hum, or a side lobe of a line found."""
         lines, floor = self.spectrum
         bins, count = self.count * PADDED, 0
         for step in (*range(-SIDE_BANDS, 0), *range(1, SIDE_BANDS + 1)):
             place = abs(order + step * self.flutes)
             if not 2.0 / self.count < place < (len(lines) - 1) / bins - 1.0 or self._on_order(place) or self.on_mains(place):
                 continue
-            count += level_at(lines, place * bins, PADDED / 2) > SIDE_STANDS * floor[round(place * bins)]
+            level = level_at(lines, place * bins, PADDED / 2)
+            away = [(abs(place - other.order) * self.count, level / other.amplitude) for other in found]
+            lobe = any(off > 1.0 and side_lobe(off, ratio) for off, ratio in away)
+            count += not lobe and level > SIDE_STANDS * floor[round(place * bins)]
         return count

@@ -66,14 +66,14 @@ def standing_out(values: np.ndarray, rate: float, count: int = 40, above: float 
         curve = before - 2 * here + after
         shift = 0.5 * (before - after) / curve if curve else 0.0
         frequency = float((top + shift) * rate / (4 * len(values)))
-        if not any(_side_lobe(abs(frequency - other) * len(values) / rate, here / loud) for other, loud, _ in chosen):
+        if not any(side_lobe(abs(frequency - other) * len(values) / rate, here / loud) for other, loud, _ in chosen):
             chosen.append((frequency, float(here), float(here / max(floor[top], 1e-300))))
         if len(chosen) == count:
             break
     return chosen
 
 
-def _side_lobe(bins: float, ratio: float) -> bool:
+def side_lobe(bins: float, ratio: float) -> bool:
     """Whether a peak so far from a louder one, and so much smaller, is but a side lobe of the Hann window."""
     return bins < 2 or (bins < 4 and ratio < 0.04) or (bins < 12 and ratio < 0.01)
 

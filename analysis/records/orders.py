@@ -43,11 +43,6 @@ class Turns:
         skipped = len(self.rows) - count
         return Turns(self.rows[skipped:], self.period, self.start + skipped * self.period)
 
-    def halves(self) -> tuple[Turns, Turns]:
-        """Both halves; of an odd number the middle one is in neither."""
-        half = len(self.rows) // 2
-        return Turns(self.rows[:half], self.period, self.start), self.last(half)
-
 
 def turns_of(values: np.ndarray, time: np.ndarray, marks: np.ndarray, period: float) -> Turns:
     """The whole revolutions of samples (samples,) at `time` (s), the last ending with them, by the marks or the period (s)."""

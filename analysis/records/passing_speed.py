@@ -25,6 +25,7 @@ FLOOR = 50  # resolved frequencies to either side, whose median is what a line s
 FAR_REACH = 0.045  # of it, where a cut may chatter: further than a log book errs
 SIDES, SIDE_HARMONICS = 12, 40  # side bands to either side, and harmonics beside them
 SURE = 6.0  # standard deviations of the sum at frequencies that are no harmonics, by which it must stand out
+SURE_OF_TURNS = 12.0  # the same of the spindle's own orders, of which more lie near any line
 
 
 def heard_speed(values: np.ndarray, rate: float, stated: float, flutes: int, idle: np.ndarray | None = None) -> float | None:
@@ -71,25 +72,36 @@ def cut_speeds(values: np.ndarray, rate: float, stated: float, flutes: int,
     """Spindle speeds (rad/s) that a cut which may chatter can have run at, likeliest first, and whether the first is sure.
 
     As `heard_speed`; where that finds none near the stated one, the side bands of the loudest line that is no multiple of the
-    mains count as much as the harmonics, and what was heard elsewhere is another speed to try.
+    mains count as much as the harmonics, the spindle's own orders are tried beside those of the teeth, and what was heard
+    elsewhere is another speed to try.
     """
     heard = heard_speed(values, rate, stated, flutes, idle)
     if heard is not None and abs(heard / stated - 1.0) < FAR_REACH:
         return (heard,), True
-    passing, resolved = stated * flutes / (2.0 * math.pi), rate / len(values)
     heights, step = _heights(np.asarray(values, dtype=float), rate)
-    orders = np.arange(1, max(HARMONICS[0], min(SIDE_HARMONICS, int(NYQUIST * rate / passing))) + 1)
-    trials = np.arange(passing * (1.0 - FAR_REACH), passing * (1.0 + FAR_REACH), BETWEEN * resolved / len(orders))
+    loudest, resolved = _loudest(values, rate), rate / len(values)
+    passing = stated * flutes / (2.0 * math.pi)
+    stands, hertz = _comb(heights, step, passing, resolved, rate, loudest)
+    turning = _comb(heights, step, passing / flutes, resolved, rate, loudest) if flutes > 1 else (0.0, 0.0)
+    if turning[0] > max(stands, SURE_OF_TURNS):  # runout shows where the teeth themselves are faint
+        stands, hertz = turning[0], turning[1] * flutes
+    near, sure = hertz * 2.0 * math.pi / flutes, stands > SURE
+    return ((near,), sure) if sure or heard is None else ((heard, near), False)
+
+
+def _comb(heights: np.ndarray, step: float, spacing: float, resolved: float, rate: float,
+          loudest: float) -> tuple[float, float]:  # fmt: skip
+    """(by how many standard deviations it stands out, spacing in Hz) of the comb near a `spacing` that carries most."""
+    orders = np.arange(1, max(HARMONICS[0], min(SIDE_HARMONICS, int(NYQUIST * rate / spacing))) + 1)
+    trials = np.arange(spacing * (1.0 - FAR_REACH), spacing * (1.0 + FAR_REACH), BETWEEN * resolved / len(orders))
     sides = np.concatenate([np.arange(-SIDES, 0), np.arange(1, SIDES + 1)])
-    places = np.abs(np.column_stack([trials[:, None] * orders, _loudest(values, rate) + trials[:, None] * sides]))
+    places = np.abs(np.column_stack([trials[:, None] * orders, loudest + trials[:, None] * sides]))
     inside = (places > 3.0 * resolved) & (places < NYQUIST * rate)
     at = np.minimum(places / step, len(heights) - 2.0)
     below = at.astype(int)
     sums = np.where(inside, heights[below] + (at - below) * (heights[below + 1] - heights[below]), 0.0).sum(axis=1)
     best, count = int(np.argmax(sums)), places.shape[1]
-    by_chance = count * heights.mean() + SURE * math.sqrt(count) * heights.std()
-    near, sure = float(trials[best]) * 2.0 * math.pi / flutes, bool(sums[best] > by_chance)
-    return ((near,), sure) if sure or heard is None else ((heard, near), False)
+    return float((sums[best] - count * heights.mean()) / (math.sqrt(count) * heights.std())), float(trials[best])
 
 
 def _loudest(values: np.ndarray, rate: float) -> float:

@@ -1,0 +1,112 @@
+"""Chatter told from runout, hum and transients by made signals, each of which holds one thing that misleads."""
+
+import math
+
+import numpy as np
+import pytest
+
+from analysis.records.chatter import judge_cut
+from analysis.records.cut_end import CutEnd
+from analysis.records.cut_span import cut_span
+from analysis.records.orders import turns_of
+from analysis.records.passing_speed import cut_speeds
+from analysis.records.segments import Segment
+from testbed.recording import Recording
+
+RATE, TURN = 5000.0, 0.05  # Hz, s
+IDLE, CUT = 20, 80  # revolutions
+
+
+def recorded(values, quantity, unit, flutes, marks=True):
+    time = np.arange(len(values)) / RATE
+    known = {"spindle_speed": 2 * math.pi / TURN, "flutes": flutes, "feed_per_tooth": 1e-4}
+    noise = 1e-3 * values.std() * np.random.default_rng(1).standard_normal(len(values))
+    return Recording({quantity: values + noise}, RATE, {quantity: unit}, "synthetic", conditions=known,
+                     marks=np.arange(0.01, time[-1], TURN) if marks else np.empty(0))
+
+
+def parts(idle=IDLE, cut=CUT):
+    return (Segment("idle", 0.0, idle * TURN), Segment("steady", idle * TURN, (idle + cut) * TURN))
+
+
+def force(chips, idle=IDLE, cut=CUT):
+    """Pulses (N) of a fifth of a pass from teeth whose chips (turns, flutes) are those."""
+    flutes = len(chips(0))
+    sizes = np.concatenate([np.zeros(idle * flutes), *(chips(turn) for turn in range(cut))])
+    place = np.arange(int((idle + cut) * TURN * RATE)) / RATE / TURN * flutes
+    return sizes[place.astype(int)] * np.clip(
+        np.sin(math.pi * (place % 1.0) / 0.2), 0.0, None) * (place % 1.0 < 0.2) * 100.0
+
+
+def judged(values, quantity="force_x", unit="N", flutes=4, segments=None):
+    return judge_cut(recorded(values, quantity, unit, flutes), segments or parts())
+
+
+def test_a_force_of_uneven_teeth_is_runout_where_a_cutter_beside_its_axis_makes_it_and_a_flip_where_every_other_tooth_cuts():
+    eccentric = 1.0 + 0.9 * np.cos(np.pi / 2 * np.arange(4))
+    assert judged(force(lambda turn: eccentric)).verdict == "none"
+    found = judged(force(lambda turn: np.array([1.8, 0.2, 1.8, 0.2])))
+    assert (found.verdict, found.kind) == ("chatter", "flip_or_runout")
+    assert found.frequency * TURN % 4 == pytest.approx(2.0)
+
+
+def test_two_teeth_are_told_by_what_stands_at_once():
+    def uneven(share):
+        return lambda turn: np.array([1.0 + share(turn), 1.0 - share(turn)])
+
+    at_once = judged(force(uneven(lambda turn: 0.8)), flutes=2)
+    grown = judged(force(uneven(lambda turn: 0.8 * min(1.0, 0.05 * 1.2**turn))), flutes=2)
+    assert at_once.verdict == "none"
+    assert (grown.verdict, grown.kind) == ("unknown", "flip_or_runout")
+
+
+def motion(line, flutes=1, cut=CUT, size=1e-4, course=None, idle=IDLE):
+    """Displacement (m): tooth passing of a tenth of the line, and the line at an order of the spindle; course of its size."""
+    turns = np.arange(int((idle + cut) * TURN * RATE)) / RATE / TURN
+    on = turns >= idle
+    course = course(turns - idle) if course else 1.0
+    return on * size * (0.1 * np.cos(2 * math.pi * flutes * turns) + course * np.cos(2 * math.pi * line * turns))
+
+
+def test_chatter_that_beats_does_not_die_and_a_transient_does():
+    beats = motion(2.37, course=lambda turns: 0.6 + 0.4 * np.cos(2 * math.pi * turns / 38.0 - 1.2))
+    assert judged(beats, "displacement", "m", 1).verdict == "chatter"
+    dies = motion(2.37, course=lambda turns: 0.95 ** np.clip(turns, 0.0, None))
+    assert judged(dies, "displacement", "m", 1).verdict == "none"
+
+
+def test_a_high_line_in_an_odd_number_of_revolutions_is_found_in_both_halves():
+    values = motion(9.3, cut=41)[int(IDLE * TURN * RATE):]
+    whole = turns_of(values, np.arange(len(values)) / RATE, np.empty(0), TURN)
+    end = CutEnd(whole.last(19), whole, 1, np.empty(0), RATE, 0, 1e-4, False, True)
+    line = end.lines()[0]
+    assert line.order == pytest.approx(9.3, abs=0.01)
+    assert line.kept == pytest.approx(1.0, abs=0.1) and line.kept_before == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("hertz", "verdict"), [(50.6, "chatter"), (50.02, "unknown")])
+def test_a_line_is_on_the_mains_only_as_nearly_as_its_place_is_known(hertz, verdict):
+    """Of the last 12 revolutions one bin is 1.7 Hz; the line stands so high that a third of that is told."""
+    values = motion(hertz * TURN, cut=24, idle=0)
+    assert judged(values, "displacement", "m", 1, parts(0, 24)).verdict == verdict
+
+
+def test_the_cut_is_looked_for_where_chatter_hides_it():
+    values = motion(2.37)
+    record = recorded(values, "displacement", "m", 1)
+    called = (Segment("idle", 0.0, 1.0), Segment("steady", 1.0, 1.4), Segment("ring-down", 1.4, 5.0))
+    assert cut_span(record, called, "displacement", TURN) == (1.0, 5.0)
+    rings = motion(2.37, course=lambda turns: np.where(turns < 8, 1.0, 0.97 ** (turns - 8)))
+    assert cut_span(recorded(rings, "displacement", "m", 1), called, "displacement", TURN) == (1.0, 1.4)
+    idles = np.concatenate([values[: int(4.0 * RATE)], values[: int(1.0 * RATE)] + 1e-6 * np.sin(np.arange(5000))])
+    astray = (Segment("idle", 0.0, 1.0), Segment("entry", 1.0, 4.0), Segment("steady", 4.0, 5.0))
+    hum = 1e-5 * np.sin(2 * math.pi * 50.0 * np.arange(len(idles)) / RATE)
+    assert cut_span(recorded(idles + hum, "displacement", "m", 1), astray, "displacement", TURN) == (1.0, 4.0)
+
+
+def test_the_speed_is_heard_from_runout_where_the_teeth_are_faint():
+    turns = np.arange(int(CUT * TURN * RATE)) / RATE / TURN
+    values = sum(np.cos(2 * math.pi * order * turns + order) for order in (1, 2, 4, 5, 7, 8, 10, 11, 13, 14))
+    values = values + 0.3 * np.random.default_rng(2).standard_normal(len(values))
+    (speed, *_), sure = cut_speeds(values, RATE, 1.02 * 2 * math.pi / TURN, 6)
+    assert sure and speed == pytest.approx(2 * math.pi / TURN, rel=1e-3)
