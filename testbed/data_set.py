@@ -13,6 +13,8 @@ import h5py
 import numpy as np
 
 from testbed.content_hash import ATTRIBUTE, DIGEST, content_hash
+from testbed.data_set_form import check_form, newer
+from testbed.door import plain_file
 from testbed.hdf5_guard import damaged, opened
 from testbed.machine import Model
 from testbed.problem import InputProblem
@@ -20,7 +22,7 @@ from testbed.readers.rehearsal import rehearse
 from testbed.recording import CHANNEL_UNITS, Recording
 from testbed.seal import cut_off, state
 from testbed.shards import INDEX, NOTE, Shard, find, gaps, overlaps
-from testbed.store import CONDITIONS, FORMAT, OUTCOMES, TRUTH
+from testbed.store import CONDITIONS, OUTCOMES, TRUTH
 
 # Each is read when the data set is opened; a file without one of them is none of ours.
 _NEEDED = (*CONDITIONS, "scenario_run", "start", "sample_count", "outcome", "outcome_time", "marks", "pass_times",
@@ -163,8 +165,9 @@ def read_data_set(path: str | Path, checked: bool = False) -> DataSet:
         if missing or "format" not in file.attrs:
             raise InputProblem(path, "is an HDF5 file, but no data set of `testbed run`",
                                "for measured files write a campaign.yaml that names them")
-        if int(file.attrs["format"]) > FORMAT:
+        if newer(file.attrs):
             raise InputProblem(path, f"is of a newer testbed (format {file.attrs['format']})", "update testbed")
+        check_form(path, file)
         try:
             return _read(Path(path), file)
         except (KeyError, ValueError, IndexError, TypeError) as problem:
@@ -194,8 +197,7 @@ def look_over(path: Path, trusted: bool = True) -> None:
     if not trusted:
         rehearse(path, lambda: _read_about(path, everything=True))
         return
-    if not path.is_file():
-        return
+    plain_file(path, "name the HDF5 file in it")
     try:
         large = path.stat().st_size > _CHECKED_WHOLE
         found = "absent" if large else state(path)
@@ -229,7 +231,7 @@ def is_data_set(path: str | Path) -> bool:
     try:
         if Path(path).is_dir():
             return (Path(path) / NOTE).is_file() and (Path(path) / INDEX).is_file()
-        if not h5py.is_hdf5(path):
+        if not Path(path).is_file() or not h5py.is_hdf5(path):
             return False
         with h5py.File(path, "r") as file:
             return "format" in file.attrs and "scenario_fingerprint" in file.attrs
