@@ -17,13 +17,17 @@ from pathlib import Path
 from types import CodeType, MappingProxyType, ModuleType
 
 from testbed.compilable import check_compilable
+from testbed.door import content
 from testbed.effect import HOOKS, Effect
 from testbed.effect_checks import check_source, check_texts
+from testbed.effect_trial import defines_effect, try_effect
 from testbed.problem import InputProblem
 from testbed.units import nearest
 
 BUILT_IN = Path(__file__).parent / "effects"
 SENSOR_EFFECTS = Path(__file__).parent / "sensors"
+MOST_BYTES = 1_000_000  # of an effect's file
+_NO_EFFECT = ("no EFFECT = Effect(...) in it", "see `testbed effects --new NAME` for a template")
 DECOYS = Path(__file__).parent / "decoys"  # laws that no machine has, in a catalogue only where they are asked for
 
 
@@ -38,15 +42,7 @@ def _load_module(path: Path) -> ModuleType:
     # named by content, as the cache of compiled kernels is: what it holds refers to the module by this name
     if not path.stem.isidentifier():
         raise InputProblem(path, f"'{path.stem}' is no name for an effect", "use letters, digits and _, a letter first")
-    try:
-        content = path.read_bytes()
-        name = f"testbed_effect_{path.stem}_{sha256(content).hexdigest()[:8]}"
-        text = content.decode()
-    except UnicodeDecodeError as fault:
-        line = content.count(b"\n", 0, fault.start) + 1
-        raise InputProblem(path, "is not UTF-8 text", "save it as UTF-8", line) from None
-    except OSError as fault:
-        raise InputProblem(path, f"cannot be read ({fault.strerror})", "check the file and its permissions") from None
+    text, name = _text(path)
     if path.parent not in (BUILT_IN, SENSOR_EFFECTS):
         check_source(path, text)
     spec = importlib.util.spec_from_file_location(name, path, loader=_FromSource(name, str(path)))
@@ -60,6 +56,16 @@ def _load_module(path: Path) -> ModuleType:
         del sys.modules[name]
         raise _problem_of(path, fault) from fault
     return module
+
+
+def _text(path: Path) -> tuple[str, str]:
+    """(text of an effect's file, its module's name)."""
+    raw = content(path, MOST_BYTES, "a law is a few lines")
+    try:
+        return raw.decode(), f"testbed_effect_{path.stem}_{sha256(raw).hexdigest()[:8]}"
+    except UnicodeDecodeError as fault:
+        line = raw.count(b"\n", 0, fault.start) + 1
+        raise InputProblem(path, "is not UTF-8 text", "save it as UTF-8", line) from None
 
 
 def _problem_of(path: Path, fault: BaseException) -> InputProblem:
@@ -113,10 +119,12 @@ def _check_slider(path: Path, effect: Effect, hooks: Iterable[str], line: int | 
 
 def read_effect(path: Path) -> Effect:
     """Read and check one effect file. InputProblem where the contract is broken."""
+    if not defines_effect(_text(path)[0]):
+        raise InputProblem(path, *_NO_EFFECT)
     module = _load_module(path)
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
-        raise InputProblem(path, "no EFFECT = Effect(...) in it", "see `testbed effects --new NAME` for a template")
+        raise InputProblem(path, *_NO_EFFECT)
     lines = path.read_text("utf-8").splitlines()
     line = next((number for number, text in enumerate(lines, 1) if text.startswith("EFFECT")), None)
     check_texts(path, effect, line)
@@ -147,7 +155,7 @@ def read_effect(path: Path) -> Effect:
 
 def catalogue(*folders: str | Path) -> Mapping[str, Effect]:
     """The effects found in the built-in folders and in `folders`, by name, in alphabetical order."""
-    return _catalogue(folders, tuple(Path(folder).resolve() for folder in folders))
+    return _catalogue(folders, tuple(os.path.realpath(folder) for folder in folders))
 
 
 def unknown_effect(name: str, known: Collection[str], all_known: str = "") -> str:
@@ -166,24 +174,31 @@ def _files(folder: Path) -> list[Path]:
         return sorted(folder / name for name in os.listdir(folder) if name.endswith(".py"))
     except (FileNotFoundError, NotADirectoryError):
         raise InputProblem(folder, "is not a folder", "name a folder of effect files") from None
+    except ValueError:
+        raise InputProblem(repr(str(folder)), "is no name of a folder", "name a folder of effect files") from None
     except OSError as fault:
         raise InputProblem(folder, f"cannot be read ({fault.strerror})", "check its permissions") from None
 
 
 @lru_cache(maxsize=8)
-def _catalogue(folders: tuple[str | Path, ...], _places: tuple[Path, ...]) -> Mapping[str, Effect]:
+def _catalogue(folders: tuple[str | Path, ...], _places: tuple[str, ...]) -> Mapping[str, Effect]:
     """Read once for the places that the folders are: a relative one is another place in another working folder."""
     found: dict[str, Effect] = {}
     for folder in (BUILT_IN, SENSOR_EFFECTS, *map(Path, folders)):
         for path in _files(folder):
             if path.name.startswith("_") or path.stem == "chain" or path.name.startswith("test_"):
                 continue
+            own = folder not in (BUILT_IN, SENSOR_EFFECTS)
+            if own and defines_effect(_text(path)[0]) is False:
+                continue  # a script that lies beside them: it is not run
             if path.stem in found:
                 raise InputProblem(
                     path, f"an effect named '{path.stem}' exists already ({found[path.stem].path})", "rename the file"
                 )
+            if own:  # the built-in ones are tried, and compiled, by their tests
+                try_effect(path, read_effect)
             found[path.stem] = read_effect(path)
-            if folder not in (BUILT_IN, SENSOR_EFFECTS):  # the built-in ones are compiled by their tests
+            if own:
                 check_compilable(found[path.stem])
     for effect in found.values():
         unknown = [name for name in effect.requires if name not in found]

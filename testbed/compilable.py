@@ -63,10 +63,9 @@ def check_compilable(effect: Effect) -> None:
 
 def _check_repeats(effect: Effect, name: str, function: Callable) -> None:
     """InputProblem where a hook gives something else at the same arguments: a fit of such a law means nothing."""
-    sampled = _SAMPLED if name == "measure" else {}
-    values = _PLAUSIBLE | _SIGNED | sampled | {**dict.fromkeys(effect.states, 1e-5), **effect.shaped(effect.example())}
+    values = values_for(effect, name, effect.example())
     try:
-        first, second = (_called(function, values) for _ in range(2))
+        first, second = (called(function, values) for _ in range(2))
     except Exception:  # what the law cannot do here is for the compiler, or the loop, to say
         return
     if not np.array_equal(first, second, equal_nan=True):
@@ -74,7 +73,15 @@ def _check_repeats(effect: Effect, name: str, function: Callable) -> None:
                            "a law knows no chance and remembers nothing but its states", function.__code__.co_firstlineno)
 
 
-def _called(function: Callable, values: Mapping[str, Any]) -> Any:
+def values_for(effect: Effect, hook: str, given: Mapping[str, float], sign: float = 1.0) -> dict[str, Any]:
+    """Plausible values of all that a hook may ask for, with these parameters; those that can be of either sign have this one."""
+    sampled = _SAMPLED if hook == "measure" else {}
+    signed = {name: sign * value for name, value in (_SIGNED | dict.fromkeys(effect.states, 1e-5)).items()}
+    return {**_PLAUSIBLE, **signed, **sampled, **effect.shaped(given)}
+
+
+def called(function: Callable, values: Mapping[str, Any]) -> np.ndarray:
+    """What a hook gives when it is asked with what it asks for of the values."""
     given = {key: np.copy(values[key]) if isinstance(values[key], np.ndarray) else values[key]  # a hook may write into them
              for key in inspect.signature(function).parameters}
     return np.asarray(function(**given), dtype=float)

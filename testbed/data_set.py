@@ -18,6 +18,8 @@ import numpy as np
 
 from testbed import provenance
 from testbed.content_hash import ATTRIBUTE, BOOKKEEPING, DIGEST, content_hash, contradiction
+from testbed.data_set_form import check_form, newer
+from testbed.door import plain_file
 from testbed.hdf5_guard import damaged, opened
 from testbed.machine import Model
 from testbed.problem import InputProblem, InputWarning
@@ -26,7 +28,7 @@ from testbed.recording import CHANNEL_UNITS, Recording
 from testbed.rows import changed, check_rows, decoded, unpackable
 from testbed.seal import cut_off, sealed_size, state
 from testbed.shards import INDEX, NOTE, Shard, find, gaps, overlaps
-from testbed.store import CONDITIONS, FORMAT, OUTCOMES, SEALED_FROM, TRUTH
+from testbed.store import CONDITIONS, OUTCOMES, SEALED_FROM, TRUTH
 
 # Each is read when the data set is opened; a file without one of them is none of ours.
 _NEEDED = (*CONDITIONS, "scenario_run", "start", "sample_count", "outcome", "outcome_time", "marks", "pass_times",
@@ -170,9 +172,10 @@ def _checked(path: Path, file: h5py.File, channels: h5py.File) -> DataSet:
     if missing or "format" not in file.attrs:
         raise InputProblem(path, "is an HDF5 file, but no data set of `testbed run`",
                            "for measured files write a campaign.yaml that names them")
+    if newer(file.attrs):
+        raise InputProblem(path, f"is of a newer testbed (format {file.attrs['format']})", "update testbed")
+    check_form(path, file)
     try:
-        if int(file.attrs["format"]) > FORMAT:
-            raise InputProblem(path, f"is of a newer testbed (format {file.attrs['format']})", "update testbed")
         lent = {} if channels is file else {name: channels[name] for name in CHANNEL_UNITS if DIGEST + name in file}
         if (edited := contradiction(file, lent)) is not None:
             raise changed(path, edited)
@@ -211,8 +214,7 @@ def look_over(path: Path, trusted: bool = True) -> None:
     if not trusted:
         rehearse(path, lambda: _read_about(path, everything=True))
         return
-    if not path.is_file():
-        return
+    plain_file(path, "name the HDF5 file in it")
     try:
         large = path.stat().st_size > _CHECKED_WHOLE
         found = "absent" if large else state(path)
@@ -246,7 +248,7 @@ def is_data_set(path: str | Path) -> bool:
     try:
         if Path(path).is_dir():
             return (Path(path) / NOTE).is_file() and (Path(path) / INDEX).is_file()
-        if not h5py.is_hdf5(path):
+        if not Path(path).is_file() or not h5py.is_hdf5(path):
             return False
         with h5py.File(path, "r") as file:
             return "format" in file.attrs and "scenario_fingerprint" in file.attrs

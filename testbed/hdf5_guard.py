@@ -13,6 +13,7 @@ from pathlib import Path
 
 import h5py
 
+from testbed.door import plain_file
 from testbed.problem import InputProblem
 
 MAX_BYTES = 64 * 2**30          # one data set, unpacked
@@ -25,11 +26,8 @@ MAX_ATTRIBUTES = 10_000
 @contextmanager
 def opened(path: str | Path) -> Iterator[h5py.File]:
     """An HDF5 file open for reading that passed the check. InputProblem if it is missing, unsafe or found damaged."""
+    plain_file(path, "name the HDF5 file in it")
     name = Path(path)
-    if name.is_dir():
-        raise InputProblem(path, "is a folder", "name the HDF5 file in it")
-    if not name.exists():
-        raise InputProblem(path, "there is no such file", "check the path")
     try:
         file = h5py.File(name, "r")
     except OSError:

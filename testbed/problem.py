@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+MOST_SHOWN = 300  # characters of a name, of what is wrong, and of what to do
+
 
 class InputWarning(UserWarning):
     """What the user is to know of an input that can be used; the command line prints it as `warning: FILE: what`."""
@@ -18,5 +20,13 @@ class InputProblem(ValueError):
         return (type(self), (self.place, self.what, self.do, self.line))
 
     def __str__(self) -> str:
-        where = f"{self.place}:{self.line}" if self.line is not None else self.place
-        return ": ".join(" ".join(part.split()) for part in (where, self.what, self.do) if part)
+        where = f"{shortened(self.place)}:{self.line}" if self.line is not None else self.place
+        return ": ".join(shortened(part) for part in (where, self.what, self.do) if part)
+
+
+def shortened(text: str, most: int = MOST_SHOWN) -> str:
+    """A text in one line that can be shown: of a very long one, its beginning and its end."""
+    if len(text) > 2 * most:
+        text = f"{text[:most]} {text[-most:]}"
+    line = "".join(one if one.isprintable() else " " for one in " ".join(text.split()))
+    return line if len(line) <= most else f"{line[: most // 2]} ... {line[-most // 3 :]}"

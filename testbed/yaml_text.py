@@ -13,6 +13,7 @@ from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, model_validator
 
+from testbed.door import content
 from testbed.problem import InputProblem
 from testbed.units import UnitProblem, nearest, parse_quantity, parse_sampling_rate
 
@@ -101,17 +102,8 @@ class Document:
 
 def load(file: str | Path) -> Document:
     """Read a YAML file whose top level is a mapping. InputProblem if it is missing, not text or too large."""
-    path = Path(file)
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputProblem(file, f"is larger than {MAX_BYTES // 1_000_000} MB", "give a YAML file, not data")
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputProblem(file, "there is no such file", "check the path") from None
-    except IsADirectoryError:
-        raise InputProblem(file, "is a folder", "name the file in it") from None
-    except OSError as problem:
-        raise InputProblem(file, f"cannot be read ({problem.strerror})", "check its permissions") from None
+        text = content(file, MAX_BYTES, "give a YAML file, not data").decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputProblem(file, "is not a UTF-8 text file", "save it as UTF-8") from None
     return parse(text, str(file))

@@ -15,6 +15,15 @@ from analysis.fit.observed import Observed
 from testbed.machine import Model
 
 
+VALUES_TOGETHER = 2**22  # of residuals that are worked on at once: 32 MB, and with what is made of them a few times that;
+FEWEST_TOGETHER = 4  # runs, at the least
+
+
+def together(size: int) -> int:
+    """How many residuals of so many values are worked on at once."""
+    return max(FEWEST_TOGETHER, VALUES_TOGETHER // size)
+
+
 @dataclass(frozen=True)
 class Free:
     """A machine parameter that is fitted: its path, the size of a natural step, and its bounds.
@@ -126,7 +135,9 @@ class Linearised:
     def without_own(self, residuals: np.ndarray) -> np.ndarray:
         """Residuals (..., values) less what the record's own unknowns can take of them."""
         basis = self._own_basis
-        return residuals - (residuals @ basis) @ basis.T
+        if residuals.size <= VALUES_TOGETHER:
+            return residuals - (residuals @ basis) @ basis.T
+        return np.array([row - (row @ basis) @ basis.T for row in residuals])
 
     @cached_property
     def products(self) -> Products:

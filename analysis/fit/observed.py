@@ -17,6 +17,7 @@ import numpy as np
 from analysis.fit.against_force import moves_against
 from analysis.fit.force_window import windowed
 from analysis.fit.nuisances import Nuisances
+from analysis.fit.thinning import every_nth
 from analysis.records.free_decay import spectral_peak
 from analysis.records.noise import noise_floor
 from analysis.records.passing_speed import heard_speed
@@ -47,7 +48,8 @@ class Observed:
     steady_marks: times (s) of all marks, where they show a constant speed. feed_basis: what the cut's feed a tooth comes from:
     it was written so ("tooth"), is what a table leaves that travels as stated ("travel"), or was taken so ("table", from what
     was written by feed_ratio); a table leaves less where the spindle turns faster than the period says. swung_front: see Cut.
-    turned: names of channels that moved against the force, whose sign is turned here.
+    turned: names of channels that moved against the force, whose sign is turned here. every: of the samples measured, every
+    so manieth is here; rate is that of those.
     """
 
     name: str
@@ -82,6 +84,7 @@ class Observed:
     swung_front: bool = False
     length_summed: bool = False
     turned: tuple[str, ...] = ()
+    every: int = 1
 
     @property
     def forces_only(self) -> bool:
@@ -321,12 +324,14 @@ def observe(record: Any, model: Model) -> Observed:
     if record.kind != "cut":
         condition = (record.kind, record.name)
     filled = np.isin(np.arange(first, last), recording.filled) if len(recording.filled) else np.zeros(0, dtype=bool)
+    frequency = model.structure.natural_frequency
+    terms = _drift_order(data.shape[1] / recording.sampling_rate, frequency)
     base = Observed(
         record.name, record.kind, names, data,
         recording.sampling_rate,
         recording.start + first / recording.sampling_rate,
         noise, floors[0].basis,
-        drift_basis(data.shape[1], _drift_order(data.shape[1] / recording.sampling_rate, model.structure.natural_frequency)),
+        np.zeros((0, terms)),
         segments,
         condition,
         noise_doubt=floors[0].doubt,
@@ -336,14 +341,25 @@ def observe(record: Any, model: Model) -> Observed:
     if excited:
         drive = next(name for name in record.excitations)
         force = windowed(np.asarray(recording.channels[drive], dtype=float))[first:last]
-        return _with_the_force(replace(base, force=force), force)
+        return _with_the_force(replace(base, force=force, drift=drift_basis(data.shape[1], terms)), force)
     if record.kind == "ring-down":
-        return replace(base, force=np.zeros(data.shape[1]))
+        return _thinned(replace(base, force=np.zeros(data.shape[1])), terms, frequency)
     ready = _with_clock(base, record, (model.cutter or Cutter()).flutes)
-    if ready.starts_in_cut and ready.forces_only:
-        # nothing in the record shows the dynamometer's zero, and the mean force speaks of the edge: the zero is believed
-        return replace(ready, drift=drift_basis(data.shape[1], 0))
-    return ready
+    # of a cut by forces alone nothing in the record shows the dynamometer's zero, and the mean force speaks of the edge: the
+    # zero is believed
+    return _thinned(ready, 0 if ready.starts_in_cut and ready.forces_only else terms, frequency)
+
+
+def _thinned(record: Observed, terms: int, frequency: float) -> Observed:
+    """The record with the samples that are fitted, and so many terms of drift; all samples where forces were measured."""
+    passing, force = record.flutes / record.period if record.cut is not None else 0.0, record.force
+    every = every_nth(record.samples, record.rate, frequency, passing)
+    if every == 1 or any(name.startswith("force") for name in record.channels):
+        return replace(record, drift=drift_basis(record.samples, terms))
+    data, filled = record.data[:, ::every].copy(), None if record.filled is None else record.filled[::every].copy()
+    return replace(record, data=data, rate=record.rate / every, every=every, drift=drift_basis(data.shape[1], terms),
+                   force=None if force is None else force[::every].copy(), filled=filled,
+                   believed=None if filled is None else ~filled)
 
 
 def _with_the_force(record: Observed, force: np.ndarray) -> Observed:

@@ -10,7 +10,7 @@ import numpy as np
 
 from analysis.fit.first_passes import first_nuisances
 from analysis.fit.first_state import first_state
-from analysis.fit.fit_state import State, WaveformFit
+from analysis.fit.fit_state import State, WaveformFit, together
 from analysis.fit.nuisances import Nuisances, other_teeth, turned_by
 from analysis.fit.observed import Observed
 from analysis.fit.waveform import Fitter
@@ -230,9 +230,17 @@ def _best(fitter: Fitter, index: int, state: State, tried: Sequence[Nuisances]) 
 
 
 def squares_of(fitter: Fitter, index: int, state: State, tried: Sequence[Nuisances]) -> np.ndarray:
-    """Sums of squared residuals (tried,) of one record with each of these nuisances, what its marks say among them."""
-    rest = fitter.residuals_of(index, [(state.model, state.angle, one) for one in tried])
-    return np.einsum("ij,ij->i", rest, rest)
+    """Sums of squared residuals (tried,) of one record with each of these nuisances, what its marks say among them.
+
+    So many at a time: how many are tried grows with the length of a record, and so would its square be the memory.
+    """
+    variants = [(state.model, state.angle, one) for one in tried]
+    most, found = together(fitter.records[index].size) - 1, np.empty(len(tried))
+    for begin in range(0, len(tried), most):
+        lead = variants[: min(begin, 1)]  # the first is beside all: what steps it needs, the others take
+        rest = fitter.residuals_of(index, [*lead, *variants[begin : begin + most]])[len(lead) :]
+        found[begin : begin + most] = np.einsum("ij,ij->i", rest, rest)
+    return found
 
 
 def left_at(fitter: Fitter, fit: WaveformFit, index: int, tried: Sequence[Nuisances]) -> np.ndarray:

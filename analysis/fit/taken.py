@@ -9,6 +9,7 @@ from analysis.fit.fit_state import WaveformFit
 from analysis.fit.length_cut import length_note
 from analysis.fit.observed import Observed
 from analysis.fit.table_feed import feed_note, with_feed_found
+from analysis.fit.thinning import thinned_note
 from analysis.fit.waveform import Fitter
 
 
@@ -21,7 +22,7 @@ def taken_notes(records: Sequence[Observed], used: Sequence[Observed]) -> list[s
     """In words, a line each. used: the records, or some of them, as a fit has them, by the same names."""
     stated = {record.name: record for record in records}
     same = [stated[record.name] for record in used]
-    return [*_turned_note(used), *length_note(same, used), *feed_note(same, used), *front_note(same, used)]
+    return [*_turned_note(used), *thinned_note(used), *length_note(same, used), *feed_note(same, used), *front_note(same, used)]
 
 
 def _turned_note(used: Sequence[Observed]) -> list[str]:

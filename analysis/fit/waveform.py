@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit, linearised, names_of, padded
+from analysis.fit.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit, linearised, names_of, padded, together
 from analysis.fit.nuisances import MISSING, Nuisances, begun_with, end_moved, end_moved_in_arc, turned_by
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant, predict
@@ -152,10 +152,11 @@ class Fitter:
         far = 1e3 * float(np.ptp(record.data)) + 1e-12  # what diverged is far off, but a number
         if not (-far <= predicted.min() and predicted.max() <= far):  # a NaN is neither
             predicted = np.clip(np.nan_to_num(predicted, nan=far, posinf=far, neginf=-far), -far, far)
-        rest = record.project(record.data - predicted)
-        if rest.min() < -BIG or rest.max() > BIG:
-            rest = np.clip(rest, -BIG, BIG)
-        return rest.reshape(len(predicted), -1)
+        found, most = np.empty((len(predicted), record.size)), together(record.data.size)
+        for begin in range(0, len(predicted), most):
+            rest = record.project(record.data - predicted[begin : begin + most])
+            found[begin : begin + most] = rest.reshape(len(rest), -1)
+        return np.clip(found, -BIG, BIG, out=found) if found.min() < -BIG or found.max() > BIG else found
 
     def _shared_nudge(self, state: State, place: int, step: float) -> tuple[State, float]:
         """The state with one shared unknown moved by a small step, and the step's sign: down at an upper bound."""
@@ -215,8 +216,16 @@ class Fitter:
     def residuals_of(self, index: int, variants: Sequence[tuple[Model, float, Nuisances]]) -> np.ndarray:
         """One record's residuals (variants, values) for other models, mark angles and nuisances, and what its marks say."""
         record = self.records[index]
-        held = [record.off_marks(own) for _, _, own in variants]
-        return np.hstack([self._residuals(record, list(variants)), np.array(held)])
+        held = np.array([record.off_marks(own) for _, _, own in variants])
+        most = together(record.size)
+        if len(variants) <= most or any(model is not variants[0][0] for model, _, _ in variants):
+            return np.hstack([self._residuals(record, list(variants)), held])
+        found = np.empty((len(variants), record.size + held.shape[1]))
+        found[:, record.size :] = held
+        for begin in range(0, len(variants), most):  # each beside the first, whose steps they all take
+            part = self._residuals(record, [variants[0], *variants[begin : begin + most]])
+            found[begin : begin + most, : record.size] = part[1:]
+        return found
 
     def residuals(self, state: State, indices: Sequence[int] | None = None) -> tuple[np.ndarray, ...]:
         """Every record's residual, or some records', in units of their scale."""

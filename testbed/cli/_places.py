@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from testbed.door import typed
 from testbed.problem import InputProblem
 
 LONGEST_NAME = 235  # bytes: file systems take 255, and a file is first written under a longer name
@@ -24,6 +25,7 @@ def check_outputs(context: click.Context) -> None:
         if not text.strip() and parameter.make_metavar(context) != "TEXT":
             raise InputProblem(_shown(parameter), "is empty", "name a file or a folder")
         if parameter.name not in _OUTPUTS:
+            typed(text)
             inputs.append((parameter, text))
         elif not (parameter.name == "json_file" and text == "-"):
             outputs.append((parameter, text))
@@ -87,9 +89,9 @@ def check_place(path: str | Path | None) -> None:
     folder = target.parent
     if len(os.fsencode(target.name)) > LONGEST_NAME:
         raise InputProblem(f"{target.name[:40]}...", "is too long a name for a file", "choose a shorter one")
-    if target.is_dir():
+    if os.path.isdir(target):
         raise InputProblem(path, "is a folder", "name a file")
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise InputProblem(path, f"there is no folder {folder}", "make it first, or choose another place")
     if not os.access(folder, os.W_OK):
         raise InputProblem(path, "cannot be written (permission denied)", "choose another place")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from testbed.door import plain_file, readable
 from testbed.problem import InputProblem
 from testbed.readers.lvm import FIRST_LINE
 from testbed.readers.table import Table
@@ -79,19 +80,12 @@ def file_kind(path: Path) -> str:
 
     Raises InputProblem.
     """
-    if os.path.isdir(path):  # os.path, here and below: it takes what can be no name for no file, where Path raises
-        raise InputProblem(path, "is a folder", "name the file in it")
-    if os.path.exists(path) and not os.path.isfile(path):  # whose end may never come
-        raise InputProblem(path, "is a pipe or a device, no file", "name a file of measured samples")
     try:
-        with path.open("rb") as stream:
-            head = stream.read(512)
-    except FileNotFoundError:
-        raise InputProblem(path, "no such file", neighbours(path) or "check the path") from None
-    except OSError as error:
-        raise InputProblem(path, f"cannot be opened ({error.strerror})", "check its name and permissions") from None
-    except ValueError as error:
-        raise InputProblem(path, f"cannot be opened ({error})", "check its name") from None
+        plain_file(path)
+    except InputProblem as problem:
+        raise InputProblem(path, problem.what, neighbours(path) if not os.path.lexists(path) else problem.do) from None
+    with readable(path), path.open("rb") as stream:
+        head = stream.read(512)
     if not head:
         raise InputProblem(path, "the file is empty", "check that the export was finished")
     ending = path.suffix.lower()

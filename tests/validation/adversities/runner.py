@@ -1,0 +1,108 @@
+"""One adversity: a command line run against the clock, and whether it answered as was asked."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+WITHIN = 10.0  # s of processor time in which bad input is refused
+WAITED = 6.0  # times that, on the clock of a machine that others share: then it counts as hung
+CEILING = 6 * 2**30  # bytes of address space
+REFUSED, EITHER, DONE = (2,), (0, 2), (0,)  # exit codes that are an answer: to a bad file, to a damaged one, to a good one
+Result = tuple[str, bool, str]  # name, answered as asked, what was seen
+
+
+@dataclass(frozen=True)
+class Said:
+    """How a command ended. code: None where it did not within the time; seconds: of processor time."""
+
+    code: int | None
+    out: str
+    err: str
+    seconds: float
+
+    def wrong(self, codes: Sequence[int]) -> str:
+        """What is wrong with the answer; "" where it is as asked: such a code, and of bad input one line that says so."""
+        if self.code is None or self.seconds > WITHIN:
+            return f"no end within {WITHIN:.0f} s"
+        if "Traceback" in self.err or self.code not in codes:
+            return f"exit code {self.code}: {(self.err.strip().splitlines() or ['no word'])[-1][:150]}"
+        lines = self.err.strip().splitlines()
+        if self.code == 2 and not (len(lines) == 1 and lines[0].startswith("error: ") and len(lines[0]) < 1000):
+            return f"{len(lines)} lines of {len(self.err)} characters: {self.err[:150]!r}"
+        return ""
+
+
+def forked(arguments: Sequence[object], seconds: float = WITHIN) -> Said:
+    """The command in a child of this process, which has imported all already: quick, for tests."""
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        began, child = time.monotonic(), os.fork()
+        if child == 0:
+            code = 70
+            try:
+                os.dup2(out.fileno(), 1)
+                os.dup2(err.fileno(), 2)
+                sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
+                resource.setrlimit(resource.RLIMIT_AS, (CEILING, CEILING))
+                from testbed.cli import main
+
+                main([str(one) for one in arguments])
+            except SystemExit as stop:
+                code = stop.code if isinstance(stop.code, int) else 0
+            except BaseException:
+                import traceback
+
+                traceback.print_exc()
+            finally:
+                with contextlib.suppress(Exception):
+                    sys.stdout.flush()
+                    sys.stderr.flush()
+                os._exit(code)
+        return _ended(child, began, seconds, out, err)
+
+
+def started(arguments: Sequence[object], seconds: float = WITHIN) -> Said:
+    """The command as a shell starts it."""
+    began = time.monotonic()
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        child = subprocess.Popen([sys.executable, "-m", "testbed", *map(str, arguments)], stdin=subprocess.DEVNULL, stdout=out,
+                                 stderr=err, start_new_session=True,
+                                 preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (CEILING, CEILING)))
+        return _ended(child.pid, began, seconds, out, err)
+
+
+def _ended(child: int, began: float, seconds: float, out: object, err: object) -> Said:
+    """The end of a child, awaited."""
+    while time.monotonic() - began < WAITED * seconds:
+        done, status, used = os.wait4(child, os.WNOHANG)
+        if done:
+            return Said(os.waitstatus_to_exitcode(status), _text(out), _text(err), used.ru_utime + used.ru_stime)
+        time.sleep(0.005)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return Said(None, _text(out), _text(err), time.monotonic() - began)
+
+
+def _text(stream: object) -> str:
+    stream.seek(0)  # type: ignore[attr-defined]
+    return stream.read(1_000_000).decode(errors="replace")  # type: ignore[attr-defined]
+
+
+@contextlib.contextmanager
+def within(folder: Path) -> Iterator[None]:
+    """The working folder changed for a while."""
+    before = os.getcwd()
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.chdir(before)
