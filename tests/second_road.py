@@ -122,8 +122,8 @@ def multipliers(machine: Milling, depth: float, finer: float = 1.0) -> np.ndarra
 
 @dataclass(frozen=True)
 class Planar:
-    """Modes as (mass kg, frequency Hz, damping ratio, direction rad); pitches rad, of each tooth to the one before it; helix rad,
-    diameter m; up-milling or not, radial depth over diameter; K_t and K_n N/m^2; speed rad/s."""
+    """Modes as (mass kg, frequency Hz, damping ratio, direction rad); pitches rad, of each tooth to the one before it; helix
+    rad, diameter m; up-milling or not, radial depth over diameter; K_t and K_n N/m^2; speed rad/s."""
 
     modes: tuple[tuple[float, float, float, float], ...]
     pitches: tuple[float, ...]
@@ -166,8 +166,8 @@ class Planar:
 def planar_multipliers(machine: Planar, depth: float, finer: float = 1.0) -> np.ndarray:
     """All multipliers over a revolution, largest first: Chebyshev collocation of the first-order system of all modes.
 
-    The mesh is the entries and exits of all teeth and the surface that each has from the two before it; the motion a delay ago is
-    the polynomial of the piece where it was, by barycentric interpolation.
+    The mesh is the entries and exits of all teeth and the surface that each has from the two before it; the motion a delay ago
+    is the polynomial of the piece where it was, by barycentric interpolation.
     """
     mass, frequency, damping, direction = (np.array(part) for part in zip(*machine.modes, strict=True))
     shape, omega = np.array([np.cos(direction), np.sin(direction)]), 2 * math.pi * frequency
@@ -221,7 +221,7 @@ def planar_multipliers(machine: Planar, depth: float, finer: float = 1.0) -> np.
                         past[2 * i:2 * i + 2, there] += np.outer(force[:, axis], row)
                     else:
                         past[2 * i:2 * i + 2] += np.outer(force[:, axis], row @ motion[there])
-        left, right = np.zeros((2 * modes * n, 2 * modes * n)), np.zeros((2 * modes * n, unknowns))
+        left, right = np.zeros((2 * modes * n, 2 * modes * n)), np.zeros((2 * modes * n, 2 * modes + 2 * n))
         for j in range(modes):
             q, v = slice(2 * j * n, (2 * j + 1) * n), slice((2 * j + 1) * n, (2 * j + 2) * n)
             rate = omega[j] / machine.speed
@@ -231,15 +231,19 @@ def planar_multipliers(machine: Planar, depth: float, finer: float = 1.0) -> np.
             for other in range(modes):  # the push by the motion of now is minus that of the chip left before
                 own = np.einsum("a,nab,b->n", shape[:, j], push, shape[:, other]) * scale
                 left[v, 2 * other * n:(2 * other + 1) * n] -= np.diag(own)
-            right[v] = -scale * np.einsum("a,nau->nu", shape[:, j], past.reshape(n, 2, unknowns))
+            for axis in range(2):
+                right[v, 2 * modes + axis::2] = -scale * shape[axis, j] * np.eye(n)
             for part, row in ((q, 2 * j), (v, 2 * j + 1)):
-                left[part.start], right[part.start] = 0.0, state[row]
-                left[part.start, part.start] = 1.0
-        solved = np.linalg.solve(left, right).reshape(modes, 2, n, unknowns)
-        state = solved[:, :, -1].reshape(2 * modes, unknowns)
-        rows = np.einsum("aj,jnu->nau", shape, solved[:, 0])
-        motion[2 * begin[piece]:2 * begin[piece + 1]] = rows.reshape(2 * n, unknowns)
-    values = np.linalg.eigvals(np.vstack([motion, state]))
+                left[part.start], right[part.start] = 0.0, 0.0
+                left[part.start, part.start] = right[part.start, row] = 1.0
+        solved = np.linalg.solve(left, right).reshape(modes, 2, n, 2 * modes + 2 * n)
+        given = np.vstack([state, past])
+        rows = np.einsum("aj,jnu->nau", shape, solved[:, 0]).reshape(2 * n, -1)
+        motion[2 * begin[piece]:2 * begin[piece + 1]] = rows @ given
+        state = solved[:, :, -1].reshape(2 * modes, -1) @ given
+    matrix = np.vstack([motion, state])
+    met = matrix.any(axis=0)  # points that no tooth meets afterwards have multipliers of 0
+    values = np.linalg.eigvals(matrix[np.ix_(met, met)])
     return values[np.argsort(-np.abs(values))]
 
 
