@@ -33,14 +33,15 @@ _TOGETHER = 100  # cells of one depth that are worth a thread
 
 @kept
 def _polished(h, count, value):
-    """An eigenvalue of a Hessenberg matrix after Newton's steps on its characteristic polynomial, and the last row's residual.
+    """An eigenvalue of a Hessenberg matrix after Newton's steps on its characteristic polynomial, and the last row's residual;
+    infinite where the steps lead away.
 
     Hyman's method: the eigenvector from its last entry upwards, its first row the polynomial (Wilkinson 1965, The Algebraic
     Eigenvalue Problem, section 7.11).
     """
     z, slope = np.zeros(count, dtype=np.complex128), np.zeros(count, dtype=np.complex128)
     residual = math.inf
-    for step in range(4):
+    for _ in range(4):
         z[count - 1], slope[count - 1] = 1.0, 0.0
         for i in range(count - 1, 0, -1):
             total, turn = value * z[i], z[i] + value * slope[i]
@@ -57,8 +58,8 @@ def _polished(h, count, value):
             miss -= h[0, j] * z[j]
             turn -= h[0, j] * slope[j]
         change = miss / turn if abs(turn) > 0.0 else complex(0.0, 0.0)
-        if step == 3 or not abs(change) < 1e-3 * abs(value):
-            break
+        if not abs(change) < 1e-3 * abs(value):
+            return value, math.inf
         value = complex(value.real - change.real, value.imag - change.imag if value.imag != 0.0 else 0.0)
         if abs(change) < 1e-13 * abs(value):
             break
@@ -88,6 +89,8 @@ def _krylov(period, size, basis, h):
         if abs(value) == 0.0:
             continue
         value, residual = _polished(h, count, value)
+        if not math.isfinite(residual):  # squaring did not find the largest
+            value, residual = _polished(h, count, full(part))
         if residual < RITZ:
             return value, count
         if count == most:
@@ -125,7 +128,7 @@ def _largest(machine, cut, places, smooth, more, tables):
         return complex(math.nan, math.nan)
     period = period_map(machine, cut, elements, tables)
     size = period[1][-1] + 2 * machine[2].size
-    most = min(KRYLOV[-1], size - 1)
+    most = min(KRYLOV[-1], size)
     return _krylov(period, size, np.empty((most + 1, size)), np.zeros((most + 1, most)))[0]
 
 
