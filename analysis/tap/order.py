@@ -1,0 +1,100 @@
+"""How many modes a band holds: stable poles are taken one by one, as long as the information criterion asks for one more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.tap.poles import Stabilisation
+from analysis.tap.real_modes import Fit, Lines, fit_modes, residues, shapes_of
+
+MOST_MODES = 12
+DECISIVE = 10.0  # gain of BIC that one more mode must bring
+_AHEAD = 2  # modes more, that are tried before the search ends
+_MUCH = 0.3  # of the measured response, weighted: a fit that leaves more is no end of the search
+_SOME = 0.999  # of what was left, that one mode more must take away to be looked at
+_TRIED = 2  # of the candidates that leave least with poles held, how many are fitted in full
+_FEW = 25  # steps of a fit within the search
+_LONGEST = 50  # lines over which neighbouring misfits may go together
+_SAME = 0.002  # of a frequency and as much of damping: a candidate that stands already
+
+
+@dataclass(frozen=True)
+class Step:
+    """One number of modes: the best fit with it, its gain of BIC over the fit chosen before, and over how many lines its misfit
+    goes together."""
+
+    fit: Fit
+    gain: float
+    together: float
+
+
+def together(lines: Lines, misfit: np.ndarray) -> float:
+    """Over how many neighbouring lines a misfit goes together: 1 where it is noise."""
+    total, place = 0.0, 0
+    for one in lines.laplace:
+        real, imaginary = misfit[place : place + len(one)], misfit[place + len(one) : place + 2 * len(one)]
+        place += 2 * len(one)
+        values = real + 1j * imaginary
+        power = float(np.vdot(values, values).real)
+        if power <= 0.0:
+            continue
+        length = 1.0
+        for lag in range(1, min(_LONGEST, len(values) // 3)):
+            share = float(np.vdot(values[:-lag], values[lag:]).real) / power
+            if share < 2.0 / np.sqrt(len(values)):
+                break
+            length += 2.0 * share
+        total += length * len(one)
+    return max(1.0, total / (lines.count / 2))
+
+
+def criterion(lines: Lines, fit: Fit, goes: float) -> float:
+    """BIC with the noise's size unknown, of as many independent lines as the misfit shows."""
+    rows = lines.count / goes
+    unknowns = fit.parameters.size + 2 * len(lines.responses)
+    return rows * np.log(max(fit.cost, 1e-300) / rows) + unknowns * np.log(rows)
+
+
+def choose(lines: Lines, found: Stabilisation, asked: int | None = None) -> tuple[list[Step], int]:
+    """Fits with 0, 1, 2, ... modes, and how many are chosen: as many as `asked`, if stable poles go so far.
+
+    A mode more is asked for where BIC falls by DECISIVE with it, or by twice that with it and the next one. While a fit leaves
+    much, all its misfit goes together and proves nothing: the search goes on.
+    """
+    empty = fit_modes(lines, np.empty((0, 2 + lines.basis.shape[0])))
+    steps, chosen, size = [Step(empty, 0.0, 1.0)], 0, empty.cost
+    while len(steps) <= MOST_MODES and (asked or len(steps) - chosen <= _AHEAD or steps[-1].fit.cost > _MUCH**2 * size):
+        trial = _one_more(lines, steps[-1].fit, found)
+        if trial is None or trial.cost > _SOME * steps[-1].fit.cost:
+            break
+        goes = together(lines, trial.misfit)
+        steps.append(Step(trial, criterion(lines, steps[chosen].fit, goes) - criterion(lines, trial, goes), goes))
+        if steps[-1].gain > DECISIVE * (len(steps) - 1 - chosen):
+            chosen = len(steps) - 1
+        if asked and len(steps) > asked:
+            break
+    if asked:
+        chosen = min(asked, len(steps) - 1)
+    return steps, chosen
+
+
+def _one_more(lines: Lines, fit: Fit, found: Stabilisation) -> Fit | None:
+    """The best fit with one mode more, from the stable poles that are not taken."""
+    have = np.exp(fit.parameters[:, :2])
+    candidates = []
+    for frequency, damping, _ in found.stable:
+        omega = 2.0 * np.pi * frequency
+        if any(abs(omega / one - 1.0) < _SAME and abs(damping - other) < max(_SAME, 0.2 * damping) for one, other in have):
+            continue
+        poles = np.vstack([have, [omega, damping]])
+        free, cost = residues(lines, poles[:, 0], poles[:, 1])
+        candidates.append((cost, poles, free))
+    best: Fit | None = None
+    for _, poles, free in sorted(candidates, key=lambda one: one[0])[:_TRIED]:
+        start = np.column_stack([np.log(poles), shapes_of(lines, free)])
+        trial = fit_modes(lines, start, _FEW)
+        if best is None or trial.cost < best.cost:
+            best = trial
+    return best
