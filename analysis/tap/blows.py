@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +16,7 @@ _BEFORE = 0.02  # of a blow's stretch, that it may begin before the pulse
 _ROOM = 0.5  # of the usual stretch, that a blow needs at the least
 _REPEATS = 4  # samples at one extreme value: the converter's end
 _LEAST_PULSE = 3.0  # samples of a pulse above half of its peak
+_HEARD, _AGAIN, _SHORTEST = 1.5, 1.5, 256  # times the noise that is heard; how much longer a stretch lasts; samples
 _ENVELOPE = 40  # parts of a stretch that its decay is looked at in
 
 
@@ -134,14 +135,24 @@ def too_short(force: np.ndarray, blow: Blow) -> bool:
     return pulse_samples(force, blow) < _LEAST_PULSE
 
 
+def _parts(response: np.ndarray, parts: int) -> tuple[np.ndarray, int]:
+    """rms of each part of a stretch about its mean, and the samples of a part."""
+    size = max(8, len(response) // parts)
+    return np.array([np.std(response[place : place + size]) for place in range(0, len(response) - size + 1, size)]), size
+
+
 def left_at_end(response: np.ndarray, noise: float) -> float:
     """What is left of a response at the end of its stretch, over its largest swing, without its noise."""
-    size = max(8, len(response) // _ENVELOPE)
-    parts = np.array([np.std(response[place : place + size]) for place in range(0, len(response) - size + 1, size)])
+    parts, _ = _parts(response, _ENVELOPE)
     last = float(np.median(parts[-3:]))
     return float(np.sqrt(max(last**2 - noise**2, 0.0)) / max(float(parts.max()), 1e-300))
 
 
-def numbered(blow: Blow, shift: int) -> Blow:
-    """The same blow in a record that begins `shift` samples later."""
-    return replace(blow, start=blow.start - shift, stop=blow.stop - shift, peak=blow.peak - shift)
+def lasting(response: np.ndarray, before: int, noise: float) -> int:
+    """Samples of a stretch until its response has died away in its noise, and half as many again."""
+    parts, size = _parts(response, 4 * _ENVELOPE)
+    loud = np.flatnonzero(parts > _HEARD * max(noise, 1e-4 * float(parts.max())))
+    rung = (int(loud[-1]) + 1) * size - before if len(loud) else len(response)
+    return min(len(response), before + max(round(_AGAIN * rung), _SHORTEST))
+
+

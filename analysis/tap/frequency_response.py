@@ -12,7 +12,7 @@ from testbed.machine import Carrier
 
 _NEIGHBOURS = 3  # lines to either side that foretell one by a cubic
 _QUIET = 40  # lines to either side, of which the median scatter is the noise: peaks are few among them
-_BELIEVED = 0.5  # least coherence of a line and its neighbours
+_BELIEVED = 0.9  # least coherence of a line and its neighbours, or share of what is no noise
 _SMOOTH = 9  # lines that a coherence is averaged over
 _GAP = 0.03  # of a frequency: lines without belief that a band may have within
 FEWEST_LINES = 24  # of a band that holds a mode
@@ -25,6 +25,7 @@ class FrequencyResponse:
     along, sensed: unit vectors (x, y) of force and sensor. deviations: (blows, lines), what each blow adds to the mean; their
     sum is 0; no row where there were no blows. coherence: (lines,), None where the data have none. driven: lines at which
     the force had power. decay: 1/s, of an exponential window on force and response; the receptance is at s = i omega + decay.
+    floor: (lines,), m/N, what the sensors' white noise makes of each line, None where there is no record.
     """
 
     name: str
@@ -37,6 +38,7 @@ class FrequencyResponse:
     coherence: np.ndarray | None = None
     driven: np.ndarray | None = None
     decay: float = 0.0
+    floor: np.ndarray | None = None
 
     @property
     def laplace(self) -> np.ndarray:
@@ -54,7 +56,7 @@ class FrequencyResponse:
 
     @cached_property
     def noise(self) -> np.ndarray:
-        """Standard deviation (lines,), m/N, of a line about what its neighbours foretell."""
+        """Standard deviation (lines,), m/N, of a line about what its neighbours foretell, the sensors' own noise at the least."""
         weight = np.maximum(np.abs(self.laplace) ** 2, 1e-300)  # the noise of an acceleration is even, that of a receptance steep
         flat = self.receptance * weight
         places = np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1)
@@ -65,15 +67,17 @@ class FrequencyResponse:
         kernel[_NEIGHBOURS] = 1.0
         scatter = np.abs(np.convolve(flat, kernel[::-1], mode="same")) ** 2 / float(kernel @ kernel)
         middle = median_filter(scatter, 2 * min(_QUIET, len(flat) // 4) + 1, mode="nearest") / np.log(2.0)
-        return np.sqrt(middle) / weight
+        found = np.sqrt(middle) / weight
+        return found if self.floor is None else np.maximum(found, self.floor)
 
     def believed(self, low: float, high: float) -> np.ndarray:
         """Which lines (lines,) between low and high (Hz) a fit may use: force, coherence, more than noise."""
         inside = (self.frequency >= low) & (self.frequency <= high) & np.isfinite(self.receptance)
         if self.driven is not None:
             inside &= self.driven
-        level = maximum_filter1d(np.abs(self.receptance), _SMOOTH, mode="nearest")
-        share = 1.0 / (1.0 + (self.noise / np.maximum(level, 1e-300)).clip(0.0, 1e9) ** 2)
+        power = uniform_filter1d(np.abs(self.receptance * self.frequency**2) ** 2, _SMOOTH, mode="nearest")
+        noise = uniform_filter1d((self.noise * self.frequency**2) ** 2, _SMOOTH, mode="nearest")
+        share = 1.0 - noise / np.maximum(power, 1e-300)
         if self.coherence is not None:
             share = np.minimum(share, maximum_filter1d(uniform_filter1d(self.coherence, _SMOOTH, mode="nearest"), _SMOOTH))
         return inside & _longest(share > _BELIEVED, inside, self.frequency)

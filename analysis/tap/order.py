@@ -15,7 +15,7 @@ _AHEAD = 2  # modes more, that are tried before the search ends
 _MUCH = 0.3  # of the measured response, weighted: a fit that leaves more is no end of the search
 _SOME = 0.999  # of what was left, that one mode more must take away to be looked at
 _TRIED = 2  # of the candidates that leave least with poles held, how many are fitted in full
-_FEW = 25  # steps of a fit within the search
+_FEW, _MORE = 3, 12  # steps of a fit within the search: where much is left, and after
 _LONGEST = 50  # lines over which neighbouring misfits may go together
 _SAME = 0.002  # of a frequency and as much of damping: a candidate that stands already
 
@@ -63,11 +63,12 @@ def choose(lines: Lines, found: Stabilisation, asked: int | None = None) -> tupl
     A mode more is asked for where BIC falls by DECISIVE with it, or by twice that with it and the next one. While a fit leaves
     much, all its misfit goes together and proves nothing: the search goes on.
     """
-    empty = fit_modes(lines, np.empty((0, 2 + lines.basis.shape[0])))
+    empty = fit_modes(lines, np.empty((0, 2 + lines.basis.shape[0])), np.empty(0))
     steps, chosen, size = [Step(empty, 0.0, 1.0)], 0, empty.cost
     while len(steps) <= MOST_MODES and (asked or len(steps) - chosen <= _AHEAD or steps[-1].fit.cost > _MUCH**2 * size):
-        trial = _one_more(lines, steps[-1].fit, found)
-        if trial is None or trial.cost > _SOME * steps[-1].fit.cost:
+        much = steps[-1].fit.cost > _MUCH**2 * size
+        trial = _one_more(lines, steps[-1].fit, found, _FEW if much else _MORE)
+        if trial is None or not much and trial.cost > _SOME * steps[-1].fit.cost:
             break
         goes = together(lines, trial.misfit)
         steps.append(Step(trial, criterion(lines, steps[chosen].fit, goes) - criterion(lines, trial, goes), goes))
@@ -80,7 +81,7 @@ def choose(lines: Lines, found: Stabilisation, asked: int | None = None) -> tupl
     return steps, chosen
 
 
-def _one_more(lines: Lines, fit: Fit, found: Stabilisation) -> Fit | None:
+def _one_more(lines: Lines, fit: Fit, found: Stabilisation, steps: int) -> Fit | None:
     """The best fit with one mode more, from the stable poles that are not taken."""
     have = np.exp(fit.parameters[:, :2])
     candidates = []
@@ -93,8 +94,8 @@ def _one_more(lines: Lines, fit: Fit, found: Stabilisation) -> Fit | None:
         candidates.append((cost, poles, free))
     best: Fit | None = None
     for _, poles, free in sorted(candidates, key=lambda one: one[0])[:_TRIED]:
-        start = np.column_stack([np.log(poles), shapes_of(lines, free)])
-        trial = fit_modes(lines, start, _FEW)
+        shapes, signs = shapes_of(lines, free)
+        trial = fit_modes(lines, np.column_stack([np.log(poles), shapes]), signs, steps)
         if best is None or trial.cost < best.cost:
             best = trial
     return best

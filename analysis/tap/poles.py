@@ -17,6 +17,7 @@ TAP_EXTRA = 'pip install "machining-testbed[tap]"'
 HIGHEST_ORDER = 40  # of the polynomials, in modes: several times what a band holds
 NEAR = 0.01  # of a pole's modulus, within which poles of other orders are the same
 HOLDS = 4  # orders at the least that a stable pole comes back in
+_NARROWEST = 0.25  # of the step of the lines, that half a peak's width must have: a narrower one is a line of noise
 _MOST_DAMPING = 0.3  # beyond it, a pole is a polynomial's way to follow the residual terms
 
 
@@ -55,7 +56,7 @@ def _lscf(responses: Sequence[FrequencyResponse], mask: np.ndarray) -> np.ndarra
     first, last = int(lines[0]), int(lines[-1])
     step = responses[0].frequency[1] - responses[0].frequency[0]
     lead = int(round(responses[0].frequency[0] / step))  # lines that its axis lacks down to 0
-    count, order = last - first + 1, min(HIGHEST_ORDER, max(2, len(lines) // 8))
+    order = min(HIGHEST_ORDER, max(2, len(lines) // 8))
     axis = np.arange(lead + last + 2) * step
     rows = np.zeros((len(responses), len(axis)), dtype=complex)
     for row, one in zip(rows, responses, strict=True):
@@ -74,9 +75,9 @@ def _lscf(responses: Sequence[FrequencyResponse], mask: np.ndarray) -> np.ndarra
         falling = ratio * natural - decay / (2.0 * np.pi)
         natural = np.hypot(turning, falling)
         ratio = falling / np.maximum(natural, 1e-300)
-        kept = (frequency > 0) & (natural > low) & (natural < high) & (ratio > 1e-5) & (ratio < _MOST_DAMPING)
+        kept = (frequency > 0) & (natural > low) & (natural < high) & (ratio > 0) & (ratio < _MOST_DAMPING)
+        kept &= ratio * natural + decay / (2.0 * np.pi) > _NARROWEST * step
         found += [(place, one, other) for one, other in zip(natural[kept], ratio[kept], strict=True)]
-    del count
     return np.array(found).reshape(-1, 3)
 
 

@@ -2,7 +2,8 @@
 
     H(s) = sum over modes of (sensed . g) (along . g) / (s^2 + 2 zeta omega s + omega^2)  +  lower / s^2  +  upper
 
-g is the mode's direction over the root of its mass. `lower` and `upper` are real, two for each response: what modes below and
+g is the mode's direction over the root of its mass; where force and sensor turn out not to be at one point, a mode may answer
+against the force, with a sign of its own before the product. `lower` and `upper` are real, two for each response: what modes below and
 above the band leave in it. They are linear and the same for any modes, so that they are projected out.
 """
 
@@ -22,29 +23,15 @@ _SPREAD = 0.2  # of a natural frequency, that a fit may move it by
 _LEAST_DAMPING, _MOST_DAMPING = 1e-5, 0.5
 
 
-@dataclass(frozen=True)
-class RealMode:
-    """natural_frequency (rad/s), damping_ratio, shape (x, y) over the root of the mass, 1/sqrt(kg)."""
-
-    natural_frequency: float
-    damping_ratio: float
-    shape: tuple[float, float]
-
-    @property
-    def hertz(self) -> float:
-        """Natural frequency, Hz."""
-        return self.natural_frequency / (2.0 * np.pi)
-
-
 class Lines:
     """What a fit looks at: the believed lines of several responses of one carrier, stacked as real and imaginary parts.
 
-    weights: one over the uncertainty of each line, its noise and a share `model_error` of its size together.
+    against: whether modes may answer against the force. weights: one over the uncertainty of each line, its noise and a share `model_error` of its size together.
     """
 
     def __init__(self, responses: Sequence[FrequencyResponse], masks: Sequence[np.ndarray], basis: np.ndarray,
-                 model_error: float) -> None:
-        self.responses, self.basis = tuple(responses), basis
+                 model_error: float, against: bool = False) -> None:
+        self.responses, self.basis, self.against = tuple(responses), basis, against
         self.masks = tuple(masks)
         self.laplace = [one.laplace[mask] for one, mask in zip(responses, masks, strict=True)]
         self.measured = [one.receptance[mask] for one, mask in zip(responses, masks, strict=True)]
@@ -89,11 +76,12 @@ def _stacked(values: np.ndarray) -> np.ndarray:
 class Fit:
     """Modes and how well they fit. parameters: (modes, 2 + dimensions): log omega, log zeta, shape in the basis.
 
-    slopes: of the weighted misfit (rows, all parameters); misfit: (rows,), weighted.
+    signs: (modes,), -1 where a mode answers against the force. slopes: of the weighted misfit (rows, all parameters); misfit: (rows,), weighted.
     """
 
     lines: Lines
     parameters: np.ndarray
+    signs: np.ndarray
     misfit: np.ndarray
     slopes: np.ndarray
 
@@ -102,16 +90,9 @@ class Fit:
         """Sum of the squared weighted misfit."""
         return float(self.misfit @ self.misfit)
 
-    @property
-    def modes(self) -> tuple[RealMode, ...]:
-        """The modes, lowest frequency first."""
-        found = (RealMode(float(np.exp(row[0])), float(np.exp(row[1])), tuple(row[2:] @ self.lines.basis))
-                 for row in self.parameters)
-        return tuple(sorted(found, key=lambda mode: mode.natural_frequency))
-
     def fitted(self) -> list[np.ndarray]:
         """The fitted receptance of each response at its believed lines."""
-        modal = [part.sum(axis=1) for part in _modal(self.lines, self.parameters)]
+        modal = [part.sum(axis=1) for part in _modal(self.lines, self.parameters, self.signs)]
         left = [measured - part for measured, part in zip(self.lines.measured, modal, strict=True)]
         return [part + rest for part, rest in zip(modal, self.lines.rest_terms(left), strict=True)]
 
@@ -121,23 +102,24 @@ def _unit(lines: Lines, omega: np.ndarray, zeta: np.ndarray) -> list[np.ndarray]
     return [1.0 / (s[:, None] ** 2 + 2.0 * zeta * omega * s[:, None] + omega**2) for s in lines.laplace]
 
 
-def _modal(lines: Lines, parameters: np.ndarray) -> list[np.ndarray]:
+def _modal(lines: Lines, parameters: np.ndarray, signs: np.ndarray) -> list[np.ndarray]:
     """Receptance of each mode (lines, modes) in each response."""
     omega, zeta, shapes = np.exp(parameters[:, 0]), np.exp(parameters[:, 1]), parameters[:, 2:]
-    return [unit * (shapes @ sensed) * (shapes @ along)
+    return [unit * signs * (shapes @ sensed) * (shapes @ along)
             for unit, sensed, along in zip(_unit(lines, omega, zeta), lines.sensed, lines.along, strict=True)]
 
 
-def _slopes(lines: Lines, parameters: np.ndarray) -> np.ndarray:
+def _slopes(lines: Lines, parameters: np.ndarray, signs: np.ndarray) -> np.ndarray:
     """Slopes of the weighted model (rows, parameters)."""
     omega, zeta, shapes = np.exp(parameters[:, 0]), np.exp(parameters[:, 1]), parameters[:, 2:]
     width = parameters.shape[1]
     columns = []
     for s, unit, sensed, along in zip(lines.laplace, _unit(lines, omega, zeta), lines.sensed, lines.along, strict=True):
         out, into = shapes @ sensed, shapes @ along
+        unit = unit * signs  # squared below, it keeps no sign
         part = np.empty((len(s), len(parameters), width), dtype=complex)
-        part[:, :, 0] = -(unit**2) * (2.0 * zeta * omega * s[:, None] + 2.0 * omega**2) * out * into
-        part[:, :, 1] = -(unit**2) * 2.0 * zeta * omega * s[:, None] * out * into
+        part[:, :, 0] = -signs * unit**2 * (2.0 * zeta * omega * s[:, None] + 2.0 * omega**2) * out * into
+        part[:, :, 1] = -signs * unit**2 * 2.0 * zeta * omega * s[:, None] * out * into
         for axis in range(width - 2):
             part[:, :, 2 + axis] = unit * (sensed[axis] * into + along[axis] * out)
         columns.append(part.reshape(len(s), -1))
@@ -157,40 +139,44 @@ def residues(lines: Lines, omega: np.ndarray, zeta: np.ndarray) -> tuple[np.ndar
     return np.array(found), cost
 
 
-def shapes_of(lines: Lines, found: np.ndarray) -> np.ndarray:
-    """Shapes (modes, dimensions) whose products come closest to free residues (responses, modes)."""
-    dimensions = lines.basis.shape[0]
-    shapes = np.empty((found.shape[1], dimensions))
-    design = np.array([[out[i] * into[j] for i in range(dimensions) for j in range(dimensions)]
+def shapes_of(lines: Lines, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shapes (modes, dimensions) whose products come closest to free residues (responses, modes), and their signs (modes,)."""
+    size = lines.basis.shape[0]
+    upper = np.triu_indices(size)
+    twice = np.where(upper[0] == upper[1], 0.5, 1.0)
+    design = np.array([twice * (np.outer(out, into) + np.outer(into, out))[upper]
                        for out, into in zip(lines.sensed, lines.along, strict=True)])
-    symmetric = np.array([[(design[row, i * dimensions + j] + (design[row, j * dimensions + i] if i != j else 0.0))
-                           for i in range(dimensions) for j in range(i, dimensions)] for row in range(len(design))])
+    entries = np.linalg.lstsq(design, found, rcond=None)[0]
+    shapes, signs = np.empty((found.shape[1], size)), np.ones(found.shape[1])
     for mode in range(found.shape[1]):
-        entries = np.linalg.lstsq(symmetric, found[:, mode], rcond=None)[0]
-        matrix = np.zeros((dimensions, dimensions))
-        matrix[np.triu_indices(dimensions)] = entries
-        matrix = matrix + np.triu(matrix, 1).T
-        values, vectors = np.linalg.eigh(matrix)
-        shapes[mode] = vectors[:, -1] * np.sqrt(max(values[-1], 1e-3 * np.abs(values).max(), 1e-12))
-    return shapes
+        matrix = np.zeros((size, size))
+        matrix[upper] = entries[:, mode]
+        values, vectors = np.linalg.eigh(matrix + np.triu(matrix, 1).T)
+        best = int(np.argmax(np.abs(values)))
+        if lines.against:
+            signs[mode] = np.sign(values[best]) or 1.0
+        else:
+            best = size - 1  # the largest itself
+        shapes[mode] = vectors[:, best] * np.sqrt(max(signs[mode] * values[best], 1e-3 * np.abs(values).max(), 1e-12))
+    return shapes, signs
 
 
-def fit_modes(lines: Lines, start: np.ndarray, most: int = 60) -> Fit:
-    """Least squares from start (modes, 2 + dimensions). No mode is a fit, too: of the residual terms alone."""
+def fit_modes(lines: Lines, start: np.ndarray, signs: np.ndarray, most: int = 60) -> Fit:
+    """Least squares from start (modes, 2 + dimensions) and its signs, which stay. No mode is a fit, too: of the residual terms alone."""
     target = lines.project(lines.measured)
     if not len(start):
-        return Fit(lines, start, target, np.empty((len(target), 0)))
+        return Fit(lines, start, signs, target, np.empty((len(target), 0)))
     size = start.shape
 
     def misfit(flat: np.ndarray) -> np.ndarray:
-        parts = [part.sum(axis=1) for part in _modal(lines, flat.reshape(size))]
+        parts = [part.sum(axis=1) for part in _modal(lines, flat.reshape(size), signs)]
         return target - lines.project(parts)
 
     low, high = np.full(size, -np.inf), np.full(size, np.inf)
     low[:, 0], high[:, 0] = start[:, 0] - _SPREAD, start[:, 0] + _SPREAD
     low[:, 1], high[:, 1] = np.log(_LEAST_DAMPING), np.log(_MOST_DAMPING)
     begin = np.clip(start, low + 1e-9, high - 1e-9)
-    done = least_squares(misfit, begin.ravel(), lambda flat: -_slopes(lines, flat.reshape(size)), (low.ravel(), high.ravel()),
+    done = least_squares(misfit, begin.ravel(), lambda flat: -_slopes(lines, flat.reshape(size), signs), (low.ravel(), high.ravel()),
                          x_scale="jac", max_nfev=most, xtol=1e-9, ftol=1e-10)
     found = done.x.reshape(size)
-    return Fit(lines, found, done.fun, -done.jac)
+    return Fit(lines, found, signs, done.fun, -done.jac)

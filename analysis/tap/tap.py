@@ -24,6 +24,7 @@ from testbed.recording import Recording
 SEARCH_ERROR = 0.01  # of a response, that a model of real modes is taken to miss while modes are counted
 _LEAST_ERROR = 1e-4  # likewise of the last fit, however well it goes
 _EXPLAINS = 0.5  # of a response: modes that leave more explain nothing
+_ALL_WITH = 0.9  # likewise, above which every mode answers with the force
 _SURE_SIGN = 0.5  # of the imaginary part's size, that has one sign at a drive point
 _LOW, _HIGH = 1.0, 1e6  # Hz: no band asked for
 
@@ -105,9 +106,16 @@ def tap_test(taps: Any, most_modes: int | None = None) -> TapResult:
     noted = _Noted()
     for tap in taps.taps:
         noted.notes += [f"{tap.name}: {note}" for note in tap.notes]
-    responses = _turned(_responses(taps, noted), noted)
     low, high = taps.band or (_LOW, _HIGH)
+    masses: list[float] = []
+    responses = _turned(_responses(taps, masses, noted), (low, high), noted)
+    responses = [_unloaded(one, mass, noted) for one, mass in zip(responses, masses, strict=True)]
     groups = [_group(part, low, high, most_modes, str(taps.file)) for part in _grouped(responses)]
+    for group in groups:
+        against = [f"{np.exp(row[0]) / (2.0 * np.pi):.5g} Hz"
+                   for row, sign in zip(group.fit.parameters, group.fit.signs, strict=True) if sign < 0]
+        if against:
+            noted.notes.append(f"{group.responses[0].name}: answers against the force, so that no mass follows: {', '.join(against)}")
     modes = sorted((mode for group in groups for mode in _modes(group)), key=lambda one: one.natural_frequency.value)
     missed = sum(res**2 * _power(group, place) for group in groups for place, res in enumerate(group.residuals))
     whole = sum(_power(group, place) for group in groups for place in range(len(group.responses)))
@@ -118,15 +126,16 @@ def _power(group: Group, place: int) -> float:
     return float(np.sum(np.abs(group.fit.lines.measured[place]) ** 2))
 
 
-def _responses(taps: Any, noted: _Noted) -> list[FrequencyResponse]:
-    """Measured responses, records of one kind averaged together."""
+def _responses(taps: Any, masses: list[float], noted: _Noted) -> list[FrequencyResponse]:
+    """Measured responses, records of one kind averaged together, and the mass of the sensor on each."""
     found: list[FrequencyResponse] = []
     records: dict[tuple, list[Any]] = {}
     for tap in taps.taps:
         if tap.spectrum is not None:
             one = FrequencyResponse(tap.name, tap.spectrum.frequency, tap.spectrum.values, tap.along, tap.sensed, tap.on,
                                     decay=tap.window)
-            found.append(_unloaded(one, tap.sensor_mass, noted))
+            found.append(one)
+            masses.append(tap.sensor_mass)
         else:
             kind = (tap.along, tap.sensed, tap.on, tap.quantity, tap.record.sampling_rate, tap.window, tap.sensor_mass)
             records.setdefault(kind, []).append(tap)
@@ -135,7 +144,8 @@ def _responses(taps: Any, noted: _Noted) -> list[FrequencyResponse]:
         one = averaged(same[0].name, stretches, rate, quantity, along, sensed, on, window)
         if len(stretches) == 1:
             noted.notes.append(f"{same[0].name}: one blow has no coherence: intervals are from its scatter over frequency alone")
-        found.append(_unloaded(one, mass, noted))
+        found.append(one)
+        masses.append(mass)
     return found
 
 
@@ -176,25 +186,28 @@ def _unloaded(one: FrequencyResponse, mass: float, noted: _Noted) -> FrequencyRe
     if not one.drive_point:
         noted.notes.append(f"{one.name}: the sensor's mass is undone at drive points only")
         return one
-    loaded = one.receptance if _sign(one) > 0.0 else -one.receptance
-    factor = 1.0 / (1.0 - mass * one.laplace**2 * loaded)  # s^2 m: the force that the sensor took
+    factor = 1.0 / (1.0 - mass * one.laplace**2 * one.receptance)  # s^2 m: the force that the sensor took
     return replace(one, receptance=one.receptance * factor, deviations=one.deviations * factor**2)
 
 
-def _sign(one: FrequencyResponse) -> float:
-    """Share of a drive point's imaginary part that has the sign it must have: 1 as it should be, -1 turned round."""
-    lines = one.believed(_LOW, _HIGH)
-    part = (one.receptance.imag * one.frequency**1.5)[lines]
-    return -float(np.sum(part) / max(float(np.sum(np.abs(part))), 1e-300))
+def _sign(one: FrequencyResponse, low: float, high: float) -> float:
+    """Share of a drive point's peaks whose imaginary part has the sign that it must have: 1 as it should be, -1 turned round."""
+    mask = one.believed(low, high)
+    if np.count_nonzero(mask) < FEWEST_LINES:
+        return 1.0
+    stable = poles([one], [mask]).stable
+    places = np.searchsorted(one.frequency, stable[:, 0]).clip(0, len(one.frequency) - 1)
+    part = one.receptance.imag[places]
+    return -float(np.sum(part) / max(float(np.sum(np.abs(part))), 1e-300)) if len(part) else 1.0
 
 
-def _turned(responses: Sequence[FrequencyResponse], noted: _Noted) -> list[FrequencyResponse]:
+def _turned(responses: Sequence[FrequencyResponse], band: tuple[float, float], noted: _Noted) -> list[FrequencyResponse]:
     """Responses that move against the force at a drive point turned, and with them what the same sensor shows elsewhere."""
     found, turned = list(responses), set()
     for place, one in enumerate(found):
         if not one.drive_point:
             continue
-        share = _sign(one) * float(np.sign(np.dot(one.along, one.sensed)))
+        share = _sign(one, *band) * float(np.sign(np.dot(one.along, one.sensed)))
         if share < -_SURE_SIGN:
             found[place] = one.turned()
             turned.add((one.on, one.sensed))
@@ -239,7 +252,9 @@ def _group(responses: list[FrequencyResponse], low: float, high: float, most: in
                 "fewer lines than a mode needs stand above the noise"
             raise InputProblem(place, f"tap '{one.name}' holds no mode: {why}", "hit harder, more often, or check the columns")
     found = poles(responses, masks)
-    lines = Lines(responses, masks, _basis(responses), SEARCH_ERROR)
+    basis = _basis(responses)
+    against = len(basis) == 1 and any(one.drive_point and abs(_sign(one, low, high)) < _ALL_WITH for one in responses)
+    lines = Lines(responses, masks, basis, SEARCH_ERROR, against)
     steps, chosen = choose(lines, found, most)
     if chosen == 0:
         raise InputProblem(place, f"tap '{responses[0].name}' holds no mode: no pole of its response holds",
@@ -262,11 +277,17 @@ def _weighed(lines: Lines, fit: Fit) -> Fit:
         if abs(again - error) < 0.1 * error:
             break
         error = again
-        lines = Lines(lines.responses, lines.masks, lines.basis, error)
-        fit = fit_modes(lines, fit.parameters)
+        lines = Lines(lines.responses, lines.masks, lines.basis, error, lines.against)
+        fit = fit_modes(lines, fit.parameters, fit.signs)
     return fit
 
 
 def _modes(group: Group) -> list[FoundMode]:
-    on = group.responses[0].on
-    return [FoundMode(**estimates(group.fit, place), on=on) for place in range(len(group.fit.parameters))]
+    """The modes of a group; where one answers against the force, its mass is not determined."""
+    found = []
+    for place, sign in enumerate(group.fit.signs):
+        told = estimates(group.fit, place)
+        if sign < 0:
+            told["mass"] = replace(told["mass"], bounded=False)
+        found.append(FoundMode(**told, on=group.responses[0].on))
+    return found

@@ -78,13 +78,18 @@ def _write(found: Any, base: Any, output: str, catalogue: Any, taps_file: str) -
     from testbed.machine import Model, Structure
     from testbed.model_file import write_model
 
+    modes = [mode for mode in found.modes if mode.mass.determined]
+    if not modes:
+        raise InputProblem(taps_file, "no mode has a mass that the data tell: no machine can be written",
+                           "tap where the sensor is, and measure the force")
     try:
-        structure = Structure.of([mode.mode() for mode in found.modes])
+        structure = Structure.of([mode.mode() for mode in modes])
     except ValueError as problem:
         raise InputProblem(taps_file, f"the modes found make no machine ({problem})", "ask for fewer with --modes") from None
     model = Model(structure) if base is None else replace(base, structure=structure, machine=None, not_determined=())
-    unknown = tuple(f"modes[{place}].{name}" for place, mode in enumerate(found.modes)
+    unknown = tuple(f"modes[{place}].{name}" for place, mode in enumerate(modes)
                     for name in ("natural_frequency", "damping_ratio", "mass", "direction") if not getattr(mode, name).determined)
     known = tuple(path for path in unknown if path in model.base_parameters)
-    remarks = [f"found by testbed tap, residual {found.residual:.1%}", *found.notes]
+    left = [f"{mode.natural_frequency.value:.5g} Hz" for mode in found.modes if not mode.mass.determined]
+    remarks = [*([f"left out, without a mass: {', '.join(left)}"] if left else []), f"found by testbed tap, residual {found.residual:.1%}", *found.notes]
     write_model(replace(model, not_determined=known), output, catalogue, remarks)
