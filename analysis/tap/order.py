@@ -14,6 +14,7 @@ DECISIVE = 10.0  # gain of BIC that one more mode must bring
 _AHEAD = 2  # modes more, that are tried before the search ends
 _MUCH = 0.3  # of the measured response, weighted: a fit that leaves more is no end of the search
 _SOME = 0.999  # of what was left, that one mode more must take away to be looked at
+TAKES = 0.72  # of the squared misfit beyond the noise, that one more mode may leave at the most
 _TRIED = 2  # of the candidates that leave least with poles held, how many are fitted in full
 _FEW, _MORE = 3, 12  # steps of a fit within the search: where much is left, and after
 _LONGEST = 50  # lines over which neighbouring misfits may go together
@@ -60,7 +61,8 @@ def criterion(lines: Lines, fit: Fit, goes: float) -> float:
 def choose(lines: Lines, found: Stabilisation, asked: int | None = None) -> tuple[list[Step], int]:
     """Fits with 0, 1, 2, ... modes, and how many are chosen: as many as `asked`, if stable poles go so far.
 
-    A mode more is asked for where BIC falls by DECISIVE with it, or by twice that with it and the next one. While a fit leaves
+    A mode more is asked for where BIC falls by DECISIVE with it and it takes away enough of what is no noise: real structures
+    are no sum of a few real modes, and small modes would mend that for ever. Two modes more may earn it together. While a fit leaves
     much, all its misfit goes together and proves nothing: the search goes on.
     """
     empty = fit_modes(lines, np.empty((0, 2 + lines.basis.shape[0])), np.empty(0))
@@ -72,7 +74,8 @@ def choose(lines: Lines, found: Stabilisation, asked: int | None = None) -> tupl
             break
         goes = together(lines, trial.misfit)
         steps.append(Step(trial, criterion(lines, steps[chosen].fit, goes) - criterion(lines, trial, goes), goes))
-        if steps[-1].gain > DECISIVE * (len(steps) - 1 - chosen):
+        more, least = len(steps) - 1 - chosen, steps[chosen].fit.beyond_noise
+        if steps[-1].gain > DECISIVE * more and trial.beyond_noise <= TAKES**more * least:
             chosen = len(steps) - 1
         if asked and len(steps) > asked:
             break

@@ -45,6 +45,8 @@ class Lines:
             columns = _stacked(np.column_stack([1.0 / laplace**2, np.ones(len(laplace))]) * weight[:, None])
             self._rests.append(np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0])
         self.count = 2 * sum(map(len, self.laplace))
+        self.noise_cost = float(sum(np.sum((one.noise[mask] * weight) ** 2)
+                                    for one, mask, weight in zip(responses, masks, self.weights, strict=True)))
 
     def project(self, parts: Sequence[np.ndarray]) -> np.ndarray:
         """Complex values of each response's lines, (lines, ...), weighted and stacked without what the residual terms take."""
@@ -89,6 +91,11 @@ class Fit:
     def cost(self) -> float:
         """Sum of the squared weighted misfit."""
         return float(self.misfit @ self.misfit)
+
+    @property
+    def beyond_noise(self) -> float:
+        """What of the cost the lines' noise does not explain."""
+        return max(0.0, self.cost - self.lines.noise_cost)
 
     def fitted(self) -> list[np.ndarray]:
         """The fitted receptance of each response at its believed lines."""
