@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import cont2discrete, lfilter
+from scipy.signal import cont2discrete, lfilter, resample_poly
 
 from testbed.machine import Mode
 
@@ -47,7 +47,7 @@ def blows(modes: Sequence[Mode], along: tuple[float, float], sensed: tuple[float
         force[inside] += hammer.force * rng.uniform(0.7, 1.3) * np.sin(np.pi * (time[inside] - start) / width)
     response = sum((_answer(mode, force, step) * float(np.dot(mode.shape, along) * np.dot(mode.shape, sensed)) for mode in modes),
                    np.zeros(len(time)))
-    force, response = force[::OVERSAMPLED], response[::OVERSAMPLED]
+    force, response = (resample_poly(one, 1, OVERSAMPLED) for one in (force, response))  # with the filter of a converter
     return (force + rng.normal(0.0, hammer.force_noise * hammer.force, len(force)),
             response + rng.normal(0.0, hammer.response_noise * np.abs(response).max(), len(response)))
 

@@ -14,7 +14,7 @@ _NEIGHBOURS = 3  # lines to either side that foretell one by a cubic
 _QUIET = 40  # lines to either side, of which the median scatter is the noise: peaks are few among them
 _BELIEVED = 0.9  # least coherence of a line and its neighbours, or share of what is no noise
 _SMOOTH = 9  # lines that a coherence is averaged over
-_GAP = 0.03  # of a frequency: lines without belief that a band may have within
+_SHORTEST = 6  # lines that stand together
 FEWEST_LINES = 24  # of a band that holds a mode
 
 
@@ -80,18 +80,13 @@ class FrequencyResponse:
         share = 1.0 - noise / np.maximum(power, 1e-300)
         if self.coherence is not None:
             share = np.minimum(share, maximum_filter1d(uniform_filter1d(self.coherence, _SMOOTH, mode="nearest"), _SMOOTH))
-        return inside & _longest(share > _BELIEVED, inside, self.frequency)
+        return _runs(inside & (share > _BELIEVED))
 
 
-def _longest(good: np.ndarray, inside: np.ndarray, frequency: np.ndarray) -> np.ndarray:
-    """The good lines of the longest band whose gaps are short, measured by octaves."""
-    lines = np.flatnonzero(good & inside)
-    if not len(lines):
-        return np.zeros(len(good), dtype=bool)
-    step = frequency[1] - frequency[0]
-    gaps = np.flatnonzero(np.diff(frequency[lines]) > np.maximum(_SMOOTH * step, _GAP * frequency[lines[:-1]]))
-    bands = np.split(lines, gaps + 1)
-    best = max(bands, key=len)
+def _runs(good: np.ndarray) -> np.ndarray:
+    """The good lines (lines,), bool, without those that stand all but alone."""
+    lines = np.flatnonzero(good)
     found = np.zeros(len(good), dtype=bool)
-    found[best] = True
+    for run in np.split(lines, np.flatnonzero(np.diff(lines) > 2) + 1):
+        found[run] = len(run) >= _SHORTEST
     return found

@@ -16,8 +16,9 @@ _MUCH = 0.3  # of the measured response, weighted: a fit that leaves more is no 
 _SOME = 0.999  # of what was left, that one mode more must take away to be looked at
 TAKES = 0.72  # of the squared misfit beyond the noise, that one more mode may leave at the most
 _TRIED = 2  # of the candidates that leave least with poles held, how many are fitted in full
-_FEW, _MORE = 3, 12  # steps of a fit within the search: where much is left, and after
+_FEW, _MORE = 3, 40  # steps of a fit within the search: where much is left, and after
 _LONGEST = 50  # lines over which neighbouring misfits may go together
+_APART = 0.5  # of its damping ratio, by which a mode that becomes two is moved either way
 _SAME = 0.002  # of a frequency and as much of damping: a candidate that stands already
 
 
@@ -69,7 +70,7 @@ def choose(lines: Lines, found: Stabilisation, asked: int | None = None) -> tupl
     steps, chosen, size = [Step(empty, 0.0, 1.0)], 0, empty.cost
     while len(steps) <= MOST_MODES and (asked or len(steps) - chosen <= _AHEAD or steps[-1].fit.cost > _MUCH**2 * size):
         much = steps[-1].fit.cost > _MUCH**2 * size
-        trial = _one_more(lines, steps[-1].fit, found, _FEW if much else _MORE)
+        trial = _one_more(lines, steps[-1].fit, found, much)
         if trial is None or not much and trial.cost > _SOME * steps[-1].fit.cost:
             break
         goes = together(lines, trial.misfit)
@@ -84,21 +85,28 @@ def choose(lines: Lines, found: Stabilisation, asked: int | None = None) -> tupl
     return steps, chosen
 
 
-def _one_more(lines: Lines, fit: Fit, found: Stabilisation, steps: int) -> Fit | None:
-    """The best fit with one mode more, from the stable poles that are not taken."""
+def _one_more(lines: Lines, fit: Fit, found: Stabilisation, much: bool) -> Fit | None:
+    """The best fit with one mode more: a stable pole that is not taken or, where little is left, a mode that becomes two."""
     have = np.exp(fit.parameters[:, :2])
+    trials = [np.vstack([have, [2.0 * np.pi * frequency, damping]]) for frequency, damping, _ in found.stable
+              if not _taken(have, 2.0 * np.pi * frequency, damping)]
+    for place in range(0 if much else len(have)):
+        omega, damping = have[place]
+        apart = max(_APART * damping, 2.0 * _SAME)
+        pair = [[omega * (1.0 - apart), damping * (1.0 - _APART)], [omega * (1.0 + apart), damping * (1.0 - _APART)]]
+        trials.append(np.vstack([np.delete(have, place, axis=0), pair]))
     candidates = []
-    for frequency, damping, _ in found.stable:
-        omega = 2.0 * np.pi * frequency
-        if any(abs(omega / one - 1.0) < _SAME and abs(damping - other) < max(_SAME, 0.2 * damping) for one, other in have):
-            continue
-        poles = np.vstack([have, [omega, damping]])
+    for poles in trials:
         free, cost = residues(lines, poles[:, 0], poles[:, 1])
-        candidates.append((cost, poles, free))
+        candidates.append((cost, len(candidates), poles, free))
     best: Fit | None = None
-    for _, poles, free in sorted(candidates, key=lambda one: one[0])[:_TRIED]:
+    for _, _, poles, free in sorted(candidates, key=lambda one: one[:2])[:_TRIED]:
         shapes, signs = shapes_of(lines, free)
-        trial = fit_modes(lines, np.column_stack([np.log(poles), shapes]), signs, steps)
+        trial = fit_modes(lines, np.column_stack([np.log(poles), shapes]), signs, _FEW if much else _MORE)
         if best is None or trial.cost < best.cost:
             best = trial
     return best
+
+
+def _taken(have: np.ndarray, omega: float, damping: float) -> bool:
+    return any(abs(omega / one - 1.0) < _SAME and abs(damping - other) < max(_SAME, 0.2 * damping) for one, other in have)
