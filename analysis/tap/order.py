@@ -73,6 +73,8 @@ def choose(lines: Lines, found: Stabilisation, asked: int | None = None) -> tupl
         trial = _one_more(lines, steps[-1].fit, found, much)
         if trial is None or not much and trial.cost > _SOME * steps[-1].fit.cost:
             break
+        if much and trial.cost <= _MUCH**2 * size:  # from here on, what is left is asked for what it is
+            trial = fit_modes(lines, trial.parameters, trial.signs, _MORE)
         goes = together(lines, trial.misfit)
         steps.append(Step(trial, criterion(lines, steps[chosen].fit, goes) - criterion(lines, trial, goes), goes))
         more, least = len(steps) - 1 - chosen, steps[chosen].fit.beyond_noise
