@@ -15,6 +15,7 @@ from testbed import (
     readers,
     scenario_file,
     structure_file,
+    taps_file,
     units,
     yaml_text,
 )
@@ -48,6 +49,8 @@ MODELS = {
     "sample": design_file._Sample, "A range of over": design_file._Ends, "refine": design_file._Refine,
     "sensors": scenario_file._Sensors, "A sensor's keys": scenario_file._Channel, "engine": scenario_file._Engine,
     "campaign.yaml: top level": manifest.ManifestEntry, "records": manifest.RecordEntry,
+    "Keys of the file and of a tap": taps_file._Shared, "taps.yaml: top level": taps_file.TapsEntry, "taps": taps_file.TapEntry,
+    "A channel of a tap": taps_file.TapChannel, "response": taps_file.TapResponse,
 }
 OTHERS = {
     "Kinds of record": set(get_args(manifest.Kind)), "channels": set(manifest.CHANNELS), "model of a scenario": {"file"},
@@ -58,7 +61,8 @@ OTHERS = {
 
 @pytest.mark.parametrize("heading", [*MODELS, *OTHERS])
 def test_a_table_names_the_keys_that_are_read_and_no_others(heading):
-    shared = SHARED if heading in ("campaign.yaml: top level", "records") else set()
+    shared = {"campaign.yaml: top level": SHARED, "records": SHARED, "taps.yaml: top level": of(taps_file._Shared),
+              "taps": of(taps_file._Shared), "response": of(taps_file.TapChannel)}.get(heading, set())
     known = OTHERS.get(heading) or of(MODELS[heading]) - shared
     assert sorted(KEYS[heading].keys()) == sorted(known)
 

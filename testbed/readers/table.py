@@ -15,7 +15,7 @@ from testbed.problem import InputProblem
 
 FORMATS_EXTRA = 'pip install "machining-testbed[formats]"'
 DECIMAL_COMMAS = "if its commas are decimal ones, write decimals with a point, or separate columns by semicolons"
-NO_SPECTRA = "no command takes a frequency response or a spectrum yet"
+NO_SPECTRA = "a frequency response is for `testbed tap`, a spectrum for no command"
 _MOST_LISTED = 12  # names in a message
 _BRACKETS = re.compile(r"\s*[\[(<{]([^\[\]()<>{}]*(?:\([^()]*\))?)[\])>}]\s*")
 _BEHIND = re.compile(r"\s*[,;:/]\s*|\s+in\s+")  # `Force, N`, `Kraft / N`, `Zeit in s`

@@ -72,6 +72,7 @@ def _table(path: Path, sets: list[dict[str, Any]], kinds: list[int]) -> Table:
             columns[f"{name} re"], columns[f"{name} im"] = data.real.astype(float), data.imag.astype(float)
             what = _OVER_FREQUENCY.get(int(entry.get("func_type", 0) or 0), "a function of frequency")
             spectra |= dict.fromkeys((name, f"{name} re", f"{name} im", "frequency"), what)
+            units |= dict.fromkeys((f"{name} re", f"{name} im"), _quotient(entry))
             continue
         columns[name] = data.astype(float)
         units[name] = str(entry.get("ordinate_axis_units_lab", "") or "").strip().replace(
@@ -93,6 +94,13 @@ def _table(path: Path, sets: list[dict[str, Any]], kinds: list[int]) -> Table:
         step = steps.pop()
         rate = simplest_between((1 - _ROUNDING) / step, (1 + _ROUNDING) / step)
     return Table(path, columns, units, rate, _ROUNDING, tuple(notes), spectra=spectra)
+
+
+def _quotient(entry: dict[str, Any]) -> str:
+    """The unit of a response over a force: by its types, which are in SI, else by its label."""
+    top, below = (_UNIT_OF_TYPE.get(int(entry.get(f"{part}_spec_data_type", 0) or 0), "") for part in ("ordinate", "orddenom"))
+    label = str(entry.get("ordinate_axis_units_lab", "") or "").strip().replace("NONE", "")
+    return label if "/" in label and not (top and below) else f"{top}/{below}" if top and below else ""
 
 
 def _name(entry: dict[str, Any], number: int) -> str:

@@ -1,0 +1,1 @@
+"""From hammer blows and frequency responses to the modes of a machine."""

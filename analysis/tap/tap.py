@@ -1,0 +1,293 @@
+"""The tap test: taps in, modes out, with what was left out, turned round and found out on the way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from analysis.estimate import Estimate
+from analysis.tap.averaged import Stretch, averaged
+from analysis.tap.blows import Blow, find_blows, too_short
+from analysis.tap.frequency_response import FEWEST_LINES, FrequencyResponse
+from analysis.tap.order import Step, choose
+from analysis.tap.poles import Stabilisation, poles
+from analysis.tap.real_modes import Fit, Lines, fit_modes
+from analysis.tap.uncertain import estimates
+from testbed.machine import Carrier, Mode
+from testbed.problem import InputProblem
+from testbed.recording import Recording
+
+SEARCH_ERROR = 0.01  # of a response, that a model of real modes is taken to miss while modes are counted
+_LEAST_ERROR = 1e-4  # likewise of the last fit, however well it goes
+_EXPLAINS = 0.5  # of a response: modes that leave more explain nothing
+_ALL_WITH = 0.9  # likewise, above which every mode answers with the force
+_SURE_SIGN = 0.5  # of the imaginary part's size, that has one sign at a drive point
+_LOW, _HIGH = 1.0, 1e6  # Hz: no band asked for
+
+
+@dataclass(frozen=True)
+class BlowSeen:
+    """One blow of a tap's record: when (s), how hard (N), used or why not."""
+
+    tap: str
+    time: float
+    force: float
+    used: bool
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class FoundMode:
+    """A mode as found: each value with its interval, and what carries it."""
+
+    natural_frequency: Estimate
+    damping_ratio: Estimate
+    mass: Estimate
+    direction: Estimate
+    on: Carrier
+
+    def mode(self) -> Mode:
+        """The vocabulary's mode."""
+        return Mode(self.mass.value, self.natural_frequency.value, self.damping_ratio.value, self.direction.value, self.on)
+
+    def as_json(self) -> dict[str, Any]:
+        """SI values, for `--json`."""
+        return {**{name: getattr(self, name).as_json() for name in ("natural_frequency", "damping_ratio", "mass", "direction")},
+                "on": self.on}
+
+
+@dataclass(frozen=True)
+class Group:
+    """Responses that share their modes: the search, the fit and the residual (rms over the response's rms) of each."""
+
+    responses: tuple[FrequencyResponse, ...]
+    stabilisation: Stabilisation
+    steps: tuple[Step, ...]
+    fit: Fit
+    residuals: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class TapResult:
+    """All that a tap test gave. residual: pooled over all believed lines."""
+
+    modes: tuple[FoundMode, ...]
+    residual: float
+    blows: tuple[BlowSeen, ...]
+    groups: tuple[Group, ...]
+    notes: tuple[str, ...]
+
+    def responses_json(self) -> list[dict[str, Any]]:
+        """What was fitted of each response, for `--json`."""
+        return [{"name": one.name, "on": one.on, "first_frequency": float(one.frequency[mask][0]),
+                 "last_frequency": float(one.frequency[mask][-1]), "lines": int(mask.sum()), "residual": residual,
+                 "coherence": None if one.coherence is None else float(np.median(one.coherence[mask]))}
+                for group in self.groups
+                for one, mask, residual in zip(group.responses, group.fit.lines.masks, group.residuals, strict=True)]
+
+
+@dataclass
+class _Noted:
+    """What is collected on the way."""
+
+    blows: list[BlowSeen] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def tap_test(taps: Any, most_modes: int | None = None) -> TapResult:
+    """Modes of the taps of a file (testbed.taps_file.Taps). Raises InputProblem where they hold none.
+
+    most_modes: so many for each group of responses, instead of as many as the data ask for.
+    """
+    noted = _Noted()
+    for tap in taps.taps:
+        noted.notes += [f"{tap.name}: {note}" for note in tap.notes]
+    low, high = taps.band or (_LOW, _HIGH)
+    masses: list[float] = []
+    responses = _turned(_responses(taps, masses, noted), (low, high), noted)
+    responses = [_unloaded(one, mass, noted) for one, mass in zip(responses, masses, strict=True)]
+    groups = [_group(part, low, high, most_modes, str(taps.file)) for part in _grouped(responses)]
+    for group in groups:
+        against = [f"{np.exp(row[0]) / (2.0 * np.pi):.5g} Hz"
+                   for row, sign in zip(group.fit.parameters, group.fit.signs, strict=True) if sign < 0]
+        if against:
+            noted.notes.append(f"{group.responses[0].name}: answers against the force, so that no mass follows: {', '.join(against)}")
+    modes = sorted((mode for group in groups for mode in _modes(group)), key=lambda one: one.natural_frequency.value)
+    missed = sum(res**2 * _power(group, place) for group in groups for place, res in enumerate(group.residuals))
+    whole = sum(_power(group, place) for group in groups for place in range(len(group.responses)))
+    return TapResult(tuple(modes), math.sqrt(missed / whole), tuple(noted.blows), tuple(groups), tuple(dict.fromkeys(noted.notes)))
+
+
+def _power(group: Group, place: int) -> float:
+    return float(np.sum(np.abs(group.fit.lines.measured[place]) ** 2))
+
+
+def _responses(taps: Any, masses: list[float], noted: _Noted) -> list[FrequencyResponse]:
+    """Measured responses, records of one kind averaged together, and the mass of the sensor on each."""
+    found: list[FrequencyResponse] = []
+    records: dict[tuple, list[Any]] = {}
+    for tap in taps.taps:
+        if tap.spectrum is not None:
+            one = FrequencyResponse(tap.name, tap.spectrum.frequency, tap.spectrum.values, tap.along, tap.sensed, tap.on,
+                                    decay=tap.window)
+            found.append(one)
+            masses.append(tap.sensor_mass)
+        else:
+            kind = (tap.along, tap.sensed, tap.on, tap.quantity, tap.record.sampling_rate, tap.window, tap.sensor_mass)
+            records.setdefault(kind, []).append(tap)
+    for (along, sensed, on, quantity, rate, window, mass), same in records.items():
+        stretches = [stretch for tap in same for stretch in _stretches(tap, str(taps.file), noted)]
+        one = averaged(same[0].name, stretches, rate, quantity, along, sensed, on, window)
+        if len(stretches) == 1:
+            noted.notes.append(f"{same[0].name}: one blow has no coherence: intervals are from its scatter over frequency alone")
+        found.append(one)
+        masses.append(mass)
+    return found
+
+
+def _stretches(tap: Any, place: str, noted: _Noted) -> list[Stretch]:
+    """The blows of a record that are of use. Raises InputProblem where none is."""
+    record: Recording = tap.record
+    force, response = record.channels["force"], record.channels[tap.quantity]
+    blows = find_blows(force, response, record.filled)
+    if not blows:
+        raise InputProblem(place, f"tap '{tap.name}' holds no blow: its force never rises above its noise",
+                           "check the column of the force")
+    if all(too_short(force, blow) for blow in blows):
+        raise InputProblem(place, f"tap '{tap.name}' was sampled too slowly: a blow lasts less than three samples",
+                           "sample faster, or use a softer tip")
+    used = [blow for blow in blows if not blow.left_out]
+    if not used:
+        twice = [blow for blow in blows if blow.left_out == "it hit twice"]
+        if not twice:
+            raise InputProblem(place, f"tap '{tap.name}' has no blow of use: {blows[0].left_out}", "measure again")
+        used = twice
+        noted.notes.append(f"{tap.name}: every blow hit twice; they were used all the same, lines without force left out")
+    noted.blows += [BlowSeen(tap.name, record.start + blow.peak / record.sampling_rate, blow.force, blow in used,
+                             "" if blow in used else blow.left_out) for blow in blows]
+    return [_stretch(force, response, blow) for blow in used]
+
+
+def _stretch(force: np.ndarray, response: np.ndarray, blow: Blow) -> Stretch:
+    level = np.abs(force[blow.start : blow.peak] - np.median(force))
+    quiet = np.flatnonzero(level > 0.02 * abs(blow.force))
+    before = int(quiet[0]) if len(quiet) else blow.peak - blow.start
+    return Stretch(force[blow.start : blow.stop], response[blow.start : blow.stop], max(0, before - 2))
+
+
+def _unloaded(one: FrequencyResponse, mass: float, noted: _Noted) -> FrequencyResponse:
+    """The response without the mass of the sensor that sat on it: exact at a drive point."""
+    if mass == 0.0:
+        return one
+    if not one.drive_point:
+        noted.notes.append(f"{one.name}: the sensor's mass is undone at drive points only")
+        return one
+    factor = 1.0 / (1.0 - mass * one.laplace**2 * one.receptance)  # s^2 m: the force that the sensor took
+    return replace(one, receptance=one.receptance * factor, deviations=one.deviations * factor**2)
+
+
+def _sign(one: FrequencyResponse, low: float, high: float) -> float:
+    """Share of a drive point's peaks whose imaginary part has the sign that it must have: 1 as it should be, -1 turned round."""
+    mask = one.believed(low, high)
+    if np.count_nonzero(mask) < FEWEST_LINES:
+        return 1.0
+    stable = poles([one], [mask]).stable
+    places = np.searchsorted(one.frequency, stable[:, 0]).clip(0, len(one.frequency) - 1)
+    part = one.receptance.imag[places]
+    return -float(np.sum(part) / max(float(np.sum(np.abs(part))), 1e-300)) if len(part) else 1.0
+
+
+def _turned(responses: Sequence[FrequencyResponse], band: tuple[float, float], noted: _Noted) -> list[FrequencyResponse]:
+    """Responses that move against the force at a drive point turned, and with them what the same sensor shows elsewhere."""
+    found, turned = list(responses), set()
+    for place, one in enumerate(found):
+        if not one.drive_point:
+            continue
+        share = _sign(one, *band) * float(np.sign(np.dot(one.along, one.sensed)))
+        if share < -_SURE_SIGN:
+            found[place] = one.turned()
+            turned.add((one.on, one.sensed))
+            noted.notes.append(f"{one.name}: the response moves against the force: its sensor is turned round, and was taken so")
+        elif share < _SURE_SIGN:
+            noted.notes.append(f"{one.name}: its modes answer now with the force, now against it: "
+                               "force and sensor are not at one point, or not in one direction")
+    for place, one in enumerate(found):
+        if not one.drive_point and (one.on, one.sensed) in turned:
+            found[place] = one.turned()
+            noted.notes.append(f"{one.name}: turned with the sensor that the drive point shows to be turned round")
+    return found
+
+
+def _grouped(responses: Sequence[FrequencyResponse]) -> list[list[FrequencyResponse]]:
+    """Responses that must share their modes: of one carrier; x and y apart where nothing joins them."""
+    groups = []
+    for on in dict.fromkeys(one.on for one in responses):
+        own = [one for one in responses if one.on == on]
+        axes = {_axis(vector) for one in own for vector in (one.along, one.sensed)}
+        apart = all(one.drive_point for one in own) and axes <= {(1.0, 0.0), (0.0, 1.0)}
+        groups += [[one for one in own if _axis(one.along) == axis] for axis in sorted(axes, reverse=True)] if apart else [own]
+    return groups
+
+
+def _axis(vector: tuple[float, float]) -> tuple[float, float]:
+    """A direction without its sign."""
+    x, y = vector
+    return (abs(x), abs(y)) if abs(x) < 1e-12 or abs(y) < 1e-12 else (x, y) if x > 0 else (-x, -y)
+
+
+def _basis(responses: Sequence[FrequencyResponse]) -> np.ndarray:
+    vectors = {_axis(vector) for one in responses for vector in (one.along, one.sensed)}
+    return np.array([next(iter(vectors))]) if len(vectors) == 1 else np.eye(2)
+
+
+def _group(responses: list[FrequencyResponse], low: float, high: float, most: int | None, place: str) -> Group:
+    masks = [one.believed(low, high) for one in responses]
+    for one, mask in zip(responses, masks, strict=True):
+        if np.count_nonzero(mask) < FEWEST_LINES:
+            why = "force and response do not go together at enough frequencies" if one.coherence is not None else \
+                "fewer lines than a mode needs stand above the noise"
+            raise InputProblem(place, f"tap '{one.name}' holds no mode: {why}", "hit harder, more often, or check the columns")
+    found = poles(responses, masks)
+    basis = _basis(responses)
+    against = len(basis) == 1 and any(one.drive_point and abs(_sign(one, low, high)) < _ALL_WITH for one in responses)
+    lines = Lines(responses, masks, basis, SEARCH_ERROR, against)
+    steps, chosen = choose(lines, found, most)
+    if chosen == 0:
+        raise InputProblem(place, f"tap '{responses[0].name}' holds no mode: no pole of its response holds",
+                           "check the columns and units, or widen `band`")
+    fit = _weighed(lines, steps[chosen].fit)
+    residuals = tuple(math.sqrt(float(np.sum(np.abs(one - other) ** 2) / np.sum(np.abs(other) ** 2)))
+                      for one, other in zip(fit.fitted(), fit.lines.measured, strict=True))
+    if min(residuals) > _EXPLAINS:
+        raise InputProblem(place, f"tap '{responses[0].name}': no modes explain its response ({min(residuals):.0%} of it is left)",
+                           "check that force and response are of one blow, and their units")
+    return Group(tuple(responses), found, tuple(steps), fit, residuals)
+
+
+def _weighed(lines: Lines, fit: Fit) -> Fit:
+    """The last fit: lines weighed by their noise and by how far real modes miss them."""
+    error = SEARCH_ERROR
+    for _ in range(3):
+        size = fit.cost / max(1, lines.count - fit.parameters.size)
+        again = min(1.0, max(_LEAST_ERROR, error * (math.sqrt(size) if size > 1.0 else size)))
+        if abs(again - error) < 0.1 * error:
+            break
+        error = again
+        lines = Lines(lines.responses, lines.masks, lines.basis, error, lines.against)
+        fit = fit_modes(lines, fit.parameters, fit.signs)
+    return fit
+
+
+def _modes(group: Group) -> list[FoundMode]:
+    """The modes of a group; where one answers against the force, its mass is not determined."""
+    found = []
+    for place, sign in enumerate(group.fit.signs):
+        told = estimates(group.fit, place)
+        if sign < 0:
+            told["mass"] = replace(told["mass"], bounded=False)
+        found.append(FoundMode(**told, on=group.responses[0].on))
+    return found

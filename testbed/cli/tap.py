@@ -1,0 +1,95 @@
+"""`testbed tap`: from hammer blows and frequency responses to the modes of a machine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from testbed.cli._answer import Answer, interval_shown
+from testbed.cli._options import catalogue_of, effects_option, shared
+from testbed.cli._places import check_place, output_folder
+from testbed.problem import InputProblem
+
+
+@click.command(short_help="From hammer blows or frequency responses to a model of the machine.",
+               epilog="Example: testbed tap taps.yaml -m cutter.yaml -o machine.yaml --report pictures")
+@click.argument("taps_file", metavar="TAPS.yaml")
+@click.option("-m", "--model", "model_file", metavar="MODEL.yaml",
+              help="A model whose cutter, cutting and effects the new one takes over.")
+@click.option("-o", "--output", metavar="NEW.yaml", help="The model to write: the modes found.")
+@click.option("--report", metavar="DIR", help="Folder for report.html: responses, fits, coherence, poles, blows.")
+@click.option("--modes", "most_modes", type=click.IntRange(1, 12),
+              help="So many modes for each set of responses that belong together, instead of as many as the data ask for.")
+@effects_option
+@shared
+def command(taps_file: str, model_file: str | None, output: str | None, report: str | None, most_modes: int | None,
+            folders: tuple[str, ...], json_file: str | None, seed: int | None, quiet: bool) -> None:
+    """Find the modes that TAPS.yaml shows: natural frequency, damping ratio, mass and direction, each with an interval.
+
+    Blows are found and split, double hits and overloads left out, sensors that are turned round told. How many modes there are
+    follows from the data. Needs the extra package sdypy-EMA.
+    """
+    answer = Answer(json_file, quiet)
+    if output is not None:
+        check_place(output)
+    from analysis.tap.tap import tap_test
+    from testbed.model_file import read_model
+    from testbed.taps_file import load_taps
+
+    catalogue = catalogue_of(folders)
+    base = read_model(model_file, catalogue) if model_file else None
+    taps = load_taps(taps_file)
+    folder = output_folder(report) if report else None
+    found = tap_test(taps, most_modes)
+    _say(answer, found)
+    if output is not None:
+        _write(found, base, output, catalogue, taps_file)
+        answer.say(f"written: {output}")
+    if folder is not None:
+        from analysis.report.tap_page import tap_page
+
+        answer.say(f"written: {tap_page(found, taps.name).write(folder / 'report.html')}")
+    answer.finish({"modes": [mode.as_json() for mode in found.modes], "residual": found.residual, "blows": found.blows,
+                   "responses": found.responses_json(), "notes": found.notes})
+
+
+def _say(answer: Answer, found: Any) -> None:
+    used = sum(blow.used for blow in found.blows)
+    if found.blows:
+        answer.say(f"{used} of {len(found.blows)} blows used")
+    for blow in found.blows:
+        if not blow.used:
+            answer.say(f"left out: blow of {abs(blow.force):.4g} N at {blow.time:.4g} s in {blow.tap}: {blow.why}")
+    for note in found.notes:
+        answer.say(f"note: {note}")
+    rows = []
+    for number, mode in enumerate(found.modes):
+        for name in ("natural_frequency", "damping_ratio", "mass", "direction"):
+            rows.append((f"modes[{number}].{name}", *interval_shown(getattr(mode, name)), mode.on))
+    answer.table(("parameter", "value", "low", "high", "on"), rows)
+    answer.say(f"residual {found.residual:.1%} of the measured responses")
+
+
+def _write(found: Any, base: Any, output: str, catalogue: Any, taps_file: str) -> None:
+    """The model of the modes, with what a given model says of the cut. InputProblem where a mode's values make none."""
+    from dataclasses import replace
+
+    from testbed.machine import Model, Structure
+    from testbed.model_file import write_model
+
+    modes = [mode for mode in found.modes if mode.mass.determined]
+    if not modes:
+        raise InputProblem(taps_file, "no mode has a mass that the data tell: no machine can be written",
+                           "tap where the sensor is, and measure the force")
+    try:
+        structure = Structure.of([mode.mode() for mode in modes])
+    except ValueError as problem:
+        raise InputProblem(taps_file, f"the modes found make no machine ({problem})", "ask for fewer with --modes") from None
+    model = Model(structure) if base is None else replace(base, structure=structure, machine=None, not_determined=())
+    unknown = tuple(f"modes[{place}].{name}" for place, mode in enumerate(modes)
+                    for name in ("natural_frequency", "damping_ratio", "mass", "direction") if not getattr(mode, name).determined)
+    known = tuple(path for path in unknown if path in model.base_parameters)
+    left = [f"{mode.natural_frequency.value:.5g} Hz" for mode in found.modes if not mode.mass.determined]
+    remarks = [*([f"left out, without a mass: {', '.join(left)}"] if left else []), f"found by testbed tap, residual {found.residual:.1%}", *found.notes]
+    write_model(replace(model, not_determined=known), output, catalogue, remarks)
