@@ -1,10 +1,12 @@
 """Chatter told from runout, hum and transients by made signals, each of which holds one thing that misleads."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from analysis.multipliers.run_labels import observed
 from analysis.records.chatter import judge_cut
 from analysis.records.cut_end import CutEnd
 from analysis.records.cut_span import cut_span
@@ -110,3 +112,15 @@ def test_the_speed_is_heard_from_runout_where_the_teeth_are_faint():
     values = values + 0.3 * np.random.default_rng(2).standard_normal(len(values))
     (speed, *_), sure = cut_speeds(values, RATE, 1.02 * 2 * math.pi / TURN, 6)
     assert sure and speed == pytest.approx(2 * math.pi / TURN, rel=1e-3)
+
+
+@pytest.mark.parametrize(("course", "behaviour"), [
+    (lambda turns: 0.6 + 0.4 * np.cos(2 * math.pi * turns / 38.0 - 1.2), "neimark_sacker"),
+    (lambda turns: 0.975 ** np.clip(turns, 0.0, None), "stable"),
+])  # fmt: skip
+def test_a_run_with_an_accelerometer_alone_is_classed_by_its_lines_where_its_samples_leave_it_open(course, behaviour):
+    values = motion(2.37, course=course, size=3.0, cut=90)
+    run = recorded(values, "acceleration", "m/s^2", 1)
+    known = {**run.conditions, "idle_passes": IDLE, "passes": 88}
+    run = replace(run, conditions=known, pass_times=np.arange(IDLE + 90) * TURN)
+    assert observed(run, {"acceleration": 1e-3}) == behaviour
