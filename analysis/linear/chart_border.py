@@ -20,13 +20,14 @@ ROUNDS = 12  # in which a border is followed into cells whose corners do not sho
 Fill = Callable[[np.ndarray, np.ndarray], StabilityChart]
 
 
-def refined(chart: StabilityChart, fill: Fill) -> StabilityChart:
+def refined(chart: StabilityChart, fill: Fill, most: int = MOST_PARTS) -> StabilityChart:
     """The chart at more speeds and depths. fill: the chart at any speeds (rad/s) and depths (m), as the cells were computed.
+    most: parts of a cell along either axis.
 
     Points that are interpolated have the direction in the complex plane of a cell beside them.
     """
     depths, speeds = chart.axial_depths, chart.spindle_speeds
-    down, across = _parts(depths.size, FINE_DEPTHS), _parts(speeds.size, FINE_SPEEDS)
+    down, across = _parts(depths.size, FINE_DEPTHS, most), _parts(speeds.size, FINE_SPEEDS, most)
     if min(depths.size, speeds.size) < 2 or max(down, across) < 2:
         return chart
     rows, columns = (np.arange((size - 1) * parts + 1) / parts for size, parts in ((depths.size, down), (speeds.size, across)))
@@ -43,8 +44,8 @@ def refined(chart: StabilityChart, fill: Fill) -> StabilityChart:
     return fine
 
 
-def _parts(size: int, wanted: int) -> int:
-    return min(max(-(-wanted // size), 1), MOST_PARTS)
+def _parts(size: int, wanted: int, most: int) -> int:
+    return min(max(-(-wanted // size), 1), most)
 
 
 def _interpolated(chart: StabilityChart, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

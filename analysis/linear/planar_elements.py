@@ -12,19 +12,13 @@ and speed of every mode at the end.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from analysis.linear.planar_equation import chip_stiffness
-from analysis.linear.spectral_elements import LONGEST, MOST_POINTS, TABLES, _eliminate
+from analysis.linear.spectral_elements import MOST_POINTS, TABLES, _eliminate
 from analysis.linear.temporal_elements import transition_matrix
 from testbed.kernel_cache import kept
 
-MOST_PHASE = 1200.0  # rad in the cuts of a period: about 190 oscillations
-FEWEST, A_RADIAN = 1.5, 0.65  # points of an element, where the delayed motion is known at the same points: measured, for 1e-5
-FEWEST_MET, A_RADIAN_MET = 2.0, 0.9  # and where it is interpolated
-CHANGES = 2.0  # rad of phase in a rad: the law of the cut changes with twice the tooth's angle
 _ON = 1e-10  # of an element: nearer to a point of it is on it
 
 
@@ -41,35 +35,6 @@ def _nodes() -> tuple[np.ndarray, np.ndarray]:
 
 
 PLANAR_TABLES = (*TABLES, *_nodes())
-
-
-@kept
-def divide(places, cut, swing, longest, more, met):
-    """(starts, lengths, points) of the elements between corners; no points: free flight.
-
-    None at all: more oscillations than can be resolved. swing: rad by which the motion turns in a rad; longest: rad in an
-    element; more: points beyond the usual; met: whether delayed motion is interpolated.
-    """
-    fewest, a_radian = (FEWEST_MET, A_RADIAN_MET) if met else (FEWEST, A_RADIAN)
-    parts, total = np.ones(cut.size, dtype=np.int64), 0.0
-    for k in range(cut.size):
-        if cut[k]:
-            phase = (places[k + 1] - places[k]) * (swing + CHANGES)
-            total += phase
-            if not total < MOST_PHASE:
-                return np.empty(0), np.empty(0), np.empty(0, dtype=np.int64)
-            parts[k] = max(1, math.ceil(phase / LONGEST), math.ceil((places[k + 1] - places[k]) / longest - 1e-9))
-    starts, lengths, points = np.empty(parts.sum()), np.empty(parts.sum()), np.zeros(parts.sum(), dtype=np.int64)
-    e = 0
-    for k in range(cut.size):
-        length = (places[k + 1] - places[k]) / parts[k]
-        for part in range(parts[k]):
-            starts[e], lengths[e] = places[k] + part * length, length
-            if cut[k]:
-                usual = math.ceil(fewest + a_radian * length * (swing + CHANGES))
-                points[e] = min(usual + more, MOST_POINTS)
-            e += 1
-    return starts, lengths, points
 
 
 @kept

@@ -13,8 +13,8 @@ import numpy as np
 
 from analysis.linear.delay_equation import milling_equation
 from analysis.linear.dominant import append, dominant, full
-from analysis.linear.planar_elements import PLANAR_TABLES, divide, period_map, times_period
-from analysis.linear.planar_equation import PlanarMachine, chip_stiffness, planar_machine
+from analysis.linear.planar_elements import PLANAR_TABLES, period_map, times_period
+from analysis.linear.planar_equation import PlanarMachine, chip_stiffness, divide, planar_machine
 from analysis.linear.spectral_elements import FINE, TOLERANCE, multipliers
 from analysis.linear.temporal_elements import sort_multipliers
 from analysis.threads import threaded

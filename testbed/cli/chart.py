@@ -21,6 +21,7 @@ from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
 MOST_CELLS = 4_000_000
+PLANAR_PARTS = 4  # of a cell of a picture, along either axis: a cell of a machine in x and y costs up to a millisecond
 
 
 @click.command(short_help="Stability chart over spindle speed and depth of cut.",
@@ -82,9 +83,10 @@ def _drawn(chart: Any, model: Any) -> Any:
     """The chart for a picture, its borders finer than its cells; with effects, where a cell costs much, as it is."""
     from functools import partial
 
-    from analysis.linear.chart_border import refined
+    from analysis.linear.chart_border import MOST_PARTS, refined
 
-    return chart if model.effects else refined(chart, partial(_linear, model))
+    most = PLANAR_PARTS if model.planar else MOST_PARTS
+    return chart if model.effects else refined(chart, partial(_linear, model), most)
 
 
 def _with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: bool) -> Any:

@@ -57,7 +57,6 @@ def command(model_file: str, speed: list[float], depth: list[float], feed_text: 
         raise InputProblem("--feed", f"'{feed_text}' must be above 0", "correct the value")
     catalogue = catalogue_of(folders)
     model = cutting_model(model_file, catalogue)
-    refuse_planar_effects(model, model_file)
     place = model_file if model.effects else f"--speed {shown(speed[0], 'rad/s')}, --depth {depth[0] * 1e3:.6g} mm"
     found = multipliers(model, Cut(speed[0], depth[0], feed), catalogue, place)
     values, period = found["multipliers"][:count], found["period_passes"]
@@ -81,6 +80,7 @@ def multipliers(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, An
     from analysis.linear.planar_multipliers import cut_multipliers
     from analysis.linear.stability import classify
 
+    refuse_planar_effects(model, name)
     try:
         if model.effects:
             swings = model.structure.natural_frequency * cut.tooth_passing_period(model.cutter.flutes)
