@@ -130,6 +130,13 @@ def refuse_planar_effects(model: Any, place: str) -> None:
                            "along x, or a pitch for each tooth", "leave the effects out: here such a machine cuts without them")
 
 
+def in_the_work(model: Any) -> tuple[Any, list[str]]:
+    """A machine in x and y without loss of contact, which its linear answer does not need, and a note where it had that."""
+    if not model.planar or set(model.effects) != {"contact_loss"}:
+        return model, []
+    return model.without_effect("contact_loss"), ["contact_loss is left out: this is an answer for teeth that stay in the work"]
+
+
 def guesses_note(model: Any) -> list[str]:
     """A line where a model has parameters that no record told: what it foretells is a guess as far as it hangs on them."""
     told = ", ".join(f"{path} ({model.value(path):.4g})" for path in model.not_determined)

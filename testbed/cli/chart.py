@@ -14,6 +14,7 @@ from testbed.cli._options import (
     cutting_model,
     effects_option,
     guesses_note,
+    in_the_work,
     refuse_planar_effects,
     shared,
 )
@@ -50,13 +51,13 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     if len(speed) * len(depth) > MOST_CELLS:
         raise click.UsageError(f"{len(speed) * len(depth)} cells: give at most {MOST_CELLS}")
     catalogue = catalogue_of(folders)
-    model = cutting_model(model_file, catalogue)
+    model, left_out = in_the_work(cutting_model(model_file, catalogue))
     refuse_planar_effects(model, model_file)
     tests = _tests(model, data) if data else []
     folder = output_folder(output)
     speeds, depths = np.array(speed), np.array(depth)
     chart = _with_effects(model, speeds, depths, catalogue, quiet) if model.effects else _linear(model, speeds, depths)
-    known, notes = chart.classes >= 0, [*guesses_note(model), *filter(None, [feed_note(model)])]
+    known, notes = chart.classes >= 0, [*guesses_note(model), *left_out, *filter(None, [feed_note(model)])]
     stable = f"{np.mean(chart.classes[known] == 0):.0%} stable" if known.any() else "none with multipliers to be trusted"
     answer.say(f"{len(speed)} x {len(depth)} cells, {stable}")
     if not known.all():
@@ -65,7 +66,9 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     for note in notes:
         answer.say(f"note: {note}")
     limit = chart.stability_limit() if model.effects else sharpened_limit(chart, model)
-    for path in save(plot_chart(_drawn(chart, model), tests, title=feed_note(model)), folder / "stability_chart"):
+    guessed = f"guessed: {', '.join(model.not_determined)}" if model.not_determined else ""
+    drawn = plot_chart(_drawn(chart, model), tests, guessed, title=feed_note(model))
+    for path in save(drawn, folder / "stability_chart"):
         answer.say(f"written: {path}")
     answer.finish({"spindle_speed": speeds, "axial_depth_of_cut": depths, "largest_multiplier": chart.largest,
                    "class": [[CLASSES[cell] if cell >= 0 else None for cell in row] for row in chart.classes.tolist()],

@@ -14,6 +14,7 @@ from testbed.cli._options import (
     cutting_model,
     effects_option,
     guesses_note,
+    in_the_work,
     refuse_planar_effects,
     shared,
 )
@@ -56,11 +57,11 @@ def command(model_file: str, speed: list[float], depth: list[float], feed_text: 
     if feed <= 0:
         raise InputProblem("--feed", f"'{feed_text}' must be above 0", "correct the value")
     catalogue = catalogue_of(folders)
-    model = cutting_model(model_file, catalogue)
+    model, left_out = in_the_work(cutting_model(model_file, catalogue))
     place = model_file if model.effects else f"--speed {shown(speed[0], 'rad/s')}, --depth {depth[0] * 1e3:.6g} mm"
     found = multipliers(model, Cut(speed[0], depth[0], feed), catalogue, place)
     values, period = found["multipliers"][:count], found["period_passes"]
-    for note in (notes := guesses_note(model)):
+    for note in (notes := [*guesses_note(model), *left_out]):
         answer.say(note)
     answer.say(f"{MEANING[found['class']]}, over {period} tooth passing period{'s' if period > 1 else ''}")
     errors = found["error"][:count]
