@@ -33,7 +33,7 @@ class _State:
 
     def __init__(self) -> None:
         self.since: float | None = None
-        self.dropped = self.said = False
+        self.dropped = self.here = self.said = False  # here: where a drop is dealt with, and one more would be lost
         self.code: int | None = None
 
 
@@ -51,12 +51,20 @@ def _strike(number: int, frame: FrameType | None) -> None:
     if _state.since is None:
         _state.since = time.monotonic()
     elif _state.dropped:
-        _state.dropped = False
+        if _state.here:
+            return
+        _state.dropped, _state.since = False, time.monotonic()
     elif time.monotonic() - _state.since > SAME_PRESS_S:
         _end_at_once()
     else:
         return
     raise KeyboardInterrupt
+
+
+def _again() -> None:
+    """Raise it once more, until it could be."""
+    while time.sleep(RETRY_S) is None and _state.dropped:
+        _thread.interrupt_main()
 
 
 def listen() -> Callable[[], None]:
@@ -74,10 +82,10 @@ def listen() -> Callable[[], None]:
         if _state.since is None or unraisable.exc_type is not KeyboardInterrupt:
             hook(unraisable)
             return
+        _state.here = True
         _state.dropped = True
-        again = threading.Timer(RETRY_S, _thread.interrupt_main)
-        again.daemon = True
-        again.start()
+        _thread.start_new_thread(_again, ())  # threading's own would wait here until it has begun
+        _state.here = False
 
     def restore() -> None:
         sys.unraisablehook = hook

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -123,7 +124,5 @@ def test_an_interruption_that_the_interpreter_drops_is_raised_once_more(struck):
 
     with pytest.raises(KeyboardInterrupt):
         Finaliser()  # gone at once: what its end raises is dropped
-        import time
-
-        time.sleep(5.0)
+        time.sleep(20.0)
     assert not struck
