@@ -16,7 +16,9 @@ class Cut:
     `idle_passes` before the entry, `passes` in the cut, `ring_down_passes` after the exit; entry and exit fall on
     the start of a pass. Teeth are counted from time 0, so that the tooth that cuts first is number `idle_passes` modulo
     the flutes. initial_displacement (m) and initial_velocity (m/s) are the structure's state at time 0, or at `held_until` (s),
-    at most the time of the entry, before which nothing is known of it.
+    at most the time of the entry, before which nothing is known of it: of its first mode's coordinate, where it has several,
+    and the others then stand still. Where teeth are of unequal pitch a tooth pass is a mean pitch: the first tooth enters where
+    the cut begins, and after any number of passes the cut ends, wherever the teeth are.
     length_cut_before (m) is the feed length the tool has already cut. late_entry and early_exit are shares of a tooth pass
     by which the cut starts after the start of its first pass, and ends before the end of its last.
     swung_front: whether the first teeth meet what the structure's swing would have left on the idle pass before, as in a delay

@@ -11,6 +11,7 @@ from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling, whole_cut_sampling
 from testbed.engines import fast, mujoco_engine
 from testbed.machine import Cutter, Cutting, Mode, Model, Structure
+from testbed.problem import InputProblem
 from testbed.recording import MOTION_UNITS
 
 RATE = 8000.0
@@ -153,3 +154,37 @@ def test_machines_of_several_kinds_run_side_by_side_as_alone():
             assert np.array_equal(getattr(together, name)[place], getattr(alone, name)[0])
         rows = [0, *range(6, 15)]  # not the forces, which nobody asked for
         assert np.array_equal(together.out[place, rows], alone.out[0, rows])
+
+
+def uneven(pitches, helix=0.0, immersion=0.3, direction="up-milling", structure=MACHINE):
+    """A machine with teeth of these pitches, deg."""
+    cutter = Cutter(len(pitches), helix_angle=helix, pitch_angles=tuple(math.radians(one) for one in pitches))
+    return Model(structure, cutter, Cutting(direction, immersion, 6e8, 2e8))
+
+
+@pytest.mark.parametrize("pitches, helix, immersion, direction", [
+    ((170.0, 190.0), 0.0, 0.12, "down-milling"), ((80.0, 100.0, 85.0, 95.0), 0.0, 0.3, "down-milling"),
+    ((80.0, 100.0, 85.0, 95.0), 0.5, 0.3, "up-milling"), ((110.0, 125.0, 125.0), 0.4, 0.5, "up-milling")])  # fmt: skip
+def test_teeth_of_unequal_pitch_move_the_machine_as_by_the_second_road(pitches, helix, immersion, direction):
+    """And at fourth order."""
+    model, speed = uneven(pitches, helix, immersion, direction), 2.0 * math.pi * 70.0
+    cut = Cut(speed, 0.3e-3, passes=4 * len(pitches) + 1)  # which ends within a revolution
+    sampling = whole_cut_sampling(cut, len(pitches), RATE)
+    road = Road(model, speed, 0.3e-3, cut.feed_per_tooth, 2.0 * math.pi * cut.passes / len(pitches))
+    true = road.motion(np.arange(sampling.count) / RATE)
+    assert apart(relative(model, cut, sampling), true) < 1e-6
+    errors = [apart(relative(model, cut, sampling, steps=steps), true) for steps in (20, 40)]
+    assert errors[1] < 1e-7 and math.log2(errors[0] / errors[1]) > 3.5, errors
+
+
+def test_unequal_teeth_are_simulated_beside_equal_ones():
+    cut = Cut(2.0 * math.pi * 60.0, 0.4e-3, passes=8)
+    sampling = whole_cut_sampling(cut, 2, RATE)
+    models = [replace(uneven((170.0, 190.0)), structure=FLEXURE), Model(FLEXURE, Cutter(2), Cutting()), uneven((170.0, 190.0))]
+    together = fast.simulate_batch(models, [cut] * 3, [sampling] * 3, signals=15)
+    for place, model in enumerate(models):
+        alone = fast.simulate_batch([model], [cut], [sampling], signals=15, general=True)
+        assert np.array_equal(together.pass_states[place], alone.pass_states[0])
+    assert apart(together.pass_states[0], together.pass_states[1]) > 0.01
+    with pytest.raises(InputProblem, match="pitch"):
+        mujoco_engine.simulate(models[0], cut, sampling)

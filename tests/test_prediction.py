@@ -11,8 +11,8 @@ from testbed.catalogue import catalogue
 from testbed.cut import Sampling, whole_cut_sampling
 from testbed.engines import fast
 from testbed.engines import sampling_kernel as sk
-from testbed.engines.packing import stiffening
 from testbed.engines.predict import MOST_STEPS, predict_cuts
+from testbed.engines.stiffening import stiffening
 from tests.validation.claims import FLEXURE, rpm
 from tests.validation.effects import example
 

@@ -17,7 +17,8 @@ from testbed.engines import loop_kernel as lk
 from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, compose
 from testbed.engines.measure import measured_channels
-from testbed.engines.packing import Packed, active_names, pack, stacked, stiffening, stiffens
+from testbed.engines.packing import Packed, active_names, pack, stacked
+from testbed.engines.stiffening import stiffening, stiffens
 from testbed.machine import Cutter, Model
 from testbed.recording import ENGINE_UNITS, MOTION_UNITS, Outcome, Recording
 
@@ -51,6 +52,10 @@ class BatchResult:
     pass_states: np.ndarray
     outcome: np.ndarray
     outcome_time: np.ndarray
+
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """All of that."""
+        return self.out, self.pass_times, self.pass_states, self.outcome, self.outcome_time
 
 
 @dataclass(frozen=True)
@@ -96,12 +101,13 @@ class _Batch:
 
     def _run(self, packed: Sequence[Packed], linear: bool) -> BatchResult:
         """The runs as they are packed, all of them followed: those of motion in the plane by kernels of their own."""
-        planar = packed[0].planar
-        if any(one.planar != planar for one in packed):
-            groups = [[run for run, one in enumerate(packed) if one.planar == kind] for kind in (False, True)]
+        kinds = [(one.planar, one.turn is not None) for one in packed]
+        if len(set(kinds)) > 1:
+            groups = [[run for run, kind in enumerate(kinds) if kind == each] for each in sorted(set(kinds))]
             parts = [self.of(runs)._run([packed[run] for run in runs], False) for runs in groups]
             order = np.argsort(np.concatenate(groups))
-            return BatchResult(*(getattr(_together(*parts), one.name)[order] for one in fields(BatchResult)))
+            return BatchResult(*(array[order] for array in _together(*parts).arrays()))
+        planar, uneven = kinds[0]
         runs, (signals, count, passes) = len(packed), self.shape
         A, P, G, I, O, Y = stacked(packed)  # noqa: E741
         result = BatchResult(np.empty((runs, signals, count)), np.empty((runs, passes + 1)), np.empty((runs, passes + 1, 2)),
@@ -110,6 +116,14 @@ class _Batch:
         if linear:
             kernel = compose(_NO_EFFECTS, (*FAST, "linear_kernel"))
             kernel.run_linear_batch(G, I, Y, self.clock, LIMIT, *found)
+        elif uneven:
+            kernel = compose(self.effects, (*FAST, "turn_kernel", "uneven_kernel"), True)
+            for run, turn in enumerate(one.turn for one in packed):
+                assert turn is not None
+                result.outcome[run], result.outcome_time[run] = kernel.run_uneven(
+                    A[run], P[run], G[run], I[run], O[run, : I[run, fk.CARRIED]], Y[run], turn.corners, turn.steps, turn.firsts,
+                    turn.tooth, self.table[run], self.clock[run], self.forces, LIMIT,
+                    *(array[run] for array in found[:3]))  # fmt: skip
         else:
             kernel = compose(self.effects, FAST, planar)
             kernel.run_batch(A, P, G, I, O, Y, self.table, self.clock, self.forces, LIMIT, *found)
@@ -170,9 +184,9 @@ def same_alone(models: Sequence[Model], catalogue: Mapping[str, Effect]) -> bool
     return len(kinds) == 1 and not stiffens(models[0], catalogue)
 
 
-def _together(first: BatchResult, others: BatchResult) -> BatchResult:
-    """The runs of both, one after the other."""
-    return BatchResult(*(np.concatenate([getattr(first, one.name), getattr(others, one.name)]) for one in fields(BatchResult)))
+def _together(*parts: BatchResult) -> BatchResult:
+    """The runs of all of them, one after the other."""
+    return BatchResult(*(np.concatenate(one) for one in zip(*(part.arrays() for part in parts), strict=True)))
 
 
 def _refined(batch: _Batch, result: BatchResult, assumed: np.ndarray) -> tuple[BatchResult, np.ndarray]:

@@ -36,6 +36,46 @@ def corners_of_pitch(cutter: Cutter, cutting: Cutting, lag: float) -> tuple[np.n
     return np.array(corners), teeth
 
 
+@dataclass(frozen=True)
+class Turn:
+    """The grid of a revolution under teeth of unequal pitch.
+
+    corners (segments + 1,), rad: where the force is not smooth, or a surface that is read; mean pitches among them. teeth:
+    how many are in the cut in each segment; firsts (flutes + 1,): the first segment of each mean pitch. tooth (flutes, 2):
+    where each enters, and by which angle it follows the one before. steps (segments,) where they are chosen.
+    """
+
+    corners: np.ndarray
+    teeth: list[int]
+    firsts: np.ndarray
+    tooth: np.ndarray
+    steps: np.ndarray | None = None
+
+
+def corners_of_turn(cutter: Cutter, cutting: Cutting, lag: float) -> Turn:
+    """The grid of a revolution that begins where the first tooth enters."""
+    whole, window = 2.0 * math.pi, cutting.engagement_angle + lag
+    follows = np.array(cutter.pitches)
+    enters = np.concatenate([[0.0], np.cumsum(follows[1:])])
+
+    def inside(angle: float) -> np.ndarray:
+        return (angle - enters) % whole < window
+
+    own = [(enter + corner) % whole for enter in enters for corner in (0.0, lag, cutting.engagement_angle, window)]
+    # about a corner of the motion one pitch before; a margin, so that none is lost at the very edge of a tooth's cut
+    read = [(corner + pitch) % whole for corner in own for pitch, enter in zip(follows, enters, strict=True)
+            if (corner + pitch - enter + 1e-6) % whole < window + 2e-6]  # fmt: skip
+    means = [cutter.pitch * place for place in range(cutter.flutes)]
+    corners = list(means)
+    for angle in sorted(own + read):
+        if min((abs((angle - corner + math.pi) % whole - math.pi) for corner in corners), default=1.0) > 1e-9:
+            corners.append(angle)
+    corners = [*sorted(corners), whole]
+    teeth = [int(inside(0.5 * (low + high)).sum()) for low, high in pairwise(corners)]
+    firsts = np.array([corners.index(mean) for mean in means] + [len(teeth)])
+    return Turn(np.array(corners), teeth, firsts, np.column_stack([enters, follows]))
+
+
 def axial_points(lag: float, kinked: bool) -> int:
     """Gauss points along the part of an edge in the cut, lagging by at most `lag` rad; more for a law with a kink."""
     if lag == 0.0:

@@ -26,8 +26,10 @@ from testbed.engines import mujoco_kernel as mk
 from testbed.engines import mujoco_plugin
 from testbed.engines.measure import measured_channels
 from testbed.engines.mujoco_record import sample_record
-from testbed.engines.packing import Packed, active_effects, fastest_frequency, pack
+from testbed.engines.packing import Packed, active_effects, pack
+from testbed.engines.stiffening import fastest_frequency
 from testbed.machine import Cutter, Model, Structure
+from testbed.problem import InputProblem
 from testbed.recording import ENGINE_UNITS, MOTION_UNITS, Outcome, Recording
 
 LIMIT = 1.0  # m; a displacement beyond it is a run that has diverged
@@ -64,6 +66,8 @@ def _grid(model: Model, cut: Cut, effects: Mapping[str, Effect], steps: int | No
     steps: how many while the leading tooth crosses its cut.
     """
     packed = pack(model, cut, effects, steps)
+    if packed.turn:
+        raise InputProblem("cutter", "this engine's teeth are of one pitch", "leave out `pitch`, or take the fast engine")
     segments = packed.I[fk.SEGMENTS]
     lengths = np.diff(packed.G[lk.CORNERS : lk.CORNERS + segments + 1])
     if steps is None:

@@ -11,12 +11,12 @@ from threading import Lock
 import numpy as np
 
 from testbed.cut import Cut
-from testbed.effect import HOOKS, Effect, arguments_of, hook_value
+from testbed.effect import HOOKS, Effect
 from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
 from testbed.engines import plane_kernel as pk
 from testbed.engines.compose import Layout
-from testbed.engines.grid import Motion, axial_points, corners_of_pitch, motion_of, steps_of_segments
+from testbed.engines.grid import Motion, Turn, axial_points, corners_of_pitch, corners_of_turn, motion_of, steps_of_segments
 from testbed.geometry import true_geometry
 from testbed.machine import Cutter, Cutting, Mode, Model, Structure
 from testbed.problem import InputProblem
@@ -42,6 +42,7 @@ class Packed:
     modes: int  # of the structure
     planar: bool  # True where it takes the kernels of motion in the plane
     crossing: float  # rad the leading tooth turns through its cut, what whole pitches leave of it
+    turn: Turn | None = None  # the grid of a revolution, where teeth are of unequal pitch
 
     @property
     def states_on(self) -> bool:
@@ -78,45 +79,6 @@ def active_effects(model: Model, catalogue: Mapping[str, Effect]) -> dict[str, M
         if len(rivals) > 1:
             raise InputProblem("effects", f"{' and '.join(rivals)} both replace the {hook}", "switch all but one of them off")
     return active
-
-
-_STIFFENING = (("structure_force", "displacement"), ("structure_force_y", "displacement_y"))  # along x and along y
-
-
-def stiffens(model: Model, catalogue: Mapping[str, Effect]) -> bool:
-    """Whether the model has an effect that may make its structure stiffer as it moves further."""
-    return any(argument in arguments_of(catalogue[name], hook) for name in model.effects for hook, argument in _STIFFENING)
-
-
-def stiffening(model: Model, catalogue: Mapping[str, Effect], amplitude: float) -> float:
-    """Highest frequency of a mode up to a displacement of `amplitude` (m) over its natural one, at least 1."""
-    structure, added = model.structure, [0.0, 0.0]
-    width = 1e-3 * amplitude
-    offers = {"velocity": 0.0, "time": 0.0, "mass": structure.mass, "stiffness": structure.stiffness,
-              "damping": structure.damping, "velocity_y": 0.0}  # fmt: skip
-    for name, values in active_effects(model, catalogue).items():
-        effect = catalogue[name]
-        for axis, (hook, argument) in enumerate(_STIFFENING):
-            if amplitude > 0.0 and argument in arguments_of(effect, hook):
-                still = offers | dict.fromkeys(effect.states, 0.0) | {"displacement": 0.0, "displacement_y": 0.0}
-                force = [hook_value(effect, hook, values, **(still | {argument: side + step * width}))
-                         for side in (-amplitude, amplitude) for step in (-1.0, 1.0)]  # fmt: skip
-                added[axis] += max(force[0] - force[1], force[2] - force[3]) / (2.0 * width)
-    return math.sqrt(1.0 + max(
-        sum(max(0.0, pull) * share**2 for pull, share in zip(added, mode.shape, strict=True)) / mode.stiffness
-        for mode in structure.modes))  # fmt: skip
-
-
-def fastest_frequency(model: Model, catalogue: Mapping[str, Effect]) -> float:
-    """The highest angular frequency that the structure or an active effect brings in, rad/s."""
-    structure = model.structure
-    rates = [mode.natural_frequency_rad for mode in structure.modes]
-    for name, values in active_effects(model, catalogue).items():
-        if "highest_frequency" in catalogue[name].hooks:
-            rates.append(
-                hook_value(catalogue[name], "highest_frequency", values, mass=structure.mass, stiffness=structure.stiffness)
-            )
-    return max(rates)
 
 
 def _touches_loop(effect: Effect) -> bool:
@@ -213,7 +175,7 @@ def _of_model(model: Model, catalogue: Mapping[str, Effect]) -> _OfModel:
     layout = _layout(catalogue)
     active = active_effects(model, catalogue)
     cutter, cutting = true_geometry(model, catalogue) if active else (model.cutter or Cutter(), model.cutting or Cutting())
-    planar = model.structure.planar or any(catalogue[name].acts_across(values) for name, values in active.items())
+    planar = model.planar or any(catalogue[name].acts_across(values) for name, values in active.items())
     A, P = np.zeros(max(1, len(catalogue))), np.zeros(layout.parameters)
     for name, values in active.items():
         A[layout.flag[name]] = 1.0
@@ -222,8 +184,6 @@ def _of_model(model: Model, catalogue: Mapping[str, Effect]) -> _OfModel:
     if planar:
         P = np.concatenate([P, [len(model.structure.modes)], *map(_mode_numbers, model.structure.modes)])
     A.flags.writeable = P.flags.writeable = False
-    if cutter.pitch_angles:
-        raise InputProblem("cutter", "teeth of unequal pitch cannot be simulated", "leave out `pitch`")
     found = _OfModel(model, {name: catalogue[name] for name in model.effects}, layout, active, cutter, cutting, A, P,
                      motion_of(model.structure, active, catalogue, layout, planar),
                      not any("speed" in catalogue[name].hooks for name in active),
@@ -263,6 +223,7 @@ class _OfLag:
     corners: np.ndarray
     teeth: list[int]
     crossing: float
+    turn: Turn | None
     G: np.ndarray
     I: np.ndarray  # noqa: E741
     steps: dict[tuple[float, int | None, float, int], list[int]] = field(default_factory=dict)  # of segments, see _steps
@@ -274,14 +235,16 @@ def _of_lag(of: _OfModel, lag: float) -> _OfLag:
         return known
     cutter, cutting = of.cutter, of.cutting
     slices = axial_points(min(lag, cutting.engagement_angle), any("chip" in of.effects[name].hooks for name in of.active))
-    corners, teeth = corners_of_pitch(cutter, cutting, lag)
     window = cutting.engagement_angle + lag
     crossing = window - cutter.pitch * math.floor(window / cutter.pitch + 1e-9)
     if crossing < 1e-9 * cutter.pitch:
         crossing = cutter.pitch
-    found = _OfLag(slices, corners, teeth, crossing,
-                   _geometry(cutter, cutting, of.model.structure, slices, lag, corners, of.motion.slider),
-                   _settings(teeth, of.motion, of.steady, len(of.layout.state)))
+    turn = corners_of_turn(cutter, cutting, lag) if cutter.pitch_angles else None
+    corners, teeth = (turn.corners, turn.teeth) if turn else corners_of_pitch(cutter, cutting, lag)
+    kept = 1 if turn else len(teeth)  # in G and I; the grid of a revolution is an array of its own
+    found = _OfLag(slices, corners, teeth, crossing, turn,
+                   _geometry(cutter, cutting, of.model.structure, slices, lag, corners[: kept + 1], of.motion.slider),
+                   _settings(teeth[:kept], of.motion, of.steady, len(of.layout.state)))
     if len(of.lags) >= KEPT:  # a helix under depths drawn at random
         of.lags.clear()
     of.lags[lag] = found
@@ -299,9 +262,13 @@ def _steps(of: _OfModel, tooth: _OfLag, speed: float, steps: int | None, stiffen
         carried, integrated = motion.rates
         # squared: the frequency grows, and so does the share of the force that is integrated and not carried exactly
         motion = replace(motion, rates=(carried, max(integrated, stiffening**2 * own)))
+    if tooth.turn and not of.steady:
+        motion = replace(motion, exact=False)  # free flight is stepped through, as the speed needs it
     chosen = steps_of_segments(steps, tooth.corners, tooth.teeth, tooth.crossing, speed, own, motion, of.steady)
     gated = not steps and any("engagement" in of.effects[name].hooks for name in of.active)
     found = [refinement * (GATED if gated and teeth else 1) * count for count, teeth in zip(chosen, tooth.teeth, strict=True)]
+    if tooth.turn:
+        found = [max(2, count) for count in found]  # a surface is read from four rows
     if len(tooth.steps) >= KEPT:  # a speed that is searched
         tooth.steps.clear()
     tooth.steps[key] = found
@@ -336,6 +303,10 @@ def pack(
     G[lk.BEGIN] = cut.late_entry * G[lk.PITCH]
     G[lk.END] = (cut.passes - cut.early_exit) * G[lk.PITCH]
     I[fk.IDLE], I[fk.CUT], I[fk.RING_DOWN] = cut.idle_passes, cut.passes, cut.ring_down_passes
+    turn = tooth.turn
+    if turn:
+        turn = replace(turn, steps=np.array(counts))
+        counts = [math.ceil(sum(counts) / of.cutter.flutes)]
     I[fk.STEPS : fk.STEPS + len(counts)] = counts
     further = len(of.model.structure.further)
     Y = np.zeros(3 + len(of.layout.state) + 2 * further)
@@ -343,4 +314,4 @@ def pack(
     O = np.zeros((of.layout.oscillators + further, 3))  # noqa: E741
     O[: len(of.motion.oscillators)] = of.motion.oscillators
     return Packed(of.A, of.P, G, I, O, Y, of.base and not measured_clock, 1 + further, of.planar,
-                  tooth.crossing)
+                  tooth.crossing, turn)

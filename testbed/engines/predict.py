@@ -16,7 +16,8 @@ from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, compose
 from testbed.engines.grid import STEP_PHASE
 from testbed.engines.measure import asks_rates, measured_channels, senses
-from testbed.engines.packing import fastest_frequency, pack, stacked, state_place
+from testbed.engines.packing import pack, stacked, state_place
+from testbed.engines.stiffening import fastest_frequency
 from testbed.machine import Model
 
 LARGEST = 3.0  # a swing is followed back no further than to where it was exp(3) times what it is at the first sample
