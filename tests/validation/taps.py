@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,7 @@ import numpy as np
 from analysis.tap.tap import TapResult, tap_test
 from testbed.machine import Mode
 from testbed.taps_file import load_taps
-from tests.made_taps import B2, B3, Hammer, write_taps
-from tests.validation.claims import Claim, Section, below
+from tests.made_taps import Hammer, write_taps
 
 MACHINES = 50
 CLOSE = 0.03  # of a frequency, that the modes of a close pair are apart
