@@ -132,7 +132,8 @@ def test_amplitude_and_phase_and_uff_are_read(tmp_path):
         func_type=4, rsp_node=1, rsp_dir=1, ref_node=1, ref_dir=1, binary=0, ord_data_type=5, data=accelerance, x=frequency,
         num_pts=len(frequency), abscissa_spacing=1, abscissa_min=0.0, abscissa_inc=2.0, abscissa_spec_data_type=18,
         ordinate_spec_data_type=12, orddenom_spec_data_type=13, id1="tip"))
-    table = "{file: f.csv, direction: x, frequency: {column: f}, amplitude: {column: a, unit: m/N}, phase: {column: p, unit: deg}}"
+    table = ("{file: f.csv, direction: x, frequency: {column: f}, amplitude: {column: a, unit: m/N}, "
+             "phase: {column: p, unit: deg}}")
     (tmp_path / "taps.yaml").write_text(f"taps: [{table}, {{file: f.uff, direction: x}}]\n")
     one, other = load_taps(tmp_path / "taps.yaml").taps
     assert np.allclose(one.spectrum.values, receptance(B2[:2], one.spectrum.frequency))
@@ -160,7 +161,7 @@ def test_what_holds_no_mode_is_refused_in_a_line(shell, tmp_path):
 
     def said(force, response, text=""):
         np.savetxt(tmp_path / "xx.csv", np.column_stack([force, response]), delimiter=",", header="F,a", comments="")
-        path.write_text((text or path.read_text()))
+        path.write_text(text or path.read_text())
         return shell.refused("tap", "taps.yaml", "-o", "m.yaml")
 
     noise = np.random.default_rng(3).standard_normal(len(table))
