@@ -150,7 +150,8 @@ class _Reading:
         name = (channel.file if channel else None) or self.entry.file
         key = (channel.key if channel else None) or self.value("key")
         try:
-            return read_table(self.home / name, skip_rows=self.value("skip_rows") or 0, delimiter=self.value("delimiter"), key=key)
+            return read_table(self.home / name, skip_rows=self.value("skip_rows") or 0, delimiter=self.value("delimiter"),
+                              key=key)
         except InputProblem:
             if not os.path.exists(self.home / name):
                 where = (*self.place, *((at,) if channel and channel.file else ()), "file")
@@ -175,7 +176,7 @@ def _read(reading: _Reading) -> list[Tap]:
     turned = response.direction if response is not None else None
     sensed = along if turned is None else _vector(turned)
     window = reading.value("exponential_window")
-    shared = {"on": reading.value("on") or "workpiece", "window": 1.0 / window if window else 0.0,
+    shared: dict[str, Any] = {"on": reading.value("on") or "workpiece", "window": 1.0 / window if window else 0.0,
               "sensor_mass": reading.value("sensor_mass") or 0.0}
     name = Path(entry.file).stem
     if not parts and (entry.force is not None or entry.response is not None):
@@ -229,6 +230,7 @@ def _quantity(reading: _Reading, response: TapResponse, table: Table) -> Quantit
     unit = response.unit or table.units.get(table.find(response.column or "response"), "")
     si = channel_unit(unit).si if is_channel_unit(unit) else ""
     if si not in _SI:
-        raise reading.problem("does not say what it measures", "give `quantity: acceleration`, velocity or displacement", "response")
+        raise reading.problem("does not say what it measures", "give `quantity: acceleration`, velocity or displacement",
+                              "response")
     return _SI[si]  # type: ignore[return-value]
 

@@ -45,11 +45,12 @@ def blows(modes: Sequence[Mode], along: tuple[float, float], sensed: tuple[float
         width = hammer.width * rng.uniform(0.9, 1.1)
         inside = (time >= start) & (time <= start + width)
         force[inside] += hammer.force * rng.uniform(0.7, 1.3) * np.sin(np.pi * (time[inside] - start) / width)
-    response = sum((_answer(mode, force, step) * float(np.dot(mode.shape, along) * np.dot(mode.shape, sensed)) for mode in modes),
-                   np.zeros(len(time)))
+    response = np.zeros(len(time))
+    for mode in modes:
+        response += _answer(mode, force, step) * float(np.dot(mode.shape, along) * np.dot(mode.shape, sensed))
     force, response = (resample_poly(one, 1, OVERSAMPLED) for one in (force, response))  # with the filter of a converter
     return (force + rng.normal(0.0, hammer.force_noise * hammer.force, len(force)),
-            response + rng.normal(0.0, hammer.response_noise * np.abs(response).max(), len(response)))
+            response + rng.normal(0.0, hammer.response_noise * max(np.abs(response).max(), 10.0), len(response)))
 
 
 def _answer(mode: Mode, force: np.ndarray, step: float) -> np.ndarray:

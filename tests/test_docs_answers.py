@@ -39,6 +39,7 @@ from testbed.workshop import write_campaign
 from tests import doc_pages
 from tests.campaign_files import BELIEVED, TRUE
 from tests.doc_pages import ROOT, codes
+from tests.made_taps import B2, Hammer, write_taps
 from tests.shell import Shell
 from tests.synthetic_campaign import synthetic_campaign
 
@@ -108,6 +109,11 @@ def test_of_data_sets(shell, files):
     inside = [shell.json("inspect", place) for place in ("set", *map(str, Path("set/data").iterdir()))]
     assert [one["kind"] for one in inside] == ["exported_set", "exported_shard"]
     agree("inspect of an exported set", *inside, scores, {"folder": "set"}, more=[PATHS["export"]])
+
+
+def test_of_tap(shell, files):
+    pytest.importorskip("sdypy.EMA", reason="needs the extra package sdypy-EMA")
+    agree("tap", shell.json("tap", write_taps(files, B2[:2], "xx", Hammer(blows=2, spacing=0.5))))
 
 
 def test_of_multipliers(shell):

@@ -19,6 +19,7 @@ from testbed.design_file import SECTIONS
 from testbed.engines import fast
 from testbed.model_file import model_from, read_model
 from testbed.scenario_file import read_scenario, scenario_from
+from testbed.taps_file import TapsEntry
 from testbed.variables import MARK
 from testbed.workshop import write_campaign
 from tests import doc_pages
@@ -58,6 +59,9 @@ PLACES = {
     "A sensor's keys": ("scenario", ("sensors", "displacement"), "{bits: 12, range: 2 mm}"),
     "A noise recipe": ("scenario", ("sensors", "displacement"), f"{{noise: {NOISE}}}"),
     "engine": ("scenario", ("engine",), "{}"),
+    "taps.yaml: top level": ("taps", (), None), "Keys of the file and of a tap": ("taps", (), None),
+    "taps": ("taps", ("taps", 0), None), "A channel of a tap": ("taps", ("taps", 4, "real"), None),
+    "response": ("taps", ("response",), None),
 }
 BELOW = {"An axis of equal steps": ("spindle_speed",), "A range of over": ("over", "spindle_speed"),
          "A noise recipe": ("noise",)}
@@ -106,7 +110,7 @@ def _whole(heading, key, example):
     """(kind, data) of a whole file that holds a table's key; without it where the example is None."""
     kind, path, beside = PLACES[heading]
     data = yaml(CAMPAIGN if kind == "campaign" else examples(kind)[0])
-    if key == "key":  # of a file with variables
+    if key == "key" and kind == "campaign":  # of a file with variables
         data["records"][0]["file"] = "a.mat"
         data["channels"] = {"displacement": {"column": 1, "unit": "um"}, "tachometer": {"column": 2}}
         if heading == "Keys of a channel":
@@ -184,6 +188,8 @@ def _read(kind, data, folder):
     if kind == "campaign":
         write_records(data, folder)
         return load_campaign(path)
+    if kind == "taps":  # what its files hold is the matter of tests/test_tap.py
+        return yaml_text.validate(yaml_text.load(path), TapsEntry)
     (folder / "model.yaml").write_text(examples("model")[0])
     return read_scenario(path)
 

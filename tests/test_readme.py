@@ -16,6 +16,7 @@ from testbed.cli import main
 from testbed.cli import testbed as commands
 from testbed.data_set import read_data_set
 from testbed.model_file import read_model
+from tests.made_taps import B2, write_taps
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -67,6 +68,10 @@ def test_the_tour_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for name, text in named_yaml().items():
         Path(name).write_text(text)
+    for axis, pair in (("x", "xx"), ("y", "yy")):
+        write_taps(tmp_path, B2, pair)
+        Path(f"{pair}.csv").rename(f"hammer_{axis}.csv")
+    Path("taps.yaml").write_text(named_yaml()["taps.yaml"])
     done = 0
     for arguments in COMMANDS:
         if arguments[0] in LONG | {"view"}:
@@ -79,7 +84,7 @@ def test_the_tour_runs(tmp_path, monkeypatch, capsys):
         done += 1
         if arguments[0] == "run":
             write_cuts(tmp_path)
-    assert done >= len(COMMANDS) - len(LONG) - 1
+    assert done >= len(COMMANDS) - len(LONG) - 2
     assert read_model("identified.yaml").value("natural_frequency") == pytest.approx(146.5976, abs=0.1)
     campaign = load_campaign("campaign.yaml")
     assert [record.cut(1).axial_depth_of_cut for record in campaign.records] == [2.9e-3, 2.9e-3, 2.0e-3]
@@ -87,7 +92,7 @@ def test_the_tour_runs(tmp_path, monkeypatch, capsys):
 
 
 def test_the_rig_is_drawn_or_the_reason_said(tmp_path):
-    command = next(arguments for arguments in COMMANDS if arguments[0] == "view")
+    command = next(arguments for arguments in COMMANDS if arguments[:2] == ["view", "flexure"])
     done = subprocess.run([sys.executable, "-c", "from testbed.cli import main; main()", *command], cwd=tmp_path,
                           env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=120)
     drawn = (tmp_path / "rig.png").exists()

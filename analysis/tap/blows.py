@@ -11,6 +11,7 @@ _BLOW = 0.1  # of the largest force, from which a pulse is a blow
 _SECOND = 0.04  # of a blow's force, from which a later pulse of the same blow is a second hit
 _PULSE = 0.1  # of its peak, down to which a pulse reaches
 _CLEAR = 8.0  # rms of the force's noise, that a pulse rises above
+_SOON = 0.1  # of the longest time between blows, within which a pulse is a second hit
 _DIED = 0.25  # of the response's first swing, that is left when a next blow is a blow of its own
 _BEFORE = 0.02  # of a blow's stretch, that it may begin before the pulse
 _ROOM = 0.5  # of the usual stretch, that a blow needs at the least
@@ -31,7 +32,7 @@ class Blow:
     left_out: str = ""
 
 
-def find_blows(force: np.ndarray, response: np.ndarray, bridged: Sequence[int] = ()) -> tuple[Blow, ...]:
+def find_blows(force: np.ndarray, response: np.ndarray, bridged: Sequence[int] | np.ndarray = ()) -> tuple[Blow, ...]:
     """Every blow of a record, those of no use among them. bridged: samples that were not measured, as where it overloaded."""
     level = np.abs(force - np.median(force))
     noise = 1.4826 * float(np.median(level))
@@ -43,7 +44,7 @@ def find_blows(force: np.ndarray, response: np.ndarray, bridged: Sequence[int] =
     ends = [first for first, _ in pulses[1:]] + [len(force)]
     stretch = float(np.median([end - first for (first, _), end in zip(pulses, ends, strict=True)]))
     lead = round(_BEFORE * stretch)
-    found = []
+    found: list[Blow] = []
     for place, ((first, last), end) in enumerate(zip(pulses, ends, strict=True)):
         start = max(0 if place == 0 else found[-1].stop, first - lead)
         stop = end if place == len(pulses) - 1 else max(end - lead, last + 1)
@@ -84,8 +85,10 @@ def _width(level: np.ndarray, peak: int) -> float:
 
 
 def _own(pulses: list[tuple[int, int]], level: np.ndarray, response: np.ndarray) -> list[tuple[int, int]]:
-    """Pulses that are blows of their own: one that comes while the response still rings is the blow's before, hit twice."""
+    """Pulses that are blows of their own: one that comes soon, or while the response still rings, is a second hit."""
     motion = np.abs(response - np.median(response))
+    starts = np.array([first for first, _ in pulses] + [len(level)])
+    longest = int(np.diff(starts).max())
     own: list[tuple[int, int]] = []
     for first, last in pulses:
         if own:
@@ -93,7 +96,7 @@ def _own(pulses: list[tuple[int, int]], level: np.ndarray, response: np.ndarray)
             width = max(4, (first - begin) // 4)
             rung = float(motion[begin : begin + max(width, last - first + 4)].max(initial=0.0))
             left = float(motion[max(begin, first - width) : first].max(initial=0.0))
-            if left > _DIED * rung and first - begin < 0.2 * len(level) / max(1, len(pulses) - 1):
+            if first - begin < _SOON * longest or left > _DIED * rung and first - begin < 2.0 * _SOON * longest:
                 continue
         own.append((first, last))
     return own

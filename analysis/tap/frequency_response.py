@@ -56,8 +56,8 @@ class FrequencyResponse:
 
     @cached_property
     def noise(self) -> np.ndarray:
-        """Standard deviation (lines,), m/N, of a line about what its neighbours foretell, the sensors' own noise at the least."""
-        weight = np.maximum(np.abs(self.laplace) ** 2, 1e-300)  # the noise of an acceleration is even, that of a receptance steep
+        """Standard deviation (lines,), m/N, of a line about what its neighbours foretell, at least the sensors' own."""
+        weight = np.maximum(np.abs(self.laplace) ** 2, 1e-300)  # the noise of an acceleration is even
         flat = self.receptance * weight
         places = np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1)
         others = places[places != 0]

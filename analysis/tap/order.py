@@ -63,8 +63,8 @@ def choose(lines: Lines, found: Stabilisation, asked: int | None = None) -> tupl
     """Fits with 0, 1, 2, ... modes, and how many are chosen: as many as `asked`, if stable poles go so far.
 
     A mode more is asked for where BIC falls by DECISIVE with it and it takes away enough of what is no noise: real structures
-    are no sum of a few real modes, and small modes would mend that for ever. Two modes more may earn it together. While a fit leaves
-    much, all its misfit goes together and proves nothing: the search goes on.
+    are no sum of a few real modes, and small modes would mend that for ever. Two modes more may earn it together. While a fit
+    leaves much, all its misfit goes together and proves nothing: the search goes on.
     """
     empty = fit_modes(lines, np.empty((0, 2 + lines.basis.shape[0])), np.empty(0))
     steps, chosen, size = [Step(empty, 0.0, 1.0)], 0, empty.cost
@@ -97,7 +97,7 @@ def _one_more(lines: Lines, fit: Fit, found: Stabilisation, much: bool) -> Fit |
         apart = max(_APART * damping, 2.0 * _SAME)
         pair = [[omega * (1.0 - apart), damping * (1.0 - _APART)], [omega * (1.0 + apart), damping * (1.0 - _APART)]]
         trials.append(np.vstack([np.delete(have, place, axis=0), pair]))
-    candidates = []
+    candidates: list[tuple[float, int, np.ndarray, np.ndarray]] = []
     for poles in trials:
         free, cost = residues(lines, poles[:, 0], poles[:, 1])
         candidates.append((cost, len(candidates), poles, free))

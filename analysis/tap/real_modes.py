@@ -3,8 +3,8 @@
     H(s) = sum over modes of (sensed . g) (along . g) / (s^2 + 2 zeta omega s + omega^2)  +  lower / s^2  +  upper
 
 g is the mode's direction over the root of its mass; where force and sensor turn out not to be at one point, a mode may answer
-against the force, with a sign of its own before the product. `lower` and `upper` are real, two for each response: what modes below and
-above the band leave in it. They are linear and the same for any modes, so that they are projected out.
+against the force, with a sign of its own before the product. `lower` and `upper` are real, two for each response: what modes
+below and above the band leave in it. They are linear and the same for any modes, so that they are projected out.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ _LEAST_DAMPING, _MOST_DAMPING = 1e-5, 0.5
 class Lines:
     """What a fit looks at: the believed lines of several responses of one carrier, stacked as real and imaginary parts.
 
-    against: whether modes may answer against the force. weights: one over the uncertainty of each line, its noise and a share `model_error` of its size together.
+    against: whether modes may answer against the force. weights: one over the
+    uncertainty of each line, its noise and a share `model_error` of its size together.
     """
 
     def __init__(self, responses: Sequence[FrequencyResponse], masks: Sequence[np.ndarray], basis: np.ndarray,
@@ -78,7 +79,8 @@ def _stacked(values: np.ndarray) -> np.ndarray:
 class Fit:
     """Modes and how well they fit. parameters: (modes, 2 + dimensions): log omega, log zeta, shape in the basis.
 
-    signs: (modes,), -1 where a mode answers against the force. slopes: of the weighted misfit (rows, all parameters); misfit: (rows,), weighted.
+    signs: (modes,), -1 where a mode answers against the force. slopes: of the weighted model
+    (rows, all parameters); misfit: (rows,), weighted.
     """
 
     lines: Lines
@@ -169,7 +171,7 @@ def shapes_of(lines: Lines, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def fit_modes(lines: Lines, start: np.ndarray, signs: np.ndarray, most: int = 60) -> Fit:
-    """Least squares from start (modes, 2 + dimensions) and its signs, which stay. No mode is a fit, too: of the residual terms alone."""
+    """Least squares from start (modes, 2 + dimensions) and its signs, which stay. No mode is a fit, too."""
     target = lines.project(lines.measured)
     if not len(start):
         return Fit(lines, start, signs, target, np.empty((len(target), 0)))
@@ -183,7 +185,7 @@ def fit_modes(lines: Lines, start: np.ndarray, signs: np.ndarray, most: int = 60
     low[:, 0], high[:, 0] = start[:, 0] - _SPREAD, start[:, 0] + _SPREAD
     low[:, 1], high[:, 1] = np.log(_LEAST_DAMPING), np.log(_MOST_DAMPING)
     begin = np.clip(start, low + 1e-9, high - 1e-9)
-    done = least_squares(misfit, begin.ravel(), lambda flat: -_slopes(lines, flat.reshape(size), signs), (low.ravel(), high.ravel()),
-                         x_scale="jac", max_nfev=most, xtol=1e-9, ftol=1e-10)
+    done = least_squares(misfit, begin.ravel(), lambda flat: -_slopes(lines, flat.reshape(size), signs),
+                         (low.ravel(), high.ravel()), x_scale="jac", max_nfev=most, xtol=1e-9, ftol=1e-10)
     found = done.x.reshape(size)
     return Fit(lines, found, signs, done.fun, -done.jac)

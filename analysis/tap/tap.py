@@ -13,9 +13,10 @@ from analysis.estimate import Estimate
 from analysis.tap.averaged import Stretch, averaged
 from analysis.tap.blows import Blow, find_blows, too_short
 from analysis.tap.frequency_response import FEWEST_LINES, FrequencyResponse
-from analysis.tap.order import Step, choose
+from analysis.tap.order import MOST_MODES, Step, choose
 from analysis.tap.poles import Stabilisation, poles
-from analysis.tap.real_modes import Fit, Lines, fit_modes
+from analysis.tap.real_modes import Fit, Lines, fit_modes, residues, shapes_of
+from analysis.tap.sensors import exchanged, sign_share, turned, unloaded
 from analysis.tap.uncertain import estimates
 from testbed.machine import Carrier, Mode
 from testbed.problem import InputProblem
@@ -23,9 +24,10 @@ from testbed.recording import Recording
 
 SEARCH_ERROR = 0.01  # of a response, that a model of real modes is taken to miss while modes are counted
 _LEAST_ERROR = 1e-4  # likewise of the last fit, however well it goes
+_EXCHANGED = 0.2  # of the misfit, that exchanged axes may leave at the most to be believed
+_SETTLING = 10  # steps of a fit that is asked for its misfit alone
 _EXPLAINS = 0.5  # of a response: modes that leave more explain nothing
 _ALL_WITH = 0.9  # likewise, above which every mode answers with the force
-_SURE_SIGN = 0.5  # of the imaginary part's size, that has one sign at a drive point
 _LOW, _HIGH = 1.0, 1e6  # Hz: no band asked for
 
 
@@ -108,18 +110,19 @@ def tap_test(taps: Any, most_modes: int | None = None) -> TapResult:
         noted.notes += [f"{tap.name}: {note}" for note in tap.notes]
     low, high = taps.band or (_LOW, _HIGH)
     masses: list[float] = []
-    responses = _turned(_responses(taps, masses, noted), (low, high), noted)
-    responses = [_unloaded(one, mass, noted) for one, mass in zip(responses, masses, strict=True)]
-    groups = [_group(part, low, high, most_modes, str(taps.file)) for part in _grouped(responses)]
+    responses = _as_they_are(_responses(taps, masses, noted), (low, high), noted)
+    responses = [unloaded(one, mass, noted.notes) for one, mass in zip(responses, masses, strict=True)]
+    groups = [_group(part, low, high, most_modes, str(taps.file), noted) for part in _grouped(responses)]
     for group in groups:
         against = [f"{np.exp(row[0]) / (2.0 * np.pi):.5g} Hz"
                    for row, sign in zip(group.fit.parameters, group.fit.signs, strict=True) if sign < 0]
         if against:
-            noted.notes.append(f"{group.responses[0].name}: answers against the force, so that no mass follows: {', '.join(against)}")
+            noted.notes.append(f"{group.responses[0].name}: answers against the force, no mass follows: {', '.join(against)}")
     modes = sorted((mode for group in groups for mode in _modes(group)), key=lambda one: one.natural_frequency.value)
     missed = sum(res**2 * _power(group, place) for group in groups for place, res in enumerate(group.residuals))
     whole = sum(_power(group, place) for group in groups for place in range(len(group.responses)))
-    return TapResult(tuple(modes), math.sqrt(missed / whole), tuple(noted.blows), tuple(groups), tuple(dict.fromkeys(noted.notes)))
+    return TapResult(tuple(modes), math.sqrt(missed / whole), tuple(noted.blows), tuple(groups),
+                     tuple(dict.fromkeys(noted.notes)))
 
 
 def _power(group: Group, place: int) -> float:
@@ -143,7 +146,7 @@ def _responses(taps: Any, masses: list[float], noted: _Noted) -> list[FrequencyR
         stretches = [stretch for tap in same for stretch in _stretches(tap, str(taps.file), noted)]
         one = averaged(same[0].name, stretches, rate, quantity, along, sensed, on, window)
         if len(stretches) == 1:
-            noted.notes.append(f"{same[0].name}: one blow has no coherence: intervals are from its scatter over frequency alone")
+            noted.notes.append(f"{same[0].name}: one blow has no coherence: intervals are from its scatter over frequency")
         found.append(one)
         masses.append(mass)
     return found
@@ -179,47 +182,37 @@ def _stretch(force: np.ndarray, response: np.ndarray, blow: Blow) -> Stretch:
     return Stretch(force[blow.start : blow.stop], response[blow.start : blow.stop], max(0, before - 2))
 
 
-def _unloaded(one: FrequencyResponse, mass: float, noted: _Noted) -> FrequencyResponse:
-    """The response without the mass of the sensor that sat on it: exact at a drive point."""
-    if mass == 0.0:
-        return one
-    if not one.drive_point:
-        noted.notes.append(f"{one.name}: the sensor's mass is undone at drive points only")
-        return one
-    factor = 1.0 / (1.0 - mass * one.laplace**2 * one.receptance)  # s^2 m: the force that the sensor took
-    return replace(one, receptance=one.receptance * factor, deviations=one.deviations * factor**2)
+def _as_they_are(responses: list[FrequencyResponse], band: tuple[float, float], noted: _Noted) -> list[FrequencyResponse]:
+    """The responses with sensors turned and axes exchanged as they show themselves. Axes only with cross responses."""
+    notes: list[str] = []
+    given = turned(responses, band, notes)
+    if all(one.drive_point for one in given):
+        noted.notes += notes
+        return given
+    other_notes: list[str] = []
+    other = turned(exchanged(responses), band, other_notes)
+    if _misfit(other, band) > _EXCHANGED * _misfit(given, band):
+        noted.notes += notes
+        return given
+    noted.notes += ["the sensors' x and y are exchanged: only so do the responses fit together, and they were taken so",
+                    *other_notes]
+    return other
 
 
-def _sign(one: FrequencyResponse, low: float, high: float) -> float:
-    """Share of a drive point's peaks whose imaginary part has the sign that it must have: 1 as it should be, -1 turned round."""
-    mask = one.believed(low, high)
-    if np.count_nonzero(mask) < FEWEST_LINES:
-        return 1.0
-    stable = poles([one], [mask]).stable
-    places = np.searchsorted(one.frequency, stable[:, 0]).clip(0, len(one.frequency) - 1)
-    part = one.receptance.imag[places]
-    return -float(np.sum(part) / max(float(np.sum(np.abs(part))), 1e-300)) if len(part) else 1.0
-
-
-def _turned(responses: Sequence[FrequencyResponse], band: tuple[float, float], noted: _Noted) -> list[FrequencyResponse]:
-    """Responses that move against the force at a drive point turned, and with them what the same sensor shows elsewhere."""
-    found, turned = list(responses), set()
-    for place, one in enumerate(found):
-        if not one.drive_point:
+def _misfit(responses: list[FrequencyResponse], band: tuple[float, float]) -> float:
+    """Weighted misfit of modes at all stable poles: how badly the directions that are stated fit together."""
+    total = 0.0
+    for group in _grouped(responses):
+        kept = [(one, mask) for one in group if np.count_nonzero(mask := one.believed(*band)) >= FEWEST_LINES]
+        if not kept:
             continue
-        share = _sign(one, *band) * float(np.sign(np.dot(one.along, one.sensed)))
-        if share < -_SURE_SIGN:
-            found[place] = one.turned()
-            turned.add((one.on, one.sensed))
-            noted.notes.append(f"{one.name}: the response moves against the force: its sensor is turned round, and was taken so")
-        elif share < _SURE_SIGN:
-            noted.notes.append(f"{one.name}: its modes answer now with the force, now against it: "
-                               "force and sensor are not at one point, or not in one direction")
-    for place, one in enumerate(found):
-        if not one.drive_point and (one.on, one.sensed) in turned:
-            found[place] = one.turned()
-            noted.notes.append(f"{one.name}: turned with the sensor that the drive point shows to be turned round")
-    return found
+        own, masks = [one for one, _ in kept], [mask for _, mask in kept]
+        stable = poles(own, masks).stable[:MOST_MODES]
+        lines = Lines(own, masks, _basis(own), SEARCH_ERROR)
+        at = np.column_stack([2.0 * np.pi * stable[:, 0], stable[:, 1]])
+        shapes, signs = shapes_of(lines, residues(lines, at[:, 0], at[:, 1])[0])
+        total += fit_modes(lines, np.column_stack([np.log(at), shapes]), signs, _SETTLING).cost
+    return total
 
 
 def _grouped(responses: Sequence[FrequencyResponse]) -> list[list[FrequencyResponse]]:
@@ -244,7 +237,13 @@ def _basis(responses: Sequence[FrequencyResponse]) -> np.ndarray:
     return np.array([next(iter(vectors))]) if len(vectors) == 1 else np.eye(2)
 
 
-def _group(responses: list[FrequencyResponse], low: float, high: float, most: int | None, place: str) -> Group:
+def _group(responses: list[FrequencyResponse], low: float, high: float, most: int | None, place: str,
+           noted: _Noted) -> Group:
+    strong = [one for one in responses if np.count_nonzero(one.believed(low, high)) >= FEWEST_LINES]
+    if strong:  # of responses that belong together, what shows nothing may be left out
+        weak = [one for one in responses if all(one is not other for other in strong)]
+        noted.notes += [f"{one.name}: left out, nothing in it stands above the noise" for one in weak]
+        responses = strong
     masks = [one.believed(low, high) for one in responses]
     for one, mask in zip(responses, masks, strict=True):
         if np.count_nonzero(mask) < FEWEST_LINES:
@@ -253,7 +252,7 @@ def _group(responses: list[FrequencyResponse], low: float, high: float, most: in
             raise InputProblem(place, f"tap '{one.name}' holds no mode: {why}", "hit harder, more often, or check the columns")
     found = poles(responses, masks)
     basis = _basis(responses)
-    against = len(basis) == 1 and any(one.drive_point and abs(_sign(one, low, high)) < _ALL_WITH for one in responses)
+    against = len(basis) == 1 and any(one.drive_point and abs(sign_share(one, low, high)) < _ALL_WITH for one in responses)
     lines = Lines(responses, masks, basis, SEARCH_ERROR, against)
     steps, chosen = choose(lines, found, most)
     if chosen == 0:
@@ -263,7 +262,8 @@ def _group(responses: list[FrequencyResponse], low: float, high: float, most: in
     residuals = tuple(math.sqrt(float(np.sum(np.abs(one - other) ** 2) / np.sum(np.abs(other) ** 2)))
                       for one, other in zip(fit.fitted(), fit.lines.measured, strict=True))
     if min(residuals) > _EXPLAINS:
-        raise InputProblem(place, f"tap '{responses[0].name}': no modes explain its response ({min(residuals):.0%} of it is left)",
+        left = f"{min(residuals):.0%} of it is left"
+        raise InputProblem(place, f"tap '{responses[0].name}': no modes explain its response ({left})",
                            "check that force and response are of one blow, and their units")
     return Group(tuple(responses), found, tuple(steps), fit, residuals)
 

@@ -23,8 +23,8 @@ from testbed.problem import InputProblem, InputWarning
 
 FOLDER = Path(__file__).parent
 # The order of `testbed --help`, along a user's way; a command not named here comes after, by the alphabet.
-ORDER = ("demo", "tap", "run", "identify", "score", "export", "chart", "multipliers", "inspect", "verify", "compare", "diagnose",
-         "add", "effects", "paper", "view", "doctor")
+ORDER = ("demo", "tap", "run", "identify", "score", "export", "chart", "multipliers", "inspect", "verify", "compare",
+         "diagnose", "add", "effects", "paper", "view", "doctor")
 
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)

@@ -87,9 +87,12 @@ def _write(found: Any, base: Any, output: str, catalogue: Any, taps_file: str) -
     except ValueError as problem:
         raise InputProblem(taps_file, f"the modes found make no machine ({problem})", "ask for fewer with --modes") from None
     model = Model(structure) if base is None else replace(base, structure=structure, machine=None, not_determined=())
-    unknown = tuple(f"modes[{place}].{name}" for place, mode in enumerate(modes)
-                    for name in ("natural_frequency", "damping_ratio", "mass", "direction") if not getattr(mode, name).determined)
+    names = ("natural_frequency", "damping_ratio", "mass", "direction")
+    unknown = [f"modes[{place}].{name}" for place, mode in enumerate(modes) for name in names
+               if not getattr(mode, name).determined]
     known = tuple(path for path in unknown if path in model.base_parameters)
     left = [f"{mode.natural_frequency.value:.5g} Hz" for mode in found.modes if not mode.mass.determined]
-    remarks = [*([f"left out, without a mass: {', '.join(left)}"] if left else []), f"found by testbed tap, residual {found.residual:.1%}", *found.notes]
+    remarks = [f"found by testbed tap, residual {found.residual:.1%}", *found.notes]
+    if left:
+        remarks.insert(1, f"left out, without a mass: {', '.join(left)}")
     write_model(replace(model, not_determined=known), output, catalogue, remarks)

@@ -9,7 +9,6 @@ its own: at a corner that two of them share they hold the force of either side. 
 import math
 
 import numpy as np
-from numba import njit
 
 from testbed.engines.array_kernel import copy, fill, fill_columns, fill_rows
 from testbed.engines.compiled import holding, inner
@@ -45,6 +44,7 @@ from testbed.engines.plane_kernel import bounded, position_at_cut, structure_vx,
 from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_step, skip_held
 from testbed.engines.slider_kernel import fly_exactly
 from testbed.engines.turn_kernel import fill_grid, leading_angle, meet, piece_of_tooth, straight_front
+from testbed.kernel_cache import kept
 
 
 @inner
@@ -184,7 +184,7 @@ def run_one_uneven(A, P, G, I, O, Y, C, steps, firsts, V, durations, clock, want
     return OUTCOME_OK, np.nan
 
 
-@njit(nogil=True, cache=True)
+@kept(nogil=True)
 def run_uneven(A, P, G, I, O, Y, C, steps, firsts, V, durations, clock, wanted, limit, out, pass_times,
                pass_states):  # fmt: skip
     """`run_one_uneven`, as an entry."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from testbed.channel_units import channel_unit
 from testbed.problem import InputProblem
-from testbed.readers.table import Table, listed
+from testbed.readers.table import Table
 from testbed.recording import MOTION_UNITS
 from testbed.units import UnitProblem
 
@@ -33,7 +33,7 @@ class Spectrum:
 
 
 def response_unit(text: str) -> tuple[float, int]:
-    """Factor to SI of a unit such as `um/N`, and how often its motion is differentiated: 0 receptance, 1 mobility, 2 accelerance.
+    """Factor to SI of a unit such as `um/N`, and its motion's order: 0 receptance, 1 mobility, 2 accelerance.
 
     Raises UnitProblem.
     """
@@ -142,5 +142,6 @@ def _spectrum(table: Table, name: str, frequency: np.ndarray, values: np.ndarray
     kept = (frequency > 0) & np.isfinite(values)
     even = frequency[kept][0] + step * np.arange(np.count_nonzero(kept))
     if not np.all(np.isfinite(values[frequency > 0])):
-        raise InputProblem(table.path, f"{np.count_nonzero(~np.isfinite(values))} lines are no number", f"leave out {listed([name])}")
+        bad = np.count_nonzero(~np.isfinite(values))
+        raise InputProblem(table.path, f"{bad} lines are no number", "leave them out, or export it again")
     return Spectrum(name, even, values[kept] / (2j * np.pi * even) ** order)
