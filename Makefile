@@ -51,7 +51,7 @@ COMPILE := $(BIN)/uv pip compile --universal --generate-hashes --no-header --no-
 	--python-version 3.11 pyproject.toml
 lock:
 	$(COMPILE) --extra dev build-requirements.in -o requirements.lock
-	$(COMPILE) --extra formats --extra fast --extra cluster --extra bench -c requirements.lock -o extras.lock
+	$(COMPILE) --extra formats --extra fast --extra cluster --extra bench --extra tap -c requirements.lock -o extras.lock
 
 clean:
 	rm -rf $(VENV) $(DEMO)
