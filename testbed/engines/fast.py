@@ -127,7 +127,7 @@ class _Batch:
         else:
             kernel = compose(self.effects, FAST, planar)
             kernel.run_batch(A, P, G, I, O, Y, self.table, self.clock, self.forces, LIMIT, *found)
-        if not planar:
+        if not planar and signals > sk.N_CHANNELS:
             result.out[:, sk.N_CHANNELS :] = 0.0 * result.out[:, :1]  # NaN where the run diverged
         return result
 
