@@ -63,8 +63,10 @@ def _strike(number: int, frame: FrameType | None) -> None:
 
 def _again() -> None:
     """Raise it once more, until it could be."""
-    while time.sleep(RETRY_S) is None and _state.dropped:
+    time.sleep(RETRY_S)
+    while _state.dropped:
         _thread.interrupt_main()
+        time.sleep(RETRY_S)
 
 
 def listen() -> Callable[[], None]:
