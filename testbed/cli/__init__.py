@@ -15,7 +15,7 @@ from typing import NoReturn
 
 import click
 
-from testbed.problem import InputProblem
+from testbed.problem import InputProblem, shortened
 
 FOLDER = Path(__file__).parent
 # The order of `testbed --help`, along a user's way; a command not named here comes after, by the alphabet.
@@ -23,6 +23,7 @@ ORDER = ("demo", "run", "identify", "score", "export", "chart", "multipliers", "
          "add", "effects", "paper", "view", "doctor")
 
 
+MOST_SAID = 900  # characters of an error's one line
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
@@ -99,7 +100,14 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     except BrokenPipeError:  # the reader, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
+    except MemoryError as problem:
+        _complain(f"out of memory ({str(problem).rstrip('.') or 'no more was given'}): close other programs, or give less at once: "
+                  "from and to read a part of a record")
+        code = 2
     except OSError as problem:
+        if problem.errno == errno.ENOMEM:
+            _complain("out of memory: close other programs, or give less at once")
+            sys.exit(2)
         if problem.errno not in _NO_ROOM:
             raise
         place = problem.filename or "the output"
@@ -109,7 +117,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
 
 
 def _complain(text: str) -> None:
-    click.echo("error: " + " ".join(text.split()), err=True)
+    click.echo("error: " + shortened(text, MOST_SAID), err=True)
 
 
 def _usage(problem: click.UsageError) -> str:
