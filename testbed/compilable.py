@@ -73,7 +73,7 @@ def _check_repeats(effect: Effect, name: str, function: Callable) -> None:
 
 
 def values_for(effect: Effect, hook: str, given: Mapping[str, float], sign: float = 1.0) -> dict[str, Any]:
-    """Plausible values of all that a hook may ask for, with these parameters; those that can be of either sign have this one."""
+    """Plausible values of all that a hook may ask for, with these parameters; what can be of either sign has this one."""
     sampled = _SAMPLED if hook == "measure" else {}
     signed = {name: sign * value for name, value in (_SIGNED | dict.fromkeys(effect.states, 1e-5)).items()}
     return {**_PLAUSIBLE, **signed, **sampled, **effect.shaped(given)}

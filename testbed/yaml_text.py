@@ -145,7 +145,7 @@ def parse(text: str, file: str) -> Document:
 
 
 def _bounded(text: str, file: str) -> str:
-    """The text with very long comments cut off: the parser goes over them again and again. InputProblem for other long lines."""
+    """The text with very long comments cut off: the parser goes over them again and again. InputProblem for others."""
     lines = text.split("\n")
     for number, line in enumerate(lines):
         if len(line) <= LONGEST_LINE:

@@ -101,8 +101,8 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
     except MemoryError as problem:
-        _complain(f"out of memory ({str(problem).rstrip('.') or 'no more was given'}): close other programs, or give less at once: "
-                  "from and to read a part of a record")
+        said = str(problem).rstrip(".") or "no more was given"
+        _complain(f"out of memory ({said}): close other programs, or give less at once: from and to read a part of a record")
         code = 2
     except OSError as problem:
         if problem.errno == errno.ENOMEM:
