@@ -83,7 +83,10 @@ def called(function: Callable, values: Mapping[str, Any]) -> np.ndarray:
     """What a hook gives when it is asked with what it asks for of the values."""
     given = {key: np.copy(values[key]) if isinstance(values[key], np.ndarray) else values[key]  # a hook may write into them
              for key in inspect.signature(function).parameters}
-    return np.asarray(function(**given), dtype=float)
+    found = function(**given)
+    if found is None:
+        raise TypeError("gives nothing")
+    return np.asarray(found, dtype=float)
 
 
 def _check_neutral(effect: Effect, name: str, function: Callable) -> None:
