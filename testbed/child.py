@@ -27,7 +27,8 @@ class Ended(NamedTuple):
 def tried(work: Callable[[Callable[[str], None]], object], seconds: float, memory: int = MEMORY) -> Ended:
     """Run `work` in a forked child; it is handed a function that says a line, of some 60 kB in all.
 
-    seconds: of processor time, and WAITED times that on the clock, as others may want the processor, too. failed: an exception, or an end before its end. Where a system cannot fork (Windows) nothing is tried.
+    seconds: of processor time, and WAITED times that on the clock, as others may want the processor, too. failed: an
+    exception, or an end before its end. Where a system cannot fork (Windows) nothing is tried.
     """
     if not hasattr(os, "fork"):
         return Ended("not tried")

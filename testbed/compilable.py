@@ -74,7 +74,7 @@ def _check_repeats(effect: Effect, name: str, function: Callable) -> None:
 
 
 def values_for(effect: Effect, hook: str, given: Mapping[str, float], sign: float = 1.0) -> dict[str, Any]:
-    """Plausible values of all that a hook may ask for, with these parameters; those that can be of either sign have this one."""
+    """Plausible values of all that a hook may ask for, with these parameters; what can be of either sign has this one."""
     sampled = _SAMPLED if hook == "measure" else {}
     signed = {name: sign * value for name, value in (_SIGNED | dict.fromkeys(effect.states, 1e-5)).items()}
     return {**_PLAUSIBLE, **signed, **sampled, **effect.shaped(given)}
@@ -84,7 +84,10 @@ def called(function: Callable, values: Mapping[str, Any]) -> np.ndarray:
     """What a hook gives when it is asked with what it asks for of the values."""
     given = {key: np.copy(values[key]) if isinstance(values[key], np.ndarray) else values[key]  # a hook may write into them
              for key in inspect.signature(function).parameters}
-    return np.asarray(function(**given), dtype=float)
+    found = function(**given)
+    if found is None:
+        raise TypeError("gives nothing")
+    return np.asarray(found, dtype=float)
 
 
 def _check_neutral(effect: Effect, name: str, function: Callable) -> None:

@@ -50,7 +50,7 @@ def check_form(path: str | Path, file: h5py.File) -> None:
         channels = [name for name in CHANNEL_UNITS if name in file]
         widths = [_channel(name, file[name], runs) for name in channels]
         _same("sample_count", _rows(file, "sample_count", "iu", 0, min(widths, default=2**62)), runs)
-    except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError) as problem:  # h5py's own words among them
+    except (KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError) as problem:  # h5py's own among them
         said = str(problem.args[0] if isinstance(problem, KeyError) and problem.args else problem)
         raise InputProblem(path, f"is no data set as testbed run writes it: {said.rstrip('.')}",
                            "copy it again from where it came from, or simulate it again") from None
@@ -91,7 +91,7 @@ def _numbers(file: h5py.File, name: str, kinds: str, axes: int) -> np.ndarray:
     """All values of a table that stands in the file."""
     data = file[name]
     if not isinstance(data, h5py.Dataset) or data.dtype.kind not in kinds or data.ndim != axes:
-        raise ValueError(f"{name} is no table of {'whole ' * ('f' not in kinds)}numbers of {axes} ax{'i' if axes == 1 else 'e'}s")
+        raise ValueError(f"{name} is no table of {'whole ' * ('f' not in kinds)}numbers with {axes} ax{'ie'[axes > 1]}s")
     values: np.ndarray = data[()]
     return values
 

@@ -17,6 +17,7 @@ from testbed.units import UnitProblem, parse_quantity, refuse_decimal_comma, spe
 from testbed.yaml_text import SAMPLING_RATE, Document, Strict, above_zero, at_least_zero, did_you_mean, quantity
 
 Kind = Literal["cut", "ring-down", "excited", "idle"]
+FASTEST = 1e5  # rad/s: no spindle turns as fast
 DEEPEST = 0.5  # m: no cut is as deep
 CHANNELS = (*CHANNEL_UNITS, "time")
 
@@ -82,6 +83,10 @@ def _flutes(value: object) -> int:
     return _whole(value)
 
 
+def _speed(number: float) -> str | None:
+    return above_zero(number) or ("is faster than any spindle: is the unit right?" if number > FASTEST else None)
+
+
 def _depth(number: float) -> str | None:
     return at_least_zero(number) or ("lies beyond 500 mm: is the unit right?" if number > DEEPEST else None)
 
@@ -139,7 +144,7 @@ class _Conditions(Strict):
 
     channels: Channels = Field(default_factory=dict)
     sampling_rate: Annotated[float, SAMPLING_RATE] | None = None
-    spindle_speed: quantity("rad/s", above_zero) | None = None  # type: ignore[valid-type]
+    spindle_speed: quantity("rad/s", _speed) | None = None  # type: ignore[valid-type]
     depth_of_cut: quantity("m", _depth) | None = None  # type: ignore[valid-type]
     feed: Annotated[Feed, BeforeValidator(_feed)] | None = None
     flutes: Annotated[int, BeforeValidator(_flutes)] | None = None

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
 
@@ -17,7 +17,10 @@ from testbed.door import content
 from testbed.problem import InputProblem
 from testbed.units import UnitProblem, nearest, parse_quantity, parse_sampling_rate
 
-MAX_BYTES = 4_000_000
+MAX_BYTES = 500_000  # some 5,000 records; the parser takes 10 s for the worst of them
+DEEPEST = 200
+SLOWEST, FASTEST = 1e-3, 1e9  # Hz
+LONGEST_LINE = 20_000  # characters
 MAX_NODES = 400_000
 Path_ = tuple[str | int, ...]
 
@@ -67,7 +70,11 @@ def above_zero(number: float) -> str | None:
     return None if number > 0 else "must be above 0"
 
 
-SAMPLING_RATE = BeforeValidator(_checked(parse_sampling_rate, above_zero))  # Annotated[float, SAMPLING_RATE], in Hz
+def _rate(number: float) -> str | None:
+    return above_zero(number) or (None if SLOWEST <= number <= FASTEST else "is the rate of no converter")
+
+
+SAMPLING_RATE = BeforeValidator(_checked(parse_sampling_rate, _rate))  # Annotated[float, SAMPLING_RATE], in Hz
 
 
 def at_least_zero(number: float) -> str | None:
@@ -112,8 +119,9 @@ def load(file: str | Path) -> Document:
 def parse(text: str, file: str) -> Document:
     """A YAML text whose top level is a mapping; `file` is the name to use in messages."""
     from ruamel.yaml import YAML
-    from ruamel.yaml.error import MarkedYAMLError, YAMLError
+    from ruamel.yaml.error import MarkedYAMLError
 
+    text = _bounded(text, file)
     try:
         tree = YAML(typ="rt").load(text)
     except MarkedYAMLError as problem:
@@ -123,7 +131,7 @@ def parse(text: str, file: str) -> Document:
         do = "indent with spaces instead of tabs" if "'\\t'" in said else "correct the line"
         raise InputProblem(file, f"not valid YAML: {said}", do,
                            line=mark.line + 1 if mark else None) from None
-    except (YAMLError, ValueError, RecursionError) as problem:
+    except Exception as problem:  # what the parser makes of a text that it was not made for is the text's fault
         said = (str(problem).splitlines() or ["not YAML"])[0]
         raise InputProblem(file, f"not valid YAML: {said}", "correct the file") from None
     if not isinstance(tree, dict):
@@ -134,6 +142,21 @@ def parse(text: str, file: str) -> Document:
     except RecursionError:
         raise InputProblem(file, "a YAML alias contains itself", "write the values out") from None
     return Document(file, data, text, lines)
+
+
+def _bounded(text: str, file: str) -> str:
+    """The text with very long comments cut off: the parser goes over them again and again. InputProblem for others."""
+    lines = text.split("\n")
+    for number, line in enumerate(lines):
+        if len(line) <= LONGEST_LINE:
+            continue
+        if line.strip() and not line.lstrip().startswith("#"):
+            raise InputProblem(file, f"a line of {len(line)} characters", "give a YAML file, not data", line=number + 1)
+        lines[number] = line[:LONGEST_LINE].rstrip()
+    depths = accumulate((one in "[{") - (one in "]}") for one in text)
+    if max(depths, default=0) > DEEPEST:
+        raise InputProblem(file, f"more than {DEEPEST} brackets within each other", "give a YAML file, not data")
+    return "\n".join(lines)
 
 
 def _plain(node: Any, path: Path_, lines: dict[Path_, int], file: str) -> Any:
@@ -156,6 +179,8 @@ def _plain(node: Any, path: Path_, lines: dict[Path_, int], file: str) -> Any:
         return items
     if node is None or isinstance(node, bool):
         return node
+    if isinstance(node, str) and not node.isascii() and any("\ud800" <= one <= "\udfff" for one in node):
+        raise InputProblem(file, "half a character, which no text holds", "write it out", line=lines.get(path))
     for kind in (int, float, str):
         if isinstance(node, kind):
             return kind(node)

@@ -110,7 +110,7 @@ def test_what_readers_look_for_is_named():
 
 
 @pytest.mark.parametrize("said", [
-    f"at most {yaml_text.MAX_BYTES // 1_000_000} MB", f"fewer than {checks._FEWEST} samples",
+    f"at most {yaml_text.MAX_BYTES // 1000} kB", f"fewer than {checks._FEWEST} samples",
     f"by more than {100 * timebase._AGREE:g} %", f"0 to {design_file.MOST_LEVELS}",
     f"up to {design_file.MAX_RUNS // 1_000_000} million runs",
 ])

@@ -227,7 +227,7 @@ def test_a_library_that_crashes_or_hangs_on_a_file_is_an_input_problem(
 
     with pytest.raises(InputProblem, match="crashes on it"):
         rehearsal.rehearse(tmp_path, lambda: os.kill(os.getpid(), signal.SIGSEGV))
-    monkeypatch.setattr(rehearsal, "_LONGEST", 0.05)
+    monkeypatch.setattr(rehearsal, "_AT_LEAST", 0.05)
     with pytest.raises(InputProblem, match="does not end"):
         rehearsal.rehearse(tmp_path, lambda: time.sleep(5))
     monkeypatch.undo()

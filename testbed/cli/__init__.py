@@ -19,7 +19,7 @@ from typing import Any, NoReturn
 import click
 
 from testbed.interruption import INTERRUPTED, interrupted, leave, listen, say_interrupted
-from testbed.problem import InputProblem, InputWarning
+from testbed.problem import InputProblem, InputWarning, shortened
 
 FOLDER = Path(__file__).parent
 # The order of `testbed --help`, along a user's way; a command not named here comes after, by the alphabet.
@@ -27,6 +27,8 @@ ORDER = ("demo", "tap", "run", "identify", "score", "export", "chart", "multipli
          "diagnose", "add", "effects", "paper", "view", "doctor")
 
 
+_OUT_OF_MEMORY = "out of memory: close other programs, or give less at once, such as part of a record by from and to"
+MOST_SAID = 900  # characters of an error's one line
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
@@ -129,7 +131,7 @@ def _code(arguments: list[str] | None) -> int:
         say_interrupted(str(stop))
         return INTERRUPTED
     except MemoryError:
-        return _complain("memory is at an end: give it less at a time, or take a machine with more")
+        return _complain(_OUT_OF_MEMORY)
     except BrokenPipeError:  # the reader, such as `head`, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -137,6 +139,8 @@ def _code(arguments: list[str] | None) -> int:
         if interrupted():  # what was struck made something else of it
             say_interrupted("")
             return INTERRUPTED
+        if isinstance(problem, OSError) and problem.errno == errno.ENOMEM:
+            return _complain(_OUT_OF_MEMORY)
         if not isinstance(problem, OSError) or problem.errno not in _NO_ROOM:
             raise
         place = problem.filename or "the output"
@@ -162,7 +166,7 @@ def _told_warnings() -> Iterator[None]:
 
 
 def _complain(text: str) -> int:
-    click.echo("error: " + " ".join(text.split()), err=True)
+    click.echo("error: " + shortened(text, MOST_SAID), err=True)
     return 2
 
 

@@ -96,7 +96,7 @@ def shared(function: Callable[..., Any]) -> Callable[..., Any]:
 model_option = click.option("-m", "--model", "model_file", required=True, metavar="MODEL.yaml",
                             help="What is believed of the machine.")
 effects_option = click.option("--effects", "folders", multiple=True, metavar="DIR",
-                              help="A folder of your own effects; may be repeated.")
+                              help="A folder of your own effects; may be repeated. They are programs: read them first.")
 
 
 def catalogue_of(folders: tuple[str, ...]) -> Any:

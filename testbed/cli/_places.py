@@ -25,7 +25,8 @@ def check_outputs(context: click.Context) -> None:
         if not text.strip() and parameter.make_metavar(context) != "TEXT":
             raise InputProblem(_shown(parameter), "is empty", "name a file or a folder")
         if parameter.name not in _OUTPUTS:
-            typed(text)
+            if parameter.make_metavar(context) != "TEXT":
+                typed(text)
             inputs.append((parameter, text))
         elif not (parameter.name == "json_file" and text == "-"):
             outputs.append((parameter, text))

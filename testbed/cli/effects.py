@@ -25,6 +25,7 @@ def command(name: str | None, new_name: str | None, no_picture: bool, hooks: boo
     """Without NAME the catalogue; with it, that effect's law, source, parameters and what it is confused with.
 
     An effect of your own is one Python file: begin with --new, then give its folder to other commands as --effects DIR.
+    Such a file is a program, and is run: read one that is not yours first. Files beside it without an EFFECT are not run.
     """
     answer = Answer(json_file, quiet)
     if new_name is not None:

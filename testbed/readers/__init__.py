@@ -46,6 +46,12 @@ def read_table(path: str | Path, *, skip_rows: int = 0, delimiter: str | None = 
     """
     path = Path(path)
     kind = file_kind(path)
+    with readable(path, f"a file of the kind {kind}", "export it again"):
+        return _read(path, kind, skip_rows, delimiter, key)
+
+
+def _read(path: Path, kind: str, skip_rows: int, delimiter: str | None, key: str | None) -> Table:
+    """The table of a file of a known kind."""
     if kind == "mat":
         from testbed.readers.mat import read_mat
 

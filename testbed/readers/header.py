@@ -142,11 +142,8 @@ def _names_and_units(
 ) -> tuple[list[str] | None, list[str] | None, list[str]]:
     """The row of names and the row of units right above the body, None where there is none; and a row of words that
     has another number of fields than the body, [] where there is none."""
-    above = [
-        (number < skip_rows, _header_fields(line, body))
-        for number, line in enumerate(lines)
-        if line.strip()
-    ][-4:]
+    last = [number for number, line in enumerate(lines) if line.strip()][-4:]
+    above = [(number < skip_rows, _header_fields(lines[number], body)) for number in last]
     unit_row, padded = None, False
     for number, (skipped, fields) in reversed(list(enumerate(above))):
         is_unit_row = unit_row is None and _is_unit_row(fields, body.fields)

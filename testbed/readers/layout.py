@@ -9,7 +9,7 @@ from pathlib import Path
 from testbed.problem import InputProblem
 from testbed.readers.header import split_fields
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?$|[+-]?(nan|inf|infinity)$", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d+)?$|[+-]?(nan|inf|infinity)$", re.IGNORECASE)
 _DELIMITERS = ("\t", ";", ",", "|", None)  # None: any white space
 
 

@@ -149,7 +149,7 @@ def unit_in_name(text: str) -> str:
 def unique_names(names: list[str], notes: list[str]) -> list[str]:
     """Names made distinct by `_2`, `_3`; a note says so. Empty names become `column_N`."""
     seen: dict[str, int] = {}
-    result: list[str] = []
+    result: dict[str, None] = {}
     for number, name in enumerate(names, 1):
         name = name.strip() or f"column_{number}"
         seen[name] = seen.get(name, 0) + 1
@@ -158,8 +158,8 @@ def unique_names(names: list[str], notes: list[str]) -> list[str]:
             fresh += "_"
         if fresh != name:
             notes.append(f"a second column '{name}' is called '{fresh}'")
-        result.append(fresh)
-    return result
+        result[fresh] = None
+    return list(result)
 
 
 def listed(names: Iterable[str], quote: str = "'") -> str:

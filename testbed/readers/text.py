@@ -22,6 +22,9 @@ from testbed.readers.timebase import looks_like_time
 
 _COMMENTS = ("#", "%", "//", "!")
 _SIZE_LIMIT = 2 * 1024**3
+_LONGEST_LINE = 1_000_000  # characters: 50,000 columns and more
+_LONGEST_HEADER = 20_000  # characters of a line above the numbers that is no row of their names; what looks for a rate in it,
+# or for units, may take the square of that
 _OVERLOADS = {"ovl", "overload", "ovr", "over", "ovld", "ol", "clip", "overflow", "saturated"}
 
 
@@ -164,13 +167,19 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None, k
     if skip_rows and any(line.strip() for line in lines) and not any(line.strip() for line in lines[skip_rows:]):
         there = len(text.splitlines())
         raise InputProblem(path, f"skip_rows: {skip_rows} leaves nothing of {there} lines", "skip fewer lines")
+    longest = max(range(len(lines)), key=lambda place: len(lines[place]))
+    if len(lines[longest]) > _LONGEST_LINE and not lines[longest].lstrip()[:2].startswith(_COMMENTS):
+        raise InputProblem(path, f"a line of {len(lines[longest])} characters: no table of numbers",
+                           "export as CSV, one line a sample", longest + 1)
     labview = lvm.choose(path, lines, key) if lines[0].startswith(lvm.FIRST_LINE) else lvm.Chosen(lines, [], False, ())
     lines, notes = labview.lines, list(labview.notes)
     layout = find_layout(path, lines[skip_rows:], _spelled(delimiter))
     first = first_row(path, lines, layout, skip_rows)
     body, numbers = _body(lines, first, layout, notes)
     below = Body(body, layout.delimiter, layout.fields, layout.decimal_comma)
-    header = read_header(path, lines[:first], below, skip_rows)
+    above = [line if len(line) <= _LONGEST_HEADER or len(layout.split(line)) == layout.fields else line[:_LONGEST_HEADER]
+             for line in lines[:first]]
+    header = read_header(path, above, below, skip_rows)
     used = [index for index, numeric in enumerate(layout.numeric) if numeric]
     names = [header.names[index] for index in used]
     values = _parse_fast(body, layout)

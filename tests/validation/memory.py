@@ -1,7 +1,6 @@
 """Peak memory and time of reading, comparing and diagnosing against the length of the records, their number, and runs.
 
-    python -m tests.validation.memory               (the table of VALIDATION.md; about 40 minutes)
-    python -m tests.validation.memory compare 8 1   (one command, seconds a record, records)
+    python -m tests.validation.memory COMMAND SECONDS RECORDS     such as compare 8 1: seconds a record, and how many
 
 Each figure is the largest resident memory of one process of the command line, as the system counts it.
 """
@@ -22,7 +21,6 @@ import numpy as np
 
 RATE = 51200.0  # Hz
 CEILING = 6 * 2**30  # bytes of address space that a command gets here: beyond it it must say so in one line
-LENGTHS, NUMBERS = (1, 2, 4, 8, 16, 60), (1, 2, 5, 10)  # s, and records
 
 
 def campaign(folder: Path, seconds: float, records: int) -> tuple[Path, Path]:
@@ -86,5 +84,4 @@ def one(command: str, seconds: float, records: int) -> dict[str, object]:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) == 4:
-        print(json.dumps(one(sys.argv[1], float(sys.argv[2]), int(sys.argv[3]))))
+    print(json.dumps(one(sys.argv[1], float(sys.argv[2]), int(sys.argv[3]))))

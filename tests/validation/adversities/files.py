@@ -57,6 +57,7 @@ class Probe:
 
 # -- paths -----------------------------------------------------------------------------------------------------------------
 
+
 def _directory(place: Path) -> Path:
     place.mkdir()
     return place
@@ -102,9 +103,16 @@ def _binary(place: Path) -> Path:
 
 
 PLACES: dict[str, Callable[[Path], Path]] = {
-    "missing": lambda place: place, "a directory": _directory, "a fifo": _fifo, "empty": _empty, "a loop of links": _loop,
-    "a link to nowhere": _dangling, "a name of 5000 characters": _long, "/dev/zero": _device("/dev/zero"),
-    "/dev/null": _device("/dev/null"), "random bytes": _binary,
+    "missing": lambda place: place,
+    "a directory": _directory,
+    "a fifo": _fifo,
+    "empty": _empty,
+    "a loop of links": _loop,
+    "a link to nowhere": _dangling,
+    "a name of 5000 characters": _long,
+    "/dev/zero": _device("/dev/zero"),
+    "/dev/null": _device("/dev/null"),
+    "random bytes": _binary,
 }
 OPENERS: dict[str, tuple[str, Callable[[Path], Sequence[object]]]] = {
     "inspect": ("data.h5", lambda path: ("inspect", path)),
@@ -128,6 +136,7 @@ OPENERS: dict[str, tuple[str, Callable[[Path], Sequence[object]]]] = {
 def _of_paths() -> Iterator[Probe]:
     for opener, (name, command) in OPENERS.items():
         for place, make in PLACES.items():
+
             def probe(folder: Path, make: Any = make, name: str = name, command: Any = command) -> Sequence[object]:
                 (folder / name).parent.mkdir(exist_ok=True)
                 path = make(folder / name)
@@ -149,6 +158,7 @@ def _campaign(folder: Path, file: str = "cut.csv", more: str = "", command: str 
 
 
 # -- data sets -------------------------------------------------------------------------------------------------------------
+
 
 def _attribute(name: str, value: object) -> Callable[[h5py.File], None]:
     def change(file: h5py.File) -> None:
@@ -221,12 +231,16 @@ def _virtual(file: h5py.File) -> None:
 
 COMPOUND = np.zeros(2, dtype=[("a", float), ("b", "S3")])
 DATA: dict[str, Callable[[h5py.File], None]] = {
-    **{f"sampling_rate {value}": _attribute("sampling_rate", value)
-       for value in (0.0, -1.0, np.nan, np.inf, "fast", 1e300, np.zeros(3))},
+    **{
+        f"sampling_rate {value}": _attribute("sampling_rate", value)
+        for value in (0.0, -1.0, np.nan, np.inf, "fast", 1e300, np.zeros(3))
+    },
     **{f"format {value!r}": _attribute("format", value) for value in ("two", np.nan, -1, 10**9, [1, 2], 0)},
     **{f"flutes {value!r}": _attribute("flutes", value) for value in (0, -1, 10**9, "one", np.nan)},
-    **{f"scale_factor {value!r}": _attribute("displacement/scale_factor", value)
-       for value in ("small", np.nan, np.inf, 0.0, [1.0, 2.0])},
+    **{
+        f"scale_factor {value!r}": _attribute("displacement/scale_factor", value)
+        for value in ("small", np.nan, np.inf, 0.0, [1.0, 2.0])
+    },
     "add_offset text": _attribute("displacement/add_offset", "none"),
     "_FillValue text": _attribute("displacement/_FillValue", "none"),
     "units compound": _attribute("displacement/units", COMPOUND),
@@ -235,8 +249,11 @@ DATA: dict[str, Callable[[h5py.File], None]] = {
     "versions a list": _attribute("versions", "[1]"),
     "seed text": _attribute("seed", "x"),
     "no runs": _nothing,
-    **{f"{name} {value}": _values(name, _first(value))
-       for name in ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth") for value in (np.nan, np.inf, -1.0)},
+    **{
+        f"{name} {value}": _values(name, _first(value))
+        for name in ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth")
+        for value in (np.nan, np.inf, -1.0)
+    },
     "spindle_speed 0": _values("spindle_speed", _first(0.0)),
     "passes -5": _values("passes", _first(-5)),
     "outcome 99": _values("outcome", _first(99)),
@@ -259,8 +276,9 @@ DATA: dict[str, Callable[[h5py.File], None]] = {
     "displacement of one axis": _values("displacement", lambda before: before[:, 0]),
     "displacement compound": _values("displacement", lambda before: np.zeros(before.shape, COMPOUND.dtype)),
     "displacement text": _values("displacement", lambda before: np.full(before.shape, b"x")),
-    "displacement of 1e12 values": _values("displacement", lambda before: {"shape": (2, 10**12), "dtype": "i2",
-                                                                           "chunks": (1, 1000)}),
+    "displacement of 1e12 values": _values(
+        "displacement", lambda before: {"shape": (2, 10**12), "dtype": "i2", "chunks": (1, 1000)}
+    ),
     "model_text numbers": _values("model_text", lambda before: np.arange(4)),
     "model_text no YAML": _values("model_text", lambda before: "{"),
     "model_text a mass of 0": _values("model_text", lambda before: MODEL.replace("2.573", "0")),
@@ -275,8 +293,10 @@ DATA: dict[str, Callable[[h5py.File], None]] = {
     "external storage": _external,
     "a virtual data set": _virtual,
     "a group for a channel": lambda file: (file.__delitem__("displacement"), file.create_group("displacement"))[0],
-    "a data type for a channel": lambda file: (file.__delitem__("displacement"),
-                                               file.__setitem__("displacement", np.dtype("f8")))[0],
+    "a data type for a channel": lambda file: (
+        file.__delitem__("displacement"),
+        file.__setitem__("displacement", np.dtype("f8")),
+    )[0],
 }
 HARMLESS = {"5000 nested groups", "versions a list", "format 0", "format -1", "title array"}  # may be read all the same
 READERS = ("inspect", "identify", "score", "export", "verify")
@@ -293,6 +313,7 @@ def _of_data_sets() -> Iterator[Probe]:
     for place, (name, change) in enumerate(DATA.items()):
         commands = READERS if place % 8 == 0 else (READERS[place % 5], READERS[(place + 1) % 5])
         for command in ("inspect", "verify") if name in HARMLESS else ("score", "export") if "model_text" in name else commands:
+
             def probe(folder: Path, change: Any = change, command: str = command) -> Sequence[object]:
                 _without_seal(folder / "good.h5", folder / "bad.h5")
                 with h5py.File(folder / "bad.h5", "r+") as file:
@@ -304,6 +325,7 @@ def _of_data_sets() -> Iterator[Probe]:
 
 
 # -- measured files --------------------------------------------------------------------------------------------------------
+
 
 def _text_file(content: str | bytes, file: str = "cut.csv", command: str = "inspect") -> Make:
     def make(folder: Path) -> Sequence[object]:
@@ -336,7 +358,9 @@ def _wav_file(rate: int, width: int = 16, channels: int = 1, size: int | None = 
     def make(folder: Path) -> Sequence[object]:
         samples = np.zeros(2000, np.int16).tobytes()
         body = struct.pack("<HHIIHH", code, channels, rate, rate * 2, max(1, width // 8 * channels) % 65536, width)
-        content = b"WAVEfmt " + struct.pack("<I", len(body)) + body + b"data" + struct.pack("<I", size or len(samples)) + samples
+        content = (
+            b"WAVEfmt " + struct.pack("<I", len(body)) + body + b"data" + struct.pack("<I", size or len(samples)) + samples
+        )
         (folder / "cut.wav").write_bytes(b"RIFF" + struct.pack("<I", len(content)) + content)
         return _campaign(folder, "cut.wav")
 
@@ -372,14 +396,24 @@ MEASURED: dict[str, tuple[Make, Sequence[int]]] = {
     "CSV: a NUL": (_text_file(TABLE.replace("\n", "\0\n", 1)), REFUSED),
     "CSV: half of UTF-16": (_text_file(TABLE.encode("utf-16")[:-1]), EITHER),
     "CSV: one number": (_text_file("disp\n1\n"), REFUSED),
-    "CSV: a date of 5000 digits": (_text_file("t,disp\n" + "".join(f"2026-01-01 {'0' * DEEP}{k},{k}\n" for k in range(50))),
-                                   REFUSED),
+    "CSV: a date of 5000 digits": (
+        _text_file("t,disp\n" + "".join(f"2026-01-01 {'0' * DEEP}{k},{k}\n" for k in range(50))),
+        REFUSED,
+    ),
     "CSV: numbers of 5000 digits": (_text_file("disp\n" + ("1" * DEEP + "\n") * 500), REFUSED),
     "LabVIEW: a header without numbers": (_text_file("LabVIEW Measurement\n***End_of_Header***\n", "cut.lvm"), REFUSED),
-    "LabVIEW: headers alone": (_text_file("LabVIEW Measurement\n" + "***End_of_Header***\nChannels\t1\nX\n" * 2000, "cut.lvm"),
-                               REFUSED),
-    "LabVIEW: no samples": (_text_file("LabVIEW Measurement\n***End_of_Header***\nChannels\t1\nSamples\t0\nDelta_X\t0\n"
-                                       "***End_of_Header***\nX_Value\tdisp\n***End_of_Header***\n", "cut.lvm"), REFUSED),
+    "LabVIEW: headers alone": (
+        _text_file("LabVIEW Measurement\n" + "***End_of_Header***\nChannels\t1\nX\n" * 2000, "cut.lvm"),
+        REFUSED,
+    ),
+    "LabVIEW: no samples": (
+        _text_file(
+            "LabVIEW Measurement\n***End_of_Header***\nChannels\t1\nSamples\t0\nDelta_X\t0\n"
+            "***End_of_Header***\nX_Value\tdisp\n***End_of_Header***\n",
+            "cut.lvm",
+        ),
+        REFUSED,
+    ),
     "HDF5: compound": (_hdf5_file(lambda file: file.__setitem__("disp", COMPOUND)), REFUSED),
     "HDF5: references": (_hdf5_file(lambda file: file.create_dataset("disp", (50,), h5py.ref_dtype)), REFUSED),
     "HDF5: text": (_hdf5_file(lambda file: file.__setitem__("disp", np.full(50, b"x"))), REFUSED),
@@ -387,14 +421,24 @@ MEASURED: dict[str, tuple[Make, Sequence[int]]] = {
     "HDF5: no values": (_hdf5_file(lambda file: file.__setitem__("disp", h5py.Empty("f8"))), REFUSED),
     "HDF5: a square of columns": (_hdf5_file(lambda file: file.__setitem__("disp", np.zeros((3000, 3000), "i1"))), REFUSED),
     "HDF5: 5000 nested groups": (_hdf5_file(_nested), REFUSED),
-    "HDF5: 1e12 values claimed": (_hdf5_file(lambda file: file.create_dataset("disp", (10**12,), "f8", chunks=(1000,))), REFUSED),
+    "HDF5: 1e12 values claimed": (
+        _hdf5_file(lambda file: file.create_dataset("disp", (10**12,), "f8", chunks=(1000,))),
+        REFUSED,
+    ),
     "HDF5: a loop of groups": (_hdf5_file(lambda file: file.create_group("a").__setitem__("b", file["/"])), REFUSED),
     "HDF5: a soft link": (_hdf5_file(lambda file: file.__setitem__("disp", h5py.SoftLink("/disp"))), REFUSED),
-    "HDF5: an external link": (_hdf5_file(lambda file: file.__setitem__("disp", h5py.ExternalLink("/dev/zero", "/x"))), REFUSED),
-    "HDF5: a rate of nan": (_hdf5_file(lambda file: file.create_dataset("disp", data=np.zeros(999)).attrs.update(fs=np.nan)),
-                            REFUSED),
-    "HDF5: units of a compound": (_hdf5_file(lambda file: file.create_dataset("disp", data=np.sin(np.arange(999))).attrs.update(
-        units=COMPOUND)), EITHER),
+    "HDF5: an external link": (
+        _hdf5_file(lambda file: file.__setitem__("disp", h5py.ExternalLink("/dev/zero", "/x"))),
+        REFUSED,
+    ),
+    "HDF5: a rate of nan": (
+        _hdf5_file(lambda file: file.create_dataset("disp", data=np.zeros(999)).attrs.update(fs=np.nan)),
+        REFUSED,
+    ),
+    "HDF5: units of a compound": (
+        _hdf5_file(lambda file: file.create_dataset("disp", data=np.sin(np.arange(999))).attrs.update(units=COMPOUND)),
+        EITHER,
+    ),
     "HDF5: a file name of a data set": (_hdf5_file(lambda file: file.create_dataset("n" * DEEP, data=np.zeros(99))), REFUSED),
     "MAT: text": (_mat_file({"disp": "text"}), REFUSED),
     "MAT: a cell": (_mat_file({"disp": np.array([1, "a"], dtype=object)}), REFUSED),
@@ -404,8 +448,10 @@ MEASURED: dict[str, tuple[Make, Sequence[int]]] = {
     "MAT: nothing": (_mat_file({}), REFUSED),
     "MAT: empty": (_mat_file({"disp": np.zeros((0, 3))}), REFUSED),
     "MAT: a header alone": (_text_file(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM", "cut.mat"), REFUSED),
-    "MAT: version 4, 1e9 values claimed": (_text_file(struct.pack("<5i", 0, 40000, 40000, 0, 5) + b"disp\0" + b"\0" * 99,
-                                                      "cut.mat"), REFUSED),
+    "MAT: version 4, 1e9 values claimed": (
+        _text_file(struct.pack("<5i", 0, 40000, 40000, 0, 5) + b"disp\0" + b"\0" * 99, "cut.mat"),
+        REFUSED,
+    ),
     "WAV: rate 0": (_wav_file(0), REFUSED),
     "WAV: no channels": (_wav_file(12800, channels=0), REFUSED),
     "WAV: 65535 channels": (_wav_file(12800, channels=65535), REFUSED),
@@ -414,15 +460,24 @@ MEASURED: dict[str, tuple[Make, Sequence[int]]] = {
     "WAV: another code": (_wav_file(12800, code=85), REFUSED),
     "WAV: a header alone": (_text_file(b"RIFF\x04\0\0\0WAVE", "cut.wav"), REFUSED),
     "TDMS: a header alone": (_text_file(b"TDSm" + b"\x0e\0\0\0" + struct.pack("<IQQ", 4713, 0, 0), "cut.tdms"), REFUSED),
-    "TDMS: 2**60 bytes claimed": (_text_file(b"TDSm" + b"\x0e\0\0\0" + struct.pack("<IQQI", 4713, 2**60, 2**60, 2**31),
-                                             "cut.tdms"), REFUSED),
-    "TDMS: objects without end": (_text_file(b"TDSm" + b"\x0e\0\0\0" + struct.pack("<IQQI", 4713, 8, 4, 0xFFFFFFFF), "cut.tdms"),
-                                  REFUSED),
+    "TDMS: 2**60 bytes claimed": (
+        _text_file(b"TDSm" + b"\x0e\0\0\0" + struct.pack("<IQQI", 4713, 2**60, 2**60, 2**31), "cut.tdms"),
+        REFUSED,
+    ),
+    "TDMS: objects without end": (
+        _text_file(b"TDSm" + b"\x0e\0\0\0" + struct.pack("<IQQI", 4713, 8, 4, 0xFFFFFFFF), "cut.tdms"),
+        REFUSED,
+    ),
     "UFF: 4 MB of openings": (_text_file("    -1\n" * 600_000, "cut.uff"), REFUSED),
     "UFF: no end": (_text_file("    -1\n    58\n" + "x" * 2_000_000, "cut.uff"), REFUSED),
-    "UFF: 1e12 values claimed": (_text_file("    -1\n    58\n" + "NONE\n" * 5 + "    1 1 1 1 NONE 1 1 NONE 1 1\n"
-                                            "         2 999999999999         1  0.0 1.0e-3 0.0\n" + "x\n" * 4 + "1.0\n    -1\n",
-                                            "cut.uff"), REFUSED),
+    "UFF: 1e12 values claimed": (
+        _text_file(
+            "    -1\n    58\n" + "NONE\n" * 5 + "    1 1 1 1 NONE 1 1 NONE 1 1\n"
+            "         2 999999999999         1  0.0 1.0e-3 0.0\n" + "x\n" * 4 + "1.0\n    -1\n",
+            "cut.uff",
+        ),
+        REFUSED,
+    ),
     "Parquet: a rate of text": (lambda folder: _parquet_file(folder, {"sampling_rate": "fast"}, [1.0, 2.0] * 500), EITHER),
     "Parquet: a rate of nan": (lambda folder: _parquet_file(folder, {"sampling_rate": "nan"}, [1.0, 2.0] * 500), EITHER),
     "Parquet: a rate of inf": (lambda folder: _parquet_file(folder, {"sampling_rate": "inf"}, [1.0, 2.0] * 500), EITHER),
@@ -430,8 +485,10 @@ MEASURED: dict[str, tuple[Make, Sequence[int]]] = {
     "Parquet: nulls": (lambda folder: _parquet_file(folder, {}, [None, None]), REFUSED),
     "Parquet: no rows": (lambda folder: _parquet_file(folder, {}, []), REFUSED),
     "Parquet: a header alone": (_text_file(b"PAR1PAR1", "cut.parquet"), REFUSED),
-    "Parquet: a footer of 2 GB claimed": (_text_file(b"PAR1" + b"\0" * 64 + struct.pack("<I", 2**31 - 1) + b"PAR1", "cut.parquet"),
-                                          REFUSED),
+    "Parquet: a footer of 2 GB claimed": (
+        _text_file(b"PAR1" + b"\0" * 64 + struct.pack("<I", 2**31 - 1) + b"PAR1", "cut.parquet"),
+        REFUSED,
+    ),
     "a record of /dev/zero": (lambda folder: _campaign(folder, "/dev/zero"), REFUSED),
     "a record of the campaign itself": (lambda folder: _campaign(folder, "campaign.yaml"), REFUSED),
     "a record of a data set": (lambda folder: _campaign(folder, "good.h5"), REFUSED),
@@ -439,6 +496,7 @@ MEASURED: dict[str, tuple[Make, Sequence[int]]] = {
 
 
 # -- texts that people write -----------------------------------------------------------------------------------------------
+
 
 def _changed(old: str, new: str, text: str = CAMPAIGN, command: str = "inspect") -> Make:
     def make(folder: Path) -> Sequence[object]:
@@ -456,18 +514,23 @@ def _changed(old: str, new: str, text: str = CAMPAIGN, command: str = "inspect")
 
 
 BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
-    f"{'bcdefghij'[k]}: &{'bcdefghij'[k]} [{','.join(['*' + 'abcdefghij'[k]] * 9)}]\n" for k in range(8))
+    f"{'bcdefghij'[k]}: &{'bcdefghij'[k]} [{','.join(['*' + 'abcdefghij'[k]] * 9)}]\n" for k in range(8)
+)
 WRITTEN: dict[str, tuple[Make, Sequence[int]]] = {
-    **{f"model: mass {value}": (_changed("2.573 kg", value, MODEL), REFUSED)
-       for value in ("0 kg", "-1 kg", ".nan", ".inf", "1e400 kg", "nan kg", "inf kg", "[1]", "{a: 1}", "1" * DEEP, "x" * DEEP)},
+    **{
+        f"model: mass {value}": (_changed("2.573 kg", value, MODEL), REFUSED)
+        for value in ("0 kg", "-1 kg", ".nan", ".inf", "1e400 kg", "nan kg", "inf kg", "[1]", "{a: 1}", "1" * DEEP, "x" * DEEP)
+    },
     "model: frequency 1e300 Hz": (_changed("147.5 Hz", "1e300 Hz", MODEL), EITHER),
     "model: frequency 1e-300 Hz": (_changed("147.5 Hz", "1e-300 Hz", MODEL), EITHER),
     "model: damping 1": (_changed("0.005", "1", MODEL), REFUSED),
     "model: coefficient 1e300": (_changed("600 N/mm^2", "1e300 N/mm^2", MODEL), REFUSED),
     "model: flutes 1e9": (_changed("flutes: 1", "flutes: 1000000000", MODEL), REFUSED),
     "model: a diameter of 1e-300 mm": (_changed("19.05 mm", "1e-300 mm", MODEL), EITHER),
-    "model: effects of 5000 names": (_changed("cutter:", "effects: {" + ", ".join(f"e{k}: {{}}" for k in range(DEEP)) + "}\ncutter:",
-                                              MODEL), REFUSED),
+    "model: effects of 5000 names": (
+        _changed("cutter:", "effects: {" + ", ".join(f"e{k}: {{}}" for k in range(DEEP)) + "}\ncutter:", MODEL),
+        REFUSED,
+    ),
     "model: 5000 nested lists": (_changed("2.573 kg", "[" * DEEP + "]" * DEEP, MODEL), REFUSED),
     "model: 5000 nested mappings": (_changed("2.573 kg", "{a: " * DEEP + "1" + "}" * DEEP, MODEL), REFUSED),
     "model: aliases without end": (_changed("structure:", BOMB + "structure:", MODEL), REFUSED),
@@ -484,24 +547,39 @@ WRITTEN: dict[str, tuple[Make, Sequence[int]]] = {
     "model: 1.5 MB of quotes": (_changed("2.573 kg", "'" * 1_500_001, MODEL), REFUSED),
     "model: 100,000 lines of comment": (_changed("structure:", "# a\n" * 100_000 + "structure:", MODEL), EITHER),
     "model: 1.5 MB of blanks": (_changed("structure:", " " * 1_500_000 + "\nstructure:", MODEL), EITHER),
-    "model: 300,000 keys": (_changed("structure:", "".join(f"k{k}: 1\n" for k in range(300_000)) + "structure:", MODEL), REFUSED),
+    "model: 300,000 keys": (
+        _changed("structure:", "".join(f"k{k}: 1\n" for k in range(300_000)) + "structure:", MODEL),
+        REFUSED,
+    ),
     "model: two documents": (_changed("structure:", "a: 1\n---\nstructure:", MODEL), REFUSED),
     "model: a NUL": (_changed("2.573", "2.5\0", MODEL), REFUSED),
-    "model: an emoji for a unit": (_changed("2.573 kg", "2.573 \U0001F600", MODEL), REFUSED),
+    "model: an emoji for a unit": (_changed("2.573 kg", "2.573 \U0001f600", MODEL), REFUSED),
     "model: lone surrogates": (_changed("2.573 kg", '"\\ud800"', MODEL), REFUSED),
     "model: a number of Arabic digits": (_changed("2.573 kg", "\u0662 kg", MODEL), EITHER),
-    "campaign: no records": (_changed(CAMPAIGN[CAMPAIGN.index("records:"):].replace("FILE", "cut.csv"), "records: []\n"), REFUSED),
-    **{f"campaign: sampling_rate {value[:20]}": (_changed("12800 Hz", value), REFUSED)
-       for value in ("0 Hz", "nan Hz", ".inf", "-1 Hz", "inf Hz", "fast", "1e400 Hz", "[1, 2]")},
+    "campaign: no records": (
+        _changed(CAMPAIGN[CAMPAIGN.index("records:") :].replace("FILE", "cut.csv"), "records: []\n"),
+        REFUSED,
+    ),
+    **{
+        f"campaign: sampling_rate {value[:20]}": (_changed("12800 Hz", value), REFUSED)
+        for value in ("0 Hz", "nan Hz", ".inf", "-1 Hz", "inf Hz", "fast", "1e400 Hz", "[1, 2]")
+    },
     "campaign: sampling_rate 1e300 Hz": (_changed("12800 Hz", "1e300 Hz"), REFUSED),
     "campaign: sampling_rate 1e-300 Hz": (_changed("12800 Hz", "1e-300 Hz"), REFUSED),
-    **{f"campaign: scale {value}": (_changed("unit: um", f"unit: um, scale: {value}"), REFUSED)
-       for value in (".nan", ".inf", "big", "0", "1e400", "[1]", "true")},
+    **{
+        f"campaign: scale {value}": (_changed("unit: um", f"unit: um, scale: {value}"), REFUSED)
+        for value in (".nan", ".inf", "big", "0", "1e400", "[1]", "true")
+    },
     "campaign: scale 1e299": (_changed("unit: um", "unit: um, scale: 1e299"), EITHER),
     "campaign: scale 1e-299": (_changed("unit: um", "unit: um, scale: 1e-299"), EITHER),
-    **{f"campaign: spindle_speed {value}": (_changed("3810 rpm", value), REFUSED)
-       for value in ("0 rpm", "-1 rpm", "inf rpm", "nan rpm", "1e300 rpm", "1e-300 rpm")},
-    **{f"campaign: feed {value}": (_changed("0.1 mm/tooth", value), REFUSED) for value in ("inf mm/tooth", "-1 mm/rev", "0 mm/min")},
+    **{
+        f"campaign: spindle_speed {value}": (_changed("3810 rpm", value), REFUSED)
+        for value in ("0 rpm", "-1 rpm", "inf rpm", "nan rpm", "1e300 rpm", "1e-300 rpm")
+    },
+    **{
+        f"campaign: feed {value}": (_changed("0.1 mm/tooth", value), REFUSED)
+        for value in ("inf mm/tooth", "-1 mm/rev", "0 mm/min")
+    },
     "campaign: feed 1e300": (_changed("0.1 mm/tooth", "1e300 mm/tooth"), EITHER),
     "campaign: depth inf": (_changed("2 mm,", "inf mm,"), REFUSED),
     "campaign: from nan": (_changed("kind: cut", "from: .nan, kind: cut"), REFUSED),
@@ -532,8 +610,10 @@ WRITTEN: dict[str, tuple[Make, Sequence[int]]] = {
     "scenario: seed -1": (_changed("seed: 1", "seed: -1", SCENARIO), REFUSED),
     "scenario: seed of 5000 digits": (_changed("seed: 1", f"seed: {'9' * DEEP}", SCENARIO), REFUSED),
     "scenario: a name of 5000 characters": (_changed("small", "n" * DEEP, SCENARIO), EITHER),
-    "scenario: no tests": (_changed(SCENARIO[SCENARIO.index("tests:"):SCENARIO.index("sensors:")], "tests: []\n", SCENARIO),
-                           REFUSED),
+    "scenario: no tests": (
+        _changed(SCENARIO[SCENARIO.index("tests:") : SCENARIO.index("sensors:")], "tests: []\n", SCENARIO),
+        REFUSED,
+    ),
     "scenario: bits 1e9": (_changed("bits: 16", "bits: 1000000000", SCENARIO), REFUSED),
     "scenario: noise inf": (_changed("noise: 0.5 um", "noise: inf um", SCENARIO), REFUSED),
     "scenario: range 0": (_changed("range: 1 mm", "range: 0 mm", SCENARIO), REFUSED),
@@ -544,6 +624,7 @@ WRITTEN: dict[str, tuple[Make, Sequence[int]]] = {
 
 
 # -- damaged files ---------------------------------------------------------------------------------------------------------
+
 
 def _damaged(raw: bytes, seed: int) -> bytes:
     """A sound file with one random damage: flipped bits, random bytes, cut off, a hole, a piece twice."""
@@ -616,8 +697,11 @@ def _law(line: str, *command: str, beside: str = "", text: str = LAW) -> Make:
         (folder / "precious").write_text("kept")
         (folder / "cut.csv").write_text(TABLE)
         (folder / "campaign.yaml").write_text(CAMPAIGN.replace("FILE", "cut.csv"))
-        rest = {"effects": ("law",), "add": ("law", "-m", "model.yaml", "-c", "campaign.yaml", "-o", "new.yaml"),
-                "diagnose": ("campaign.yaml", "-m", "model.yaml")}[command[0]]
+        rest = {
+            "effects": ("law",),
+            "add": ("law", "-m", "model.yaml", "-c", "campaign.yaml", "-o", "new.yaml"),
+            "diagnose": ("campaign.yaml", "-m", "model.yaml"),
+        }[command[0]]
         return (*command, *rest, "--effects", "own", *(("--no-picture",) if command[0] == "effects" else ()))
 
     return make
@@ -641,11 +725,19 @@ def _of_effects() -> Iterator[Probe]:
     for name, line in BAD_LAWS.items():
         for command in ("effects", "add", "diagnose"):
             yield Probe("own effects", f"{command}: {name}", _law(line, command))
-    for name, text in {"never ends when read": "while True:\n    pass\n", "exits when read": "import os\nos._exit(0)\n",
-                       "kills when read": "import os\nos.kill(os.getpid(), 9)\n", "fills the memory": "x = [0] * 10**11\n"}.items():
+    for name, text in {
+        "never ends when read": "while True:\n    pass\n",
+        "exits when read": "import os\nos._exit(0)\n",
+        "kills when read": "import os\nos.kill(os.getpid(), 9)\n",
+        "fills the memory": "x = [0] * 10**11\n",
+    }.items():
         yield Probe("own effects", f"effects: {name}", _law("return strength * velocity", "effects", text=text + LAW))
-    yield Probe("own effects", "a script beside it deletes a file", _law("return strength * velocity", "effects", beside=DELETES),
-                EITHER)
+    yield Probe(
+        "own effects",
+        "a script beside it deletes a file",
+        _law("return strength * velocity", "effects", beside=DELETES),
+        EITHER,
+    )
 
 
 def probes() -> list[Probe]:

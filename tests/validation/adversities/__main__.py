@@ -1,0 +1,39 @@
+"""The table of adversities: python -m tests.validation.adversities [MODULE ...] (some minutes)."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import json
+import sys
+from collections import Counter
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[2])]
+MODULES = ("files", "installation", "data_sets")
+RESULTS = Path(__file__).parent / "results.jsonl"
+
+
+def main(chosen: list[str]) -> None:
+    """Run every module that is there, print the counts by kind, keep each probe's result as a line of JSON."""
+    asked, answered = Counter[str](), Counter[str]()
+    with RESULTS.open("w", encoding="utf-8") as file:
+        for name in chosen or MODULES:
+            place = f"tests.validation.adversities.{name}"
+            if importlib.util.find_spec(place) is None:
+                continue
+            for title, right, seen in importlib.import_module(place).run():
+                kind = f"{name}: {title.partition(':')[0]}"
+                asked[kind] += 1
+                answered[kind] += right
+                file.write(json.dumps({"module": name, "name": title, "answered": right, "seen": seen}) + "\n")
+                if not right:
+                    print(f"not as asked: {title}: {seen}")
+    print("| kind | probes | answered as asked |\n|---|---|---|")
+    for kind, count in asked.items():
+        print(f"| {kind} | {count} | {answered[kind]} |")
+    print(f"| all | {asked.total()} | {answered.total()} |")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
