@@ -140,6 +140,21 @@ def test_amplitude_and_phase_and_uff_are_read(tmp_path):
     assert np.allclose(other.spectrum.values, one.spectrum.values, rtol=1e-4)
 
 
+def test_a_uff_file_of_several_directions_says_its_own(tmp_path):
+    pyuff = pytest.importorskip("pyuff")
+    frequency = np.arange(0.0, 2000.0, 2.0)
+    file = pyuff.UFF(str(tmp_path / "f.uff"))
+    for number, (sensed, along) in enumerate(((1, 1), (-2, 1), (3, 1), (2, 2))):
+        file.write_sets(pyuff.prepare_58(
+            func_type=4, rsp_node=1, rsp_dir=sensed, ref_node=1, ref_dir=along, binary=0, ord_data_type=5,
+            data=receptance(B2[:2], frequency), x=frequency, num_pts=len(frequency), abscissa_spacing=1, abscissa_min=0.0,
+            abscissa_inc=2.0, abscissa_spec_data_type=18, ordinate_spec_data_type=8, orddenom_spec_data_type=13,
+            id1=f"function {number}"), mode="add" if number else "overwrite")
+    (tmp_path / "taps.yaml").write_text("taps: [{file: f.uff, direction: x}]\n")
+    assert [(one.along, one.sensed) for one in load_taps(tmp_path / "taps.yaml").taps] == [
+        ((1.0, 0.0), (1.0, 0.0)), ((1.0, 0.0), (0.0, -1.0)), ((0.0, 1.0), (0.0, 1.0))]
+
+
 def test_windows_and_the_sensor_s_mass_are_undone(tmp_path):
     path = write_taps(tmp_path, B2[:2], "xx", Hammer(blows=1, spacing=0.5))
     table = np.loadtxt(tmp_path / "xx.csv", delimiter=",", skiprows=1)

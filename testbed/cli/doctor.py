@@ -15,7 +15,7 @@ from testbed.cli._answer import Answer
 PACKAGES = ("testbed", "analysis", "models", "scenarios")
 EXTRAS = {"nptdms": "TDMS files (extra formats)", "pyuff": "UFF files (extra formats)",
           "soundfile": "WAV files (extra formats)", "pyarrow": "Parquet files (extra formats)",
-          "hdf5plugin": "zstd in HDF5 files (extra fast)"}
+          "hdf5plugin": "zstd in HDF5 files (extra fast)", "sdypy": "hammer taps (extra tap)"}
 
 
 @click.command(short_help="Check this installation.", epilog="Example: testbed doctor --json -")

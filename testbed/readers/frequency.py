@@ -4,7 +4,7 @@ of the usual quantities."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,12 +18,16 @@ from testbed.units import UnitProblem
 _EVEN = 1e-3  # of a step, by which lines of even steps may miss
 _FEWEST = 16  # lines of a frequency response
 _ORDER = {unit: order for order, unit in enumerate(MOTION_UNITS.values())}
+_AXES = {1: (1.0, 0.0), -1: (-1.0, 0.0), 2: (0.0, 1.0), -2: (0.0, -1.0)}  # a UFF file's codes
 _EXAMPLES = "m/N, um/N, m/s/N, g/N"
 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """A receptance: `values` (lines,) in m/N at `frequency` (Hz, even steps). along, sensed: as the file says, if it does."""
+    """A receptance: `values` (lines,) in m/N at `frequency` (Hz, even steps).
+
+    along, sensed: of force and sensor, where the file holds several directions and says which.
+    """
 
     name: str
     frequency: np.ndarray
@@ -88,11 +92,19 @@ def _told(table: Table, wanted: str | int | None) -> list[Spectrum]:
     chosen = [name for name in names if table.spectra[name] == "a frequency response"]
     if not chosen:
         raise InputProblem(table.path, f"holds {table.spectra[names[0]]}, no frequency response", "export functions of type 4")
+    codes = [table.directions.get(name, (0, 0)) for name in chosen]
+    several = len(set(codes)) > 1 and all(first and second for first, second in codes)
+    if several:  # what points out of the plane is none of a cut's
+        chosen = [name for name, pair in zip(chosen, codes, strict=True) if all(abs(one) in (1, 2) for one in pair)]
+        if not chosen:
+            raise InputProblem(table.path, "no frequency response lies in the plane of x and y", "export those of x and y")
     found = []
     for name in chosen:
         factor, order = _response_unit(table, name, table.units.get(f"{name} re", ""), None)
         values = (table.columns[f"{name} re"] + 1j * table.columns[f"{name} im"]) * factor
-        found.append(_spectrum(table, name, table.columns["frequency"], values, order))
+        one = _spectrum(table, name, table.columns["frequency"], values, order)
+        sensed, along = (_AXES.get(code) if several else None for code in table.directions.get(name, (0, 0)))
+        found.append(replace(one, along=along, sensed=sensed))
     return found
 
 

@@ -39,7 +39,8 @@ class Table:
     than the `fields` of a line, whose columns are named by number then. unread: names of what else is in the file, and why
     it is no column, such as `has 100 values against 8459`. commas: whether commas stand between the fields of a line.
     spectra: names of columns over frequency, and what each is. clocks: names of columns that were written as times of day.
-    order: names of all columns as they stand in the file, also of those left out.
+    order: names of all columns as they stand in the file, also of those left out. directions: of functions, a UFF file's codes
+    of the response's and the force's direction: 1, 2, 3 for x, y, z, negative the other way, 0 not said.
     """
 
     path: Path
@@ -56,6 +57,7 @@ class Table:
     spectra: Mapping[str, str] = field(default_factory=dict)
     clocks: tuple[str, ...] = ()
     order: tuple[str, ...] = ()
+    directions: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.columns or all(len(values) == 0 for values in self.columns.values()):

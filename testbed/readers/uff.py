@@ -56,6 +56,7 @@ def _table(path: Path, sets: list[dict[str, Any]], kinds: list[int]) -> Table:
     columns: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     spectra: dict[str, str] = {}
+    directions: dict[str, tuple[int, int]] = {}
     steps = set()
     for name, entry in zip(names, sets, strict=True):
         data, axis = np.asarray(entry["data"]), np.asarray(entry["x"], dtype=float)
@@ -72,6 +73,7 @@ def _table(path: Path, sets: list[dict[str, Any]], kinds: list[int]) -> Table:
             columns[f"{name} re"], columns[f"{name} im"] = data.real.astype(float), data.imag.astype(float)
             what = _OVER_FREQUENCY.get(int(entry.get("func_type", 0) or 0), "a function of frequency")
             spectra |= dict.fromkeys((name, f"{name} re", f"{name} im", "frequency"), what)
+            directions[name] = (int(entry.get("rsp_dir", 0) or 0), int(entry.get("ref_dir", 0) or 0))
             units |= dict.fromkeys((f"{name} re", f"{name} im"), _quotient(entry))
             continue
         columns[name] = data.astype(float)
@@ -93,7 +95,7 @@ def _table(path: Path, sets: list[dict[str, Any]], kinds: list[int]) -> Table:
     if steps:
         step = steps.pop()
         rate = simplest_between((1 - _ROUNDING) / step, (1 + _ROUNDING) / step)
-    return Table(path, columns, units, rate, _ROUNDING, tuple(notes), spectra=spectra)
+    return Table(path, columns, units, rate, _ROUNDING, tuple(notes), spectra=spectra, directions=directions)
 
 
 def _quotient(entry: dict[str, Any]) -> str:
