@@ -102,6 +102,9 @@ def _xml(scenario: Any, catalogue: Any, folders: tuple[str, ...]) -> str:
         import models
 
         return models.machine(scenario.model.machine).xml() if scenario.model.machine else ""
+    cutter = scenario.model.cutter
+    if scenario.engine == "fast" and cutter is not None and cutter.pitch_angles:
+        return ""  # MuJoCo has no model of teeth of unequal pitch so far
     from testbed.engines.mujoco_engine import model_xml
 
     run = scenario.run(0)
