@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.tap.blows import find_blows
+from analysis.tap.frequency_response import FrequencyResponse
 from analysis.tap.tap import tap_test
 from testbed.machine import Mode
 from testbed.model_file import read_model
@@ -225,3 +226,13 @@ def test_a_measured_plate_s_sensor_faces_the_hammer(tmp_path):
     assert any("turned round" in note for note in found.notes)
     assert found.modes[0].natural_frequency.value == pytest.approx(59.38, rel=2e-3)
     assert found.modes[0].damping_ratio.value == pytest.approx(0.01, rel=0.1)
+
+
+@pytest.mark.parametrize(("drift", "least", "most"), [(0.0, 0.0, 0.0), (3e-4, 15.0, 350.0)])
+def test_the_drift_of_a_sensor_is_no_mode(drift, least, most):
+    frequency = np.arange(1.0, 2000.0)
+    held = receptance((Mode(0.5, 500.0, 0.02), Mode(0.3, 1200.0, 0.02)), frequency)
+    one = FrequencyResponse("x", frequency, held + drift / frequency**2, (1.0, 0.0), (1.0, 0.0), "tool")
+    assert least <= one.lowest <= most
+    kept = one.from_lowest().believed(1.0, 1e6)
+    assert kept[480:520].all() and kept[1180:1220].all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -16,6 +17,9 @@ _BELIEVED = 0.9  # least coherence of a line and its neighbours, or share of wha
 _SMOOTH = 9  # lines that a coherence is averaged over
 _SHORTEST = 6  # lines that stand together
 FEWEST_LINES = 24  # of a band that holds a mode
+_HALVES = 0.5  # of one octave to the next: drift falls to a quarter, the answer of a stiffness stays
+_STEP = 2.0 ** (1.0 / 3.0)
+_FALLS = 10.0  # times: less from 0 Hz on is no drift
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,32 @@ class FrequencyResponse:
         middle = median_filter(scatter, 2 * min(_QUIET, len(flat) // 4) + 1, mode="nearest") / np.log(2.0)
         found = np.sqrt(middle) / weight
         return found if self.floor is None else np.maximum(found, self.floor)
+
+    @cached_property
+    def lowest(self) -> float:
+        """Where a sensor's drift, or a body that is free to move, ends: Hz, 0 where the response does not fall from 0 Hz on.
+
+        A structure that is held answers a slow force by its stiffness. Integrated twice, the drift of an accelerometer rises as
+        the inverse square of the frequency instead, and hides all modes from a fit.
+        """
+        lines = np.flatnonzero((self.frequency > 0.0) & np.isfinite(self.receptance))
+        if len(lines) < FEWEST_LINES:
+            return 0.0
+        frequency, size = self.frequency[lines], np.abs(self.receptance[lines])
+
+        def octave(first: float) -> float:
+            inside = (frequency >= first) & (frequency < 2.0 * first)
+            return float(np.median(size[inside])) if inside.any() else math.inf
+
+        low = float(frequency[0])
+        while octave(2.0 * low) < _HALVES * octave(low):
+            low *= _STEP
+        return low if octave(low) < octave(float(frequency[0])) / _FALLS else 0.0
+
+    def from_lowest(self) -> FrequencyResponse:
+        """The response with the lines below `lowest` taken for not driven."""
+        driven = np.ones(len(self.frequency), dtype=bool) if self.driven is None else self.driven
+        return replace(self, driven=driven & (self.frequency >= self.lowest))
 
     def believed(self, low: float, high: float) -> np.ndarray:
         """Which lines (lines,) between low and high (Hz) a fit may use: force, coherence, more than noise."""

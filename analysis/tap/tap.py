@@ -110,7 +110,12 @@ def tap_test(taps: Any, most_modes: int | None = None) -> TapResult:
         noted.notes += [f"{tap.name}: {note}" for note in tap.notes]
     low, high = taps.band or (_LOW, _HIGH)
     masses: list[float] = []
-    responses = _as_they_are(_responses(taps, masses, noted), (low, high), noted)
+    measured = _responses(taps, masses, noted)
+    if taps.band is None:
+        noted.notes += [f"{one.name}: rises towards 0 Hz as a sensor's drift does: nothing below {one.lowest:.4g} Hz is used "
+                        "(`band` gives the frequencies yourself)" for one in measured if one.lowest > 0.0]
+        measured = [one.from_lowest() for one in measured]
+    responses = _as_they_are(measured, (low, high), noted)
     responses = [unloaded(one, mass, noted.notes) for one, mass in zip(responses, masses, strict=True)]
     groups = [_group(part, low, high, most_modes, str(taps.file), noted) for part in _grouped(responses)]
     for group in groups:
