@@ -28,6 +28,7 @@ from analysis.records.segments import Kind
 from analysis.search import diagnosis
 from analysis.search.diagnosis import Candidate, Diagnosis, OtherForm
 from analysis.search.next_test import NextTest
+from testbed import interruption
 from testbed.cli import doctor
 from testbed.cli import testbed as commands
 from testbed.cli._answer import plain
@@ -177,7 +178,7 @@ def test_the_verdicts_are_those_of_the_program():
 
 def test_the_exit_codes_are_those_of_the_program():
     source = (ROOT / "testbed/cli/__init__.py").read_text()
-    given = {int(code) for code in re.findall(r"code = (\d+)", source)} | {1}  # Python's own, after a fault
+    given = {int(code) for code in re.findall(r"return (\d+)\n", source)} | {interruption.INTERRUPTED, 1}  # 1: after a fault
     assert {int(code) for code in PATHS["Exit codes"].column("code")} == given
 
 

@@ -74,7 +74,7 @@ def test_runs_that_stand_in_two_shards_are_taken_once(undisturbed, tmp_path):
 def test_a_shard_is_whole_or_not_there_wherever_its_writing_is_cut(tmp_path):
     """The process is killed at each of the file operations of a shard's writing in turn, until one writing survives."""
     scenario = sweep_kills.scenario(6)
-    header = sweep._header(scenario, "", {})
+    header = sweep._header(scenario, "", {}, ())
     job = Job(scenario, header, plain_engine.simulate, tmp_path, scenario.longest(), 2)
     killed = survived = 0
     while not survived:
