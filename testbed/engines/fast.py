@@ -26,6 +26,7 @@ _NO_EFFECTS: Mapping[str, Effect] = MappingProxyType({})
 STIFFER = 1.05  # a structure stiffened beyond this, in frequency, is run again with finer steps
 STIFFEST = 6.0  # in frequency: what seems stiffer diverged, by its steps or by itself, and would take for ever
 REFINEMENTS = 4  # how often: after a coarse run the motion itself may still change
+ALWAYS_TAKEN = 4_000  # steps a pass: few samples may show a motion that stiffens as it grows, which takes many steps each
 LIMIT = 1.0  # m; a displacement beyond it is a run that has diverged
 CHANNELS = {
     "displacement": sk.SENSED_X,
@@ -86,7 +87,8 @@ class _Batch:
     def run(self, packed: Sequence[Packed], linear: bool = False) -> BatchResult:
         """The runs as they are packed; NaN for those beyond `most_steps`. linear: by the kernel of the base model alone."""
         followed = [run for run, one in enumerate(packed)
-                    if one.steps_of_pass <= self.most_steps * self.clock[run, 1] * one.nominal_pass]  # fmt: skip
+                    if one.steps_of_pass <= max(self.most_steps * self.clock[run, 1] * one.nominal_pass,
+                                                self.refinement * ALWAYS_TAKEN)]  # fmt: skip
         if len(followed) == len(packed):
             return self._run(packed, linear)
         runs, (signals, count, passes) = len(packed), self.shape
