@@ -20,7 +20,8 @@ from tests.validation.claims import Section
 CHECKS = ("published", "multipliers", "engines", "verdicts", "identification", "hammer", "nuisances", "effects", "absorption",
           "hardware", "diagnosis", "hard_pairs", "decoys", "blind.count", "blind.anywhere", "blind.faint", "blind.propose",
           "outside.agreement", "outside.count", "paper", "score", "bit_flips", "kills", "throughput", "fuzz_readers",
-          "vendor_files", "ring_downs", "chatter", "charts", "planar_charts", "own_scale", "misstated", "taps")
+          "vendor_files", "ring_downs", "chatter", "charts", "planar_charts", "planar_verdicts",
+          "own_scale", "misstated", "taps")
 TARGET = Path(__file__).resolve().parents[2] / "VALIDATION.md"
 HEAD = """# Validation
 
