@@ -21,6 +21,7 @@ MAX_RATIO = 2_000               # unpacked to stored; gzip itself cannot pass 10
 RATIO_COUNTS_FROM = 64 * 2**20  # bytes unpacked, below which the ratio does no harm
 MAX_OBJECTS = 200_000
 MAX_ATTRIBUTES = 10_000
+MAX_DEPTH = 100  # groups within groups: HDF5 takes time with the square of it
 
 
 @contextmanager
@@ -74,6 +75,8 @@ def check(file: h5py.Group, path: object) -> None:
             if len(item.attrs) > MAX_ATTRIBUTES:
                 raise InputProblem(path, f"{place} has too many attributes", "give a smaller file")
             if isinstance(item, h5py.Group):
+                if place.count("/") > MAX_DEPTH:
+                    raise InputProblem(path, f"has more than {MAX_DEPTH} groups, one within the other", "give a flatter file")
                 waiting.append(item)
             elif isinstance(item, h5py.Dataset):
                 _check_data(item, path, place)
