@@ -119,7 +119,7 @@ def _check_slider(path: Path, effect: Effect, hooks: Iterable[str], line: int | 
 
 def read_effect(path: Path) -> Effect:
     """Read and check one effect file. InputProblem where the contract is broken."""
-    if not defines_effect(_text(path)[0]):
+    if path.parent not in (BUILT_IN, SENSOR_EFFECTS) and not defines_effect(_text(path)[0]):
         raise InputProblem(path, *_NO_EFFECT)
     module = _load_module(path)
     effect = getattr(module, "EFFECT", None)

@@ -16,6 +16,7 @@ Direction = Literal["up-milling", "down-milling"]
 Carrier = Literal["workpiece", "tool"]
 CARRIERS: tuple[Carrier, ...] = ("workpiece", "tool")
 MOST_FLUTES = 100  # of any cutter
+SAME_DIRECTION_RAD = 1e-9  # rounding alone, between two ways to write one direction
 CLOSES_RAD = math.radians(0.1)  # pitch angles in whole tenths of a degree may miss the full circle by this
 DIRECTIONS: tuple[Direction, ...] = ("up-milling", "down-milling")
 # Where no machine is. K_t is a specific cutting energy: foams and woods take some 50 N/mm^2, hardened steel at the thinnest
@@ -35,6 +36,15 @@ def radial_immersion_fraction(radial_depth_of_cut: float, diameter: float) -> fl
     """Fraction of the spindle period that one tooth spends in the cut: arccos(1 - 2 a/D) / (2 pi)."""
     _require(0.0 < radial_depth_of_cut <= diameter, "radial depth of cut must be above 0 and at most the diameter")
     return math.acos(1.0 - 2.0 * radial_depth_of_cut / diameter) / (2.0 * math.pi)
+
+
+def unit_vector(angle: float) -> tuple[float, float]:
+    """Unit vector (x, y) at an angle (rad) from x towards y; exact along x and y."""
+    quarter, rest = divmod(angle, 0.5 * math.pi)
+    x, y = (1.0, 0.0) if rest == 0.0 else (math.cos(rest), math.sin(rest))
+    for _ in range(int(quarter) % 4):
+        x, y = -y, x
+    return x + 0.0, y + 0.0  # no negative zeros
 
 
 @dataclass(frozen=True)
@@ -76,11 +86,19 @@ class Mode:
     @property
     def shape(self) -> tuple[float, float]:
         """Unit vector (x, y) along which the mode moves; exact along x and y."""
-        quarter, rest = divmod(self.direction, 0.5 * math.pi)
-        x, y = (1.0, 0.0) if rest == 0.0 else (math.cos(rest), math.sin(rest))
-        for _ in range(int(quarter) % 4):
-            x, y = -y, x
-        return x + 0.0, y + 0.0  # no negative zeros
+        return unit_vector(self.direction)
+
+
+def repeated_mode(modes: Sequence[Mode]) -> int | None:
+    """Place of the first mode that stands before it already: same carrier, frequency and direction; None where none does."""
+    before: dict[tuple[Carrier, float], list[float]] = {}
+    for place, one in enumerate(modes):
+        directions = before.setdefault((one.on, one.natural_frequency), [])
+        turned = [(one.direction - other) % math.pi for other in directions]
+        if any(min(angle, math.pi - angle) <= SAME_DIRECTION_RAD for angle in turned):
+            return place
+        directions.append(one.direction)
+    return None
 
 
 @dataclass(frozen=True)
@@ -106,11 +124,7 @@ class Structure(Mode):
     def of(cls, modes: Sequence[Mode]) -> Structure:
         """The structure that has these modes. ValueError where there is none, or one stands twice."""
         _require(len(modes) > 0, "a structure has at least one mode")
-        for place, one in enumerate(modes):
-            for other in modes[:place]:
-                turned = (one.direction - other.direction) % math.pi
-                _require(one.on != other.on or one.natural_frequency != other.natural_frequency
-                         or min(turned, math.pi - turned) > 1e-9, "a mode stands twice")
+        _require(repeated_mode(modes) is None, "a mode stands twice")
         first = modes[0]
         return cls(first.mass, first.natural_frequency, first.damping_ratio, first.direction, first.on, tuple(modes[1:]))
 
@@ -185,7 +199,6 @@ class Cutting:
 _STRUCTURE = ("mass", "natural_frequency", "damping_ratio")
 _MODE_PATH = re.compile(r"modes\[(\d+)\]\.(\w+)")
 _CUTTING = ("immersion", "tangential_coefficient", "normal_coefficient")
-BASE_PARAMETERS = _STRUCTURE + _CUTTING
 BASE_UNITS = {"mass": "kg", "natural_frequency": "Hz", "damping_ratio": "1", "immersion": "1",
               "tangential_coefficient": "N/m^2", "normal_coefficient": "N/m^2"}
 

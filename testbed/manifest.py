@@ -64,7 +64,7 @@ def _positive(value: object, feed: Feed) -> Feed:
     return feed
 
 
-def _seconds(value: object) -> float:
+def as_seconds(value: object) -> float:
     """A time in seconds: a bare number, or a text with its unit."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         value = f"{value!r} s"
@@ -91,24 +91,24 @@ def _depth(number: float) -> str | None:
     return at_least_zero(number) or ("lies beyond 500 mm: is the unit right?" if number > DEEPEST else None)
 
 
-def _rows(value: object) -> int:
+def as_rows(value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
         raise UnitProblem(f"'{value}' is not a number of lines", "give a whole number of at least 0")
     return value
 
 
-def _column(value: object) -> int | str | None:
+def as_column(value: object) -> int | str | None:
     if isinstance(value, bool) or not isinstance(value, (int, str, type(None))):
         raise UnitProblem(f"'{value}' is no column", "give its name, or its number from 1")
     return value
 
 
-def _key(value: object) -> object:
+def as_key(value: object) -> object:
     """A key; the number of a capture may stand without quotes."""
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
-def _scale(value: object) -> float:
+def as_factor(value: object) -> float:
     """A factor; of 0 no channel would be left. Raises UnitProblem."""
     number = isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 < abs(value) < 1e300
     if not number:
@@ -119,13 +119,13 @@ def _scale(value: object) -> float:
 class ChannelEntry(Strict):
     """One channel: where it stands in the file and what a number of it means."""
 
-    column: Annotated[Any, BeforeValidator(_column)] = None
+    column: Annotated[Any, BeforeValidator(as_column)] = None
     unit: str | None = None
-    scale: Annotated[float, BeforeValidator(_scale)] | None = None
+    scale: Annotated[float, BeforeValidator(as_factor)] | None = None
     pulses_per_revolution: Annotated[int, BeforeValidator(_whole)] | None = None
     edge: Literal["rising", "falling"] | None = None
     file: str | None = None
-    key: Annotated[str | None, BeforeValidator(_key)] = None
+    key: Annotated[str | None, BeforeValidator(as_key)] = None
     on: Carrier | None = None
 
 
@@ -149,9 +149,9 @@ class _Conditions(Strict):
     feed: Annotated[Feed, BeforeValidator(_feed)] | None = None
     flutes: Annotated[int, BeforeValidator(_flutes)] | None = None
     length_cut_before: quantity("m", at_least_zero) | None = None  # type: ignore[valid-type]
-    skip_rows: Annotated[int, BeforeValidator(_rows)] | None = None
+    skip_rows: Annotated[int, BeforeValidator(as_rows)] | None = None
     delimiter: str | None = None
-    key: Annotated[str | None, BeforeValidator(_key)] = None
+    key: Annotated[str | None, BeforeValidator(as_key)] = None
 
 
 class RecordEntry(_Conditions):
@@ -161,8 +161,8 @@ class RecordEntry(_Conditions):
     kind: Kind
     name: str | None = None
     note: str | None = None
-    from_: Annotated[float, BeforeValidator(_seconds)] | None = Field(default=None, alias="from")
-    to: Annotated[float, BeforeValidator(_seconds)] | None = None
+    from_: Annotated[float, BeforeValidator(as_seconds)] | None = Field(default=None, alias="from")
+    to: Annotated[float, BeforeValidator(as_seconds)] | None = None
 
 
 def _listed_records(value: object) -> object:

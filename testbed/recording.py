@@ -13,6 +13,7 @@ from testbed.machine import Carrier
 Origin = Literal["measured", "synthetic", "predicted"]
 Outcome = Literal["ok", "diverged", "limit", "crashed"]
 MOTION_UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+DERIVATIVES = {name: order for order, name in enumerate(MOTION_UNITS)}  # how often the displacement is derived
 MOTIONS = tuple(f"{name}{axis}" for name in MOTION_UNITS for axis in ("", "_x", "_y"))  # one without an axis is along x
 CHANNEL_UNITS = {**{name: MOTION_UNITS[name.split("_")[0]] for name in MOTIONS}, "force": "N", "force_x": "N",
                  "force_y": "N", "tachometer": "V", "spindle_angle": "rad"}

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator
 
-from testbed.machine import Carrier, Mode, Model, Structure
+from testbed.machine import Carrier, Mode, Model, Structure, repeated_mode
 from testbed.units import UnitProblem, format_quantity, parse_quantity
 from testbed.yaml_text import Document, Path_, Strict, above_zero, did_you_mean, in_unit, validate
 
@@ -21,7 +21,7 @@ def _below_one(number: float) -> str | None:
     return None if 0.0 <= number < 1.0 else "must be at least 0 and below 1"
 
 
-def _direction(value: object) -> float:
+def as_direction(value: object) -> float:
     """The angle (rad) of `x`, `y` or an angle with its unit."""
     if isinstance(value, str) and value.strip().lower() in _AXES:
         return _AXES[value.strip().lower()]
@@ -34,7 +34,7 @@ def _direction(value: object) -> float:
 class _Mode(Strict):
     natural_frequency: Annotated[float, in_unit("Hz", above_zero)]
     damping_ratio: Annotated[float, in_unit("1", _below_one)]
-    direction: Annotated[float, BeforeValidator(_direction)]
+    direction: Annotated[float, BeforeValidator(as_direction)]
     mass: Annotated[float | None, in_unit("kg", above_zero)] = None
     stiffness: Annotated[float | None, in_unit("N/m", above_zero)] = None
     on: Carrier = "workpiece"
@@ -99,12 +99,10 @@ def _modes(document: Document, path: Path_, given: dict[str, Any]) -> Structure:
     if not isinstance(given["modes"], list) or not given["modes"]:
         raise document.problem((*path, "modes"), "is no list of modes", "begin each mode with a dash")
     modes = [_mode(document, (*path, "modes", place)) for place in range(len(given["modes"]))]
-    for place in range(1, len(modes)):
-        try:
-            Structure.of(modes[:place + 1])
-        except ValueError as problem:
-            raise document.problem((*path, "modes", place), str(problem),
-                                   "leave one out, or correct its frequency or direction") from None
+    twice = repeated_mode(modes)
+    if twice is not None:
+        raise document.problem((*path, "modes", twice), "a mode stands twice",
+                               "leave one out, or correct its frequency or direction")
     return Structure.of(modes)
 
 

@@ -173,15 +173,18 @@ def _reopened(folder: Path, header: Header, runs: int) -> bool:
     parts, index, shards = parts_folder(folder), folder / INDEX, find(folder)
     if not (folder / NOTE).exists() or parts.exists():
         return False
-    faults = [fault(path, header.fingerprint) for _, _, path in shards]
     try:
-        if read_note(folder)["fingerprint"] != header.fingerprint:
-            return False
-        if index.is_file() and state(index) == "whole" and not gaps(shards, runs) and not overlaps(shards) and not any(faults):
-            return False
+        ours: bool | None = read_note(folder)["fingerprint"] == header.fingerprint
     except ValueError:  # the note is damaged: the shards tell
-        if STRANGE in faults or not shards:
-            return False
+        ours = None
+    if ours is False:
+        return False
+    faults = [fault(path, header.fingerprint) for _, _, path in shards]
+    if ours is None and (STRANGE in faults or not shards):
+        return False
+    whole = index.is_file() and state(index) == "whole" and not gaps(shards, runs) and not overlaps(shards)
+    if ours and whole and not any(faults):
+        return False
     os.replace(folder, parts)
     (parts / INDEX).unlink(missing_ok=True)
     return True

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from testbed.machine import Carrier, Mode
-from testbed.manifest import _column, _key, _rows, _scale, _seconds
+from testbed.machine import Carrier, unit_vector
+from testbed.manifest import as_column, as_factor, as_key, as_rows, as_seconds
 from testbed.problem import InputProblem
 from testbed.readers import Table, neighbours, read_table
 from testbed.readers.assemble import assemble
@@ -18,7 +18,7 @@ from testbed.readers.frequency import Spectrum, spectra_of
 from testbed.readers.join import joined
 from testbed.readers.source import Source
 from testbed.recording import MOTION_UNITS, Recording
-from testbed.structure_file import _direction
+from testbed.structure_file import as_direction
 from testbed.yaml_text import SAMPLING_RATE, Document, Strict, above_zero, in_unit, load, validate
 
 Quantity = Literal["displacement", "velocity", "acceleration"]
@@ -29,18 +29,18 @@ _SI = {unit: name for name, unit in MOTION_UNITS.items()}
 class TapChannel(Strict):
     """One column of a tap's file: of its force, its time, or a part of a frequency response."""
 
-    column: Annotated[Any, BeforeValidator(_column)] = None
+    column: Annotated[Any, BeforeValidator(as_column)] = None
     unit: str | None = None
-    scale: Annotated[float, BeforeValidator(_scale)] | None = None
+    scale: Annotated[float, BeforeValidator(as_factor)] | None = None
     file: str | None = None
-    key: Annotated[str | None, BeforeValidator(_key)] = None
+    key: Annotated[str | None, BeforeValidator(as_key)] = None
 
 
 class TapResponse(TapChannel):
     """The column of a response: what it measures and, where that is not the force's direction, along which axis."""
 
     quantity: Quantity | None = None
-    direction: Annotated[float | None, BeforeValidator(_direction)] = None
+    direction: Annotated[float | None, BeforeValidator(as_direction)] = None
 
 
 class _Shared(Strict):
@@ -53,18 +53,18 @@ class _Shared(Strict):
     sampling_rate: Annotated[float | None, SAMPLING_RATE] = None
     exponential_window: Annotated[float | None, in_unit("s", above_zero)] = None
     sensor_mass: Annotated[float | None, in_unit("kg", above_zero)] = None
-    skip_rows: Annotated[int | None, BeforeValidator(_rows)] = None
+    skip_rows: Annotated[int | None, BeforeValidator(as_rows)] = None
     delimiter: str | None = None
-    key: Annotated[str | None, BeforeValidator(_key)] = None
+    key: Annotated[str | None, BeforeValidator(as_key)] = None
 
 
 class TapEntry(_Shared):
     """One tap: a record of blows, or a frequency response."""
 
     file: str
-    direction: Annotated[float, BeforeValidator(_direction)]
-    from_: Annotated[float | None, BeforeValidator(_seconds)] = Field(default=None, alias="from")
-    to: Annotated[float | None, BeforeValidator(_seconds)] = None
+    direction: Annotated[float, BeforeValidator(as_direction)]
+    from_: Annotated[float | None, BeforeValidator(as_seconds)] = Field(default=None, alias="from")
+    to: Annotated[float | None, BeforeValidator(as_seconds)] = None
     frequency: TapChannel | None = None
     real: TapChannel | None = None
     imaginary: TapChannel | None = None
@@ -164,17 +164,13 @@ class _Reading:
         return self.document.problem((*self.place, *at), what, do)
 
 
-def _vector(angle: float) -> tuple[float, float]:
-    return Mode(1.0, 1.0, 0.0, angle).shape
-
-
 def _read(reading: _Reading) -> list[Tap]:
     entry = reading.entry
     force, response = reading.value("force"), reading.value("response")
     parts = [name for name in ("frequency", "real", "imaginary", "amplitude", "phase") if getattr(entry, name) is not None]
-    along = _vector(entry.direction)
+    along = unit_vector(entry.direction)
     turned = response.direction if response is not None else None
-    sensed = along if turned is None else _vector(turned)
+    sensed = along if turned is None else unit_vector(turned)
     window = reading.value("exponential_window")
     shared: dict[str, Any] = {"on": reading.value("on") or "workpiece", "window": 1.0 / window if window else 0.0,
               "sensor_mass": reading.value("sensor_mass") or 0.0}

@@ -16,6 +16,11 @@ from scipy.linalg import expm
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 
+def angles(up: bool, radial: float) -> tuple[float, float]:
+    """Entry and exit, rad from the normal to the feed; radial: depth over diameter."""
+    return (0.0, math.acos(1 - 2 * radial)) if up else (math.acos(2 * radial - 1), math.pi)
+
+
 @dataclass(frozen=True)
 class Milling:
     """mass kg, frequency Hz, damping ratio; teeth, helix rad, diameter m; up-milling or not, radial depth over diameter;
@@ -35,8 +40,7 @@ class Milling:
 
     @property
     def angles(self) -> tuple[float, float]:
-        """Entry and exit, rad from the normal to the feed."""
-        return (0.0, math.acos(1 - 2 * self.radial)) if self.up else (math.acos(2 * self.radial - 1), math.pi)
+        return angles(self.up, self.radial)
 
     def lag(self, depth: float) -> float:
         return 2.0 * depth * math.tan(self.helix) / self.diameter
@@ -137,7 +141,7 @@ class Planar:
 
     @property
     def angles(self) -> tuple[float, float]:
-        return (0.0, math.acos(1 - 2 * self.radial)) if self.up else (math.acos(2 * self.radial - 1), math.pi)
+        return angles(self.up, self.radial)
 
     def forces(self, turned: float, depth: float, tooth: int) -> np.ndarray:
         """Force (x, y) on the workpiece by a chip along x and along y, of one tooth at a spindle angle; tooth 0 enters at 0.

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from analysis.fit.observed import DERIVATIVES, Observed
+from analysis.fit.observed import Observed
+from testbed.recording import DERIVATIVES
 
 FEWEST = 6  # samples of a period from which displacement, velocity and offset can be read
 

@@ -13,8 +13,9 @@ import numpy as np
 
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import DERIVATIVES, Observed
+from analysis.fit.observed import Observed
 from analysis.fit.waveform import Fitter
+from testbed.recording import DERIVATIVES
 
 BESIDE = 1.5  # samples to either side of a jump that are left out
 FEWEST = 0.5  # share of a record's samples that must be left; else all are believed

@@ -26,6 +26,7 @@ from analysis.records.segments import Segment, find_segments
 from analysis.records.spindle_clock import along_marks, check_speed, clock_error, clock_of, digital, samples_to_rise, smoothed
 from testbed.cut import Cut, Sampling
 from testbed.machine import Cutter, Model
+from testbed.recording import DERIVATIVES
 
 DRIFT_ORDER = 3  # offset and slow drift: a polynomial of this many terms, and one more for every
 DRIFT_TIME, DRIFT_PERIODS = 1.0, 100.0  # s of the record, or as many periods of the structure where they are longer
@@ -295,7 +296,6 @@ def _drift_order(duration: float, frequency: float) -> int:
     return min(MOST_DRIFT, DRIFT_ORDER + int(duration / max(DRIFT_TIME, DRIFT_PERIODS / frequency)))
 
 
-DERIVATIVES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 _ORDER = (*DERIVATIVES, "force_x", "force_y")
 
 

@@ -14,7 +14,7 @@ from analysis.fit.effect_start import all_free
 from analysis.fit.fit_state import WaveformFit
 from analysis.fit.held_out import errors_in_fit, pooled
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import DERIVATIVES, Observed
+from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant
 from analysis.fit.starts import glance
 from analysis.fit.structure_start import structure_start
@@ -22,6 +22,7 @@ from analysis.fit.waveform import Fitter
 from analysis.search.diagnosis import ADEQUATE, Candidate
 from testbed.effect import Effect
 from testbed.machine import DIRECTIONS, Model
+from testbed.recording import DERIVATIVES
 
 MUCH = 3.0  # error over noise floor from which the other way is tried
 FAR_BETTER = 0.5  # times the error, that it must leave

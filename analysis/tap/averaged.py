@@ -11,13 +11,13 @@ from analysis.records.white_noise import white_noise
 from analysis.tap.blows import lasting, left_at_end
 from analysis.tap.frequency_response import FrequencyResponse
 from testbed.machine import Carrier
+from testbed.recording import DERIVATIVES
 
 _POWER = 1e-4  # of the force's largest power over frequency: lines that were driven
 _FLOOR = 10.0  # times the power of the force's noise
 _HIGHEST = 0.45  # of the sampling rate: a converter's filter bends what is above
 _ENDS_AT = 1e-3  # of a response's first swing, that the window leaves of it at the end
 _FADES = 3.0  # e-folds of the window where all has died away: later samples hold noise alone
-_DERIVATIVE = {"displacement": 0, "velocity": 1, "acceleration": 2}
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def averaged(name: str, stretches: Sequence[Stretch], rate: float, quantity: str
     motions = np.array([np.fft.rfft(_levelled(one.response, one.before, length) * fade) for one in stretches])
     frequency = np.fft.rfftfreq(length, 1.0 / rate)
     s = 2j * np.pi * frequency + decay + window
-    order = _DERIVATIVE[quantity]
+    order = DERIVATIVES[quantity]
     kept = (frequency > 0) & (frequency <= _HIGHEST * rate)
     motions[:, kept] /= s[kept] ** order
     drive = (np.abs(forces) ** 2).sum(axis=0)

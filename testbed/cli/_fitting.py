@@ -97,7 +97,7 @@ def doubts(records: Sequence[Any], model: Any) -> list[str]:
 
 def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
     """A line where cuts were measured by their motion alone, which tells forces only relative to the mass."""
-    from analysis.fit.observed import DERIVATIVES
+    from testbed.recording import DERIVATIVES
 
     moving = any(record.kind == "cut" and any(name in DERIVATIVES for name in record.recording.channels) for record in records)
     if not moving or any(record.kind == "excited" for record in records):

@@ -114,7 +114,7 @@ class _Batch:
         A, P, G, I, O, Y = stacked(packed)  # noqa: E741
         result = BatchResult(np.empty((runs, signals, count)), np.empty((runs, passes + 1)), np.empty((runs, passes + 1, 2)),
                              np.empty(runs, dtype=np.int64), np.empty(runs))  # fmt: skip
-        found = (result.out, result.pass_times, result.pass_states, result.outcome, result.outcome_time)
+        found = result.arrays()
         if linear:
             kernel = compose(_NO_EFFECTS, (*FAST, "linear_kernel"))
             kernel.run_linear_batch(G, I, Y, self.clock, LIMIT, *found)

@@ -68,8 +68,13 @@ def piece_of_edge(G, phase, edge):
     """
     slices = int(G[SLICES])
     q = edge // slices
-    point = edge - q * slices
-    leading = phase + q * G[PITCH]
+    return piece_of_tooth(G, phase + q * G[PITCH], edge - q * slices)
+
+
+@inner
+def piece_of_tooth(G, leading, point):
+    """`piece_of_edge` of a tooth whose tip is so far after its entry (rad)."""
+    slices = int(G[SLICES])
     lag = slices * G[SLICE_LAG]
     if lag == 0.0:
         return 1.0, leading

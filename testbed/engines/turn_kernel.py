@@ -16,12 +16,11 @@ from testbed.engines.loop_kernel import (
     ENTRY,
     FEED_SPEED,
     FIRST_TOOTH,
-    GAUSS_NODES,
-    GAUSS_WEIGHTS,
     PITCH,
     SLICE_LAG,
     SLICES,
     SWUNG_FRONT,
+    piece_of_tooth,
     radius_of_edge,
 )
 from testbed.engines.plane_kernel import position_at_cut
@@ -35,20 +34,6 @@ TURN = 2.0 * math.pi
 def leading_angle(V, tooth, phase, middle):
     """Angle after its entry of a tooth's tip at a phase of the revolution, within a segment that has this middle."""
     return phase - V[tooth, ENTERS] - TURN * math.floor((middle - V[tooth, ENTERS]) / TURN)
-
-
-@inner
-def piece_of_tooth(G, leading, point):
-    """`piece_of_edge` of a tooth whose tip is so far after its entry (rad)."""
-    slices = int(G[SLICES])
-    lag = slices * G[SLICE_LAG]
-    if lag == 0.0:
-        return 1.0, leading
-    low, high = max(leading - lag, 0.0), min(leading, G[ENGAGED])
-    if high <= low:
-        return 0.0, min(max(leading, 0.0), G[ENGAGED])
-    turned = 0.5 * (high + low - (high - low) * GAUSS_NODES[slices, point])
-    return 0.5 * slices * GAUSS_WEIGHTS[slices, point] * (high - low) / lag, turned
 
 
 @inner

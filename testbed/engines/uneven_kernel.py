@@ -37,13 +37,14 @@ from testbed.engines.loop_kernel import (
     SLICES,
     T_ENTRY,
     force_of_edge,
+    piece_of_tooth,
     weights_in_cut,
 )
 from testbed.engines.oscillator_kernel import set_half_and_whole
 from testbed.engines.plane_kernel import bounded, position_at_cut, structure_vx, structure_x, velocity_at_cut
 from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_step, skip_held
 from testbed.engines.slider_kernel import fly_exactly
-from testbed.engines.turn_kernel import fill_grid, leading_angle, meet, piece_of_tooth, straight_front
+from testbed.engines.turn_kernel import fill_grid, leading_angle, meet, straight_front
 from testbed.kernel_cache import kept
 
 

@@ -12,12 +12,12 @@ import numpy as np
 from testbed.channel_units import channel_unit
 from testbed.problem import InputProblem
 from testbed.readers.table import Table
-from testbed.recording import MOTION_UNITS
+from testbed.recording import DERIVATIVES, MOTION_UNITS
 from testbed.units import UnitProblem
 
 _EVEN = 1e-3  # of a step, by which lines of even steps may miss
 _FEWEST = 16  # lines of a frequency response
-_ORDER = {unit: order for order, unit in enumerate(MOTION_UNITS.values())}
+_ORDER = {MOTION_UNITS[name]: order for name, order in DERIVATIVES.items()}
 _AXES = {1: (1.0, 0.0), -1: (-1.0, 0.0), 2: (0.0, 1.0), -2: (0.0, -1.0)}  # a UFF file's codes
 _EXAMPLES = "m/N, um/N, m/s/N, g/N"
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from analysis.linear.stability import sharpened_limit, stability_chart
+from analysis.linear.stability import StabilityChart, sharpened_limit, stability_chart
 from testbed.machine import Cutter, Cutting, Model, Structure
 from tests.second_road import Milling, multipliers
 from tests.validation.claims import Claim, Section, below
@@ -44,49 +45,71 @@ def random_machine(random: np.random.Generator, most: float = 40.0) -> tuple[Mil
 
 
 def one(seed: int) -> dict[str, float]:
-    """Worst multiplier over max(1, modulus), cells blank and wrong on the unsafe side, and how the limit stands, of one cut."""
+    """`compared` of one cut; the multiplier itself is asked, its angle too."""
     random = np.random.default_rng([53, seed])
     machine, typical = random_machine(random)
     depths = typical * np.linspace(0.15, 2.5, DEPTHS)
     chart = stability_chart(model_of(machine), np.array([machine.speed]), depths)
+
+    def largest(depth: float, finer: float = 1.0) -> np.ndarray:
+        return multipliers(machine, depth, finer)
+
+    def apart(value: complex, exact: np.ndarray) -> float:
+        return max(abs(abs(value) - abs(exact[0])), np.abs(exact - value).min())
+
+    rows = random.choice(DEPTHS, LOOKED_AT, replace=False)
+    return compared(chart, sharpened_limit(chart, model_of(machine))[0], rows, largest, apart)
+
+
+def compared(chart: StabilityChart, limit: float, rows: np.ndarray, exact: Callable[..., np.ndarray],
+             apart: Callable[[complex, np.ndarray], float]) -> dict[str, float]:
+    """Worst multiplier over max(1, modulus), cells blank and wrong on the unsafe side, and whether the limit is one, of a chart
+    of one speed.
+
+    exact(depth, finer): the second road's multipliers, largest first. apart: how far a value of the chart is from them.
+    """
     found = {"worst": 0.0, "blank": 0.0, "unsafe": 0.0, "limit": math.nan, "above": 0.0, "cells": 0.0, "unsure": 0.0}
-    for row in random.choice(DEPTHS, LOOKED_AT, replace=False):
-        value = chart.largest[row, 0]
+    for row in rows:
+        value, depth = chart.largest[row, 0], chart.axial_depths[row]
         found["cells"] += 1
         if np.isnan(value):
             found["blank"] += 1
             continue
-        exact = multipliers(machine, depths[row])
-        size = max(1.0, abs(exact[0]))
-        wrong = max(abs(abs(value) - abs(exact[0])), np.abs(exact - value).min()) / size
-        own = abs(abs(multipliers(machine, depths[row], FINER)[0]) - abs(exact[0])) / size if wrong > SURE else 0.0
+        true = exact(depth)
+        modulus, wrong = abs(true[0]), apart(value, true)
+        size = max(1.0, modulus)
+        wrong /= size
+        own = abs(abs(exact(depth, FINER)[0]) - modulus) / size if wrong > SURE else 0.0
         if own > min(0.1 * wrong, 1e-5):
             found["unsure"] += 1  # rounding in the second road itself, where a long decay or a vast growth stands in the map
             continue
         found["worst"] = max(found["worst"], wrong)
         found["above"] += wrong > chart.error[row, 0] / size + SURE
-        found["unsafe"] += abs(value) < 1.0 <= abs(exact[0])
-    limit = sharpened_limit(chart, model_of(machine))[0]
+        found["unsafe"] += abs(value) < 1.0 <= modulus
     if np.isfinite(limit):
-        around = [abs(multipliers(machine, limit * factor)[0]) for factor in (1 - NEAR, 1 + NEAR)]
+        around = [abs(exact(limit * factor)[0]) for factor in (1 - NEAR, 1 + NEAR)]
         found["limit"] = float(around[0] < 1.0 <= around[1])
     return found
 
 
-def check(cuts: int = CUTS) -> Section:
-    """The section of the table."""
-    rows = [one(seed) for seed in range(cuts)]
+def section(title: str, quantity: str, rows: list[dict[str, float]], drawn: str) -> Section:
+    """The section of the table that those comparisons make; quantity: what of the multiplier was compared."""
     total = {name: sum(row[name] for row in rows) for name in ("blank", "unsafe", "above", "cells", "unsure")}
     limits = [row["limit"] for row in rows if math.isfinite(row["limit"])]
     bad = [str(seed) for seed, row in enumerate(rows) if row["worst"] > 1e-4 or row["unsafe"] or row["limit"] == 0.0]
-    return Section("Charts of ordinary cutters", (
-        below("largest multiplier, of max(1, modulus)", max(row["worst"] for row in rows), 1e-4,
+    return Section(title, (
+        below(f"{quantity}, of max(1, modulus)", max(row["worst"] for row in rows), 1e-4,
               note=f"{total['cells']:.0f} cells, {total['blank']:.0f} blank; in "
                    f"{total['unsure']:.0f} the second road does not agree with itself"),
         Claim("cells called stable that are not", "0", f"{total['unsafe']:.0f} of {total['cells']:.0f}", total["unsafe"] == 0),
         Claim("limits within 0.5 %", "all", f"{sum(limits):.0f} of {len(limits)}", sum(limits) == len(limits)),
         Claim("errors above their estimate by more than 1e-6", "0", f"{total['above']:.0f} of {total['cells']:.0f}",
               total["above"] == 0),
-    ), remark=f"{cuts} random cuts of 1 to 8 teeth, a/D 0.02 to 1, 0.1 to 40 oscillations in the cut, up and down, straight "
-              f"and helical, {DEPTHS} depths each."
-              + (f" Missed: seeds {', '.join(bad)}." if bad else ""))
+    ), remark=drawn + (f" Missed: seeds {', '.join(bad)}." if bad else ""))
+
+
+def check(cuts: int = CUTS) -> Section:
+    """The section of the table."""
+    return section("Charts of ordinary cutters", "largest multiplier", [one(seed) for seed in range(cuts)],
+                   f"{cuts} random cuts of 1 to 8 teeth, a/D 0.02 to 1, 0.1 to 40 oscillations in the cut, up and down, "
+                   f"straight and helical, {DEPTHS} depths each.")

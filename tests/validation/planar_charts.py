@@ -10,11 +10,10 @@ import numpy as np
 from analysis.linear.stability import sharpened_limit, stability_chart
 from testbed.machine import Cutter, Cutting, Mode, Model, Structure
 from tests.second_road import Planar, planar_multipliers
-from tests.validation.claims import Claim, Section, below
+from tests.validation.charts import compared, section
+from tests.validation.claims import Section
 
 MACHINES, DEPTHS = 200, 10
-NEAR = 0.005  # of the limit
-SURE, FINER = 1e-6, 1.3  # a larger difference is asked whether it is the second road's own, by more points
 LOOKED_AT = 2  # depths of each machine at which the largest multipliers are compared
 
 
@@ -55,50 +54,24 @@ def random_machine(random: np.random.Generator, most_modes: int = 8, most_swings
 
 
 def one(seed: int) -> dict[str, float]:
-    """Worst multiplier over max(1, modulus), cells blank and wrong on the unsafe side, and the verdict on the limit."""
+    """`compared` of one machine, by the modulus per tooth passing."""
     random = np.random.default_rng([55, seed])
     machine, typical = random_machine(random)
     model, teeth = model_of(machine), len(machine.pitches)
-    depths = typical * np.linspace(0.15, 2.5, DEPTHS)
-    chart = stability_chart(model, np.array([machine.speed]), depths)
-    found = {"worst": 0.0, "blank": 0.0, "unsafe": 0.0, "limit": math.nan, "above": 0.0, "cells": 0.0, "unsure": 0.0}
-    for row in random.choice(DEPTHS, LOOKED_AT, replace=False):
-        value = abs(chart.largest[row, 0])
-        found["cells"] += 1
-        if np.isnan(value):
-            found["blank"] += 1
-            continue
-        exact = abs(planar_multipliers(machine, depths[row])[0]) ** (1 / teeth)
-        size = max(1.0, exact)
-        wrong = abs(value - exact) / size
-        again = abs(planar_multipliers(machine, depths[row], FINER)[0]) ** (1 / teeth) if wrong > SURE else exact
-        if abs(again - exact) / size > min(0.1 * wrong, 1e-5):
-            found["unsure"] += 1
-            continue
-        found["worst"] = max(found["worst"], wrong)
-        found["above"] += wrong > chart.error[row, 0] / size + SURE
-        found["unsafe"] += value < 1.0 <= exact
-    limit = sharpened_limit(chart, model)[0]
-    if np.isfinite(limit):
-        around = [abs(planar_multipliers(machine, limit * factor)[0]) for factor in (1 - NEAR, 1 + NEAR)]
-        found["limit"] = float(around[0] < 1.0 <= around[1])
-    return found
+    chart = stability_chart(model, np.array([machine.speed]), typical * np.linspace(0.15, 2.5, DEPTHS))
+
+    def largest(depth: float, finer: float = 1.0) -> np.ndarray:
+        return np.abs(planar_multipliers(machine, depth, finer)[:1]) ** (1 / teeth)
+
+    def apart(value: complex, exact: np.ndarray) -> float:
+        return abs(abs(value) - exact[0])
+
+    return compared(chart, sharpened_limit(chart, model)[0], random.choice(DEPTHS, LOOKED_AT, replace=False), largest, apart)
 
 
 def check(machines: int = MACHINES) -> Section:
     """The section of the table."""
-    rows = [one(seed) for seed in range(machines)]
-    total = {name: sum(row[name] for row in rows) for name in ("blank", "unsafe", "above", "cells", "unsure")}
-    limits = [row["limit"] for row in rows if math.isfinite(row["limit"])]
-    bad = [str(seed) for seed, row in enumerate(rows) if row["worst"] > 1e-4 or row["unsafe"] or row["limit"] == 0.0]
-    return Section("Charts of machines in x and y", (
-        below("largest multiplier's modulus per tooth passing, of max(1, modulus)", max(row["worst"] for row in rows), 1e-4,
-              note=f"{total['cells']:.0f} cells, {total['blank']:.0f} blank; in "
-                   f"{total['unsure']:.0f} the second road does not agree with itself"),
-        Claim("cells called stable that are not", "0", f"{total['unsafe']:.0f} of {total['cells']:.0f}", total["unsafe"] == 0),
-        Claim("limits within 0.5 %", "all", f"{sum(limits):.0f} of {len(limits)}", sum(limits) == len(limits)),
-        Claim("errors above their estimate by more than 1e-6", "0", f"{total['above']:.0f} of {total['cells']:.0f}",
-              total["above"] == 0),
-    ), remark=f"{machines} random machines of 1 to 8 modes along x and y or in any direction, on tool and workpiece, 1 to 6 "
-              f"teeth of equal and unequal pitch, straight and helical, up and down, {DEPTHS} depths each."
-              + (f" Missed: seeds {', '.join(bad)}." if bad else ""))
+    return section("Charts of machines in x and y", "largest multiplier's modulus per tooth passing",
+                   [one(seed) for seed in range(machines)],
+                   f"{machines} random machines of 1 to 8 modes along x and y or in any direction, on tool and workpiece, "
+                   f"1 to 6 teeth of equal and unequal pitch, straight and helical, up and down, {DEPTHS} depths each.")
