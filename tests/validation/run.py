@@ -1,4 +1,4 @@
-"""Run every check, or those named, and write VALIDATION.md:  python -m tests.validation.run [name ...]"""
+"""Run every check, or those named, and write VALIDATION.md:  python -m tests.validation.run [name ... | page]"""
 
 # ruff: noqa: E402 - the number of threads is read when numpy is imported
 from __future__ import annotations
@@ -12,9 +12,11 @@ import importlib
 import platform
 import sys
 import time
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
+from tests.validation import first_page
 from tests.validation.claims import Section
 
 CHECKS = ("published", "multipliers", "engines", "verdicts", "identification", "hammer", "nuisances", "effects", "absorption",
@@ -22,14 +24,8 @@ CHECKS = ("published", "multipliers", "engines", "verdicts", "identification", "
           "outside.agreement", "outside.count", "paper", "score", "bit_flips", "kills", "throughput", "fuzz_readers",
           "vendor_files", "ring_downs", "chatter", "charts", "planar_charts", "planar_verdicts",
           "own_scale", "misstated", "taps")
+PAGE = "page"
 TARGET = Path(__file__).resolve().parents[2] / "VALIDATION.md"
-HEAD = """# Validation
-
-Written by `make validate` (`python -m tests.validation.run`), which runs every check again; with names behind it,
-`python -m tests.validation.run NAME ...`, those alone, so sections may be of different days. What is compared with what is in
-the head of each file of tests/validation.
-"""
-MISSED = "## What is missed"
 _WORDS = {True: "passed", False: "MISSED", None: "-"}
 
 
@@ -52,30 +48,26 @@ def as_text(name: str, section: Section, seconds: float) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _merged(old: str, texts: list[str]) -> list[str]:
+def _merged(old: str, texts: Sequence[str]) -> list[str]:
     """The file's sections with those that were run again in their place; new ones at the end."""
     kept = {part.split("\n", 1)[0]: part for part in ("## " + part for part in old.split("\n## ")[1:])}
-    kept.pop(MISSED, None)
+    for heading in first_page.headings():
+        kept.pop(heading, None)
     for text in texts:
         kept[text.split("\n", 1)[0]] = text
     return [part.rstrip() + "\n" for part in kept.values()]
 
 
-def _missed(sections: list[str]) -> str:
-    """The claims that are missed, as a section by itself, and the versions the numbers are from."""
-    rows = []
-    for section in sections:
-        for line in section.splitlines():
-            cells = [cell.strip() for cell in line.strip("|").split(" | ")]
-            if len(cells) > 3 and cells[3] == "MISSED":
-                rows.append((section.split("\n", 1)[0].removeprefix("## "), *cells[:3]))
+def _versions() -> str:
     packages = ", ".join(f"{package} {version(package)}" for package in ("mujoco", "numpy", "scipy", "numba"))
-    table = [_table(("check", "claim", "target", "found"), rows)] if rows else []
-    return "\n\n".join([MISSED, f"Claims missed: {len(rows)}. Python {platform.python_version()}, {packages}.", *table]) + "\n"
+    return f"Python {platform.python_version()}, {packages}."
 
 
 def main(names: list[str]) -> int:
-    """Run the named checks, or all, and put their sections into the file; 1 if a claim is missed."""
+    """Run the named checks, or all, and put their sections into the file; 1 if a claim is missed. `page`: its first page alone."""
+    if names == [PAGE]:
+        TARGET.write_text(whole(TARGET.read_text()))
+        return 0
     missed = 0
     for name in names or CHECKS:
         begin = time.perf_counter()
@@ -88,9 +80,15 @@ def main(names: list[str]) -> int:
     return 1 if missed else 0
 
 
+def whole(old: str, texts: Sequence[str] = ()) -> str:
+    """The file with these sections put into it, and its first page as they say; without any, with the versions that it had."""
+    sections = _merged(old, texts)
+    versions = _versions() if texts else first_page.versions_in(old)
+    return "\n".join([first_page.page(sections, CHECKS, versions), *sections])
+
+
 def _write(text: str) -> None:
-    sections = _merged(TARGET.read_text() if TARGET.exists() else "", [text])
-    TARGET.write_text("\n".join([HEAD, _missed(sections), *sections]))
+    TARGET.write_text(whole(TARGET.read_text() if TARGET.exists() else "", [text]))
 
 
 if __name__ == "__main__":
