@@ -25,7 +25,8 @@ class Claimed(NamedTuple):
 
 # the claim that stands for a section, where that is not its first
 HEADLINES = {
-    "Identification from three stable cuts (made by MuJoCo, fitted by temporal elements)": "zeta: rms error at 0.5 um, 100 seeds",
+    "Identification from three stable cuts (made by MuJoCo, fitted by temporal elements)":
+        "zeta: rms error at 0.5 um, 100 seeds",
     "Diagnosis: real hardware": "milling_force: held-out error after the named effects",
     "Diagnosis: free decays alone, garbage": "campaigns of garbage in which an effect is named missing",
     "Blind campaigns (results of `make blind`, counted)": "one hidden effect worth more than 3 %: named right",
@@ -60,7 +61,7 @@ def page(sections: Sequence[str], checks: Sequence[str], versions: str) -> str:
     """The first page of these sections (Markdown, each from its heading on); checks: the names of all that can be run."""
     missed = [(_link(_title(one)), *claim[:3]) for one in sections for claim in claims(one) if claim.word == "MISSED"]
     text = "\n".join(sections)
-    unrun = ", ".join(f"`{name}`" for name in checks if not re.search(rf"{re.escape(_file(name))}|run {re.escape(name)}`", text))
+    unrun = ", ".join(f"`{name}`" for name in checks if _file(name) not in text and f"run {name}`" not in text)
     missed_table = _table(("section", "claim", "target", "found"), missed) if missed else ""
     return TEMPLATE.read_text().format(
         found=_table(("section", "claim", "target", "found", "claims held", "command"), [_line(one) for one in sections]),
@@ -100,10 +101,10 @@ def _headline(title: str, told: Sequence[Claimed]) -> Claimed:
 
 def _command(section: str) -> str:
     """How a section is made: the name of its check, or the command that its text gives."""
-    if found := re.search(r"tests/validation/([\w/]+)\.py", section) or re.search(r"`python -m tests\.validation\.run (\w+)`", section):
+    if found := re.search(r"tests/validation/([\w/]+)\.py", section):
         return f"`{found[1].replace('/', '.')}`"
-    found = re.search(r"`(python -m tests\.validation\.[^`]+)`", section)
-    return f"`{found[1]}`" if found else ""
+    found = re.search(r"`python -m tests\.validation\.run (\w+)`|`(python -m tests\.validation\.[^`]+)`", section)
+    return f"`{found[1] or found[2]}`" if found else ""
 
 
 def _file(check: str) -> str:

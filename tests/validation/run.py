@@ -64,7 +64,7 @@ def _versions() -> str:
 
 
 def main(names: list[str]) -> int:
-    """Run the named checks, or all, and put their sections into the file; 1 if a claim is missed. `page`: its first page alone."""
+    """Run the named checks, or all, and put their sections into the file; 1 if a claim is missed. PAGE: the page alone."""
     if names == [PAGE]:
         TARGET.write_text(whole(TARGET.read_text()))
         return 0
