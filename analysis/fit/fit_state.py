@@ -149,19 +149,15 @@ class Linearised:
         return np.linalg.qr(self.own)[0] if self.own.shape[1] else self.own
 
 
-def padded(rows: np.ndarray, count: int) -> np.ndarray:
-    """The rows with `count` rows of zeros after them; themselves with none."""
-    return np.vstack([rows, np.zeros((count, rows.shape[1]))]) if count else rows
+def of_rows(rows: np.ndarray, shared: int, steps: Sequence[Mapping[str, float]]) -> Linearised:
+    """A record about a state from its residual and slopes, rows (1 + shared + own, values): on the thread of the record.
 
-
-def linearised(rest: np.ndarray, shared: np.ndarray, own: np.ndarray, held: np.ndarray,
-               steps: Sequence[Mapping[str, float]]) -> Linearised:  # fmt: skip
-    """A record about a state, its products summed at once: on the thread of the record, not in the step of them all.
-
-    held: what its marks say of it, which no shared unknown moves; `own` has rows for it. steps: of its own unknowns.
+    steps: of its own unknowns. All products are those of the rows with each other.
     """
-    found = Linearised(np.append(rest, held), padded(shared, len(held)), own, names_of(steps))
-    _ = found.products
+    found, own = Linearised(rows[0], rows[1 : 1 + shared].T, rows[1 + shared :].T, names_of(steps)), 1 + shared
+    all_of = rows @ rows.T
+    found.__dict__["products"] = Products(all_of[own:, own:], all_of[own:, 1:own], all_of[own:, 0], all_of[1:own, 1:own],
+                                          all_of[1:own, 0])  # fmt: skip
     return found
 
 

@@ -141,13 +141,24 @@ class Observed:
         """
         scaled, drift = values / self.scale[:, None], self.drift
         if self.believed is not None:
-            scaled, drift = scaled[..., self.believed], self._believed_drift
+            scaled, drift = scaled[..., self.believed], self.counted_drift
         scaled -= (scaled @ drift) @ drift.T
         return scaled
 
     @cached_property
-    def _believed_drift(self) -> np.ndarray:
-        return np.asfortranarray(np.linalg.qr(self.drift[self.believed])[0])
+    def counted_drift(self) -> np.ndarray:
+        """The drift's columns over the samples that count, (count, terms), orthonormal."""
+        return self.drift if self.believed is None else np.asfortranarray(np.linalg.qr(self.drift[self.believed])[0])
+
+    @cached_property
+    def counted(self) -> np.ndarray | None:
+        """Places of the samples that count; None where all do."""
+        return None if self.believed is None else np.flatnonzero(self.believed)
+
+    @cached_property
+    def far(self) -> float:
+        """What a prediction that diverged is taken as: far off, but a number."""
+        return 1e3 * float(np.ptp(self.data)) + 1e-12
 
     def on_samples(self, residual: np.ndarray) -> np.ndarray:
         """A residual (size,) laid out as the data are, (channels, samples), with 0 where a sample does not count."""

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit, linearised, names_of, padded, together
+from analysis.fit.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit, names_of, of_rows, together
 from analysis.fit.nuisances import MISSING, Nuisances, begun_with, end_moved, end_moved_in_arc, turned_by
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant, predict
+from analysis.fit.residual_kernel import difference, fill_residuals
 from analysis.threads import threaded
 from testbed.machine import Model
 
@@ -147,16 +148,14 @@ class Fitter:
         return self._left(record, predict(self.plant, record, variants, first))
 
     @staticmethod
-    def _left(record: Observed, predicted: np.ndarray) -> np.ndarray:
-        """What predictions (variants, channels, samples) leave of a record: residuals (variants, values)."""
-        far = 1e3 * float(np.ptp(record.data)) + 1e-12  # what diverged is far off, but a number
-        if not (-far <= predicted.min() and predicted.max() <= far):  # a NaN is neither
-            predicted = np.clip(np.nan_to_num(predicted, nan=far, posinf=far, neginf=-far), -far, far)
-        found, most = np.empty((len(predicted), record.size)), together(record.data.size)
-        for begin in range(0, len(predicted), most):
-            rest = record.project(record.data - predicted[begin : begin + most])
-            found[begin : begin + most] = rest.reshape(len(rest), -1)
-        return np.clip(found, -BIG, BIG, out=found) if found.min() < -BIG or found.max() > BIG else found
+    def _left(record: Observed, predicted: np.ndarray, more: int = 0) -> np.ndarray:
+        """What predictions (variants, channels, samples) leave of a record: residuals (variants, values + more).
+
+        more: columns at the end that are left as they are, for what is held of the record's unknowns.
+        """
+        found = np.empty((len(predicted), record.size + more))
+        fill_residuals(predicted, record.data, record.scale, record.counted_drift, record.counted, (record.far, BIG), found)
+        return found
 
     def _shared_nudge(self, state: State, place: int, step: float) -> tuple[State, float]:
         """The state with one shared unknown moved by a small step, and the step's sign: down at an upper bound."""
@@ -182,14 +181,13 @@ class Fitter:
         signs = [sign for _, sign in nudges]
         variants = [(one.model, one.angle, nuisances) for one in (state, *(other for other, _ in nudges))]
         variants += [(state.model, state.angle, self._nudged(nuisances, change, SLOPE_STEP, arc)) for change in own]
-        rest = self._residuals(record, variants, first)
-        slopes = (rest[1:] - rest[0]) / SLOPE_STEP
-        slopes[: len(signs)] *= np.array(signs)[:, None]
         held = record.off_marks(nuisances)
-        by_shared, by_own = slopes[: len(self.names)].T, slopes[len(self.names) :].T
+        rows = self._left(record, predict(self.plant, record, variants, first), len(held))
+        difference(rows, record.size, SLOPE_STEP * np.array([*signs, *(1.0 for _ in own)]))
         if len(held):
-            by_own = np.vstack([by_own, np.eye(len(own))[len(own) - len(held) :]])
-        return linearised(rest[0], by_shared, by_own, held, own)
+            rows[0, record.size :], rows[1:, record.size :] = held, 0.0
+            rows[len(rows) - len(held) :, record.size :] = np.eye(len(held))
+        return of_rows(rows, len(self.names), own)
 
     def linearise_all(self, state: State, looked: Sequence[Looked] | None = None) -> tuple[Linearised, ...]:
         """Every record about a state, on threads (the engine lets go of the interpreter). looked: what is known of it there.
@@ -219,7 +217,9 @@ class Fitter:
         held = np.array([record.off_marks(own) for _, _, own in variants])
         most = together(record.size)
         if len(variants) <= most or any(model is not variants[0][0] for model, _, _ in variants):
-            return np.hstack([self._residuals(record, list(variants)), held])
+            found = self._left(record, predict(self.plant, record, variants), held.shape[1])
+            found[:, record.size :] = held
+            return found
         found = np.empty((len(variants), record.size + held.shape[1]))
         found[:, record.size :] = held
         for begin in range(0, len(variants), most):  # each beside the first, whose steps they all take
@@ -262,17 +262,20 @@ class Fitter:
             new = [change for change in own if not set(change) <= set(part.known)]
             variants = [(other.model, state.angle, nuisances) for other in (state, *(one for one, _ in nudges))]
             variants += [(state.model, state.angle, self._nudged(nuisances, change, step, arc)) for change in new]
-            rest = self._residuals(record, variants)
-            shared = np.empty((rest.shape[1], len(self.names)))
-            known = [place for place in range(len(self.names)) if place not in places]
-            shared[:, known] = part.shared[: rest.shape[1]]
-            slopes = (rest[1:] - rest[0]) / step
-            shared[:, list(places)] = (slopes[: len(signs)] * np.array(signs)[:, None]).T
             held = record.off_marks(nuisances)
+            found = self._left(record, predict(self.plant, record, variants), len(held))
+            difference(found, record.size, step * np.array([*signs, *(1.0 for _ in new)]))
+            found[0, record.size :], found[1:, record.size :] = held, 0.0
+            rows = np.empty((1 + len(self.names) + len(own), found.shape[1]))
+            rows[0] = found[0]
+            known = [1 + place for place in range(len(self.names)) if place not in places]
+            rows[known] = part.shared.T
+            rows[[1 + place for place in places]] = found[1 : 1 + len(signs)]
             columns = dict(zip(part.known, part.own.T, strict=True))
-            columns |= dict(zip(names_of(new), padded(slopes[len(signs) :].T, len(held)).T, strict=True))
-            by_own = np.array([columns[name] for name in names_of(own)]).reshape(-1, rest.shape[1] + len(held)).T
-            return linearised(rest[0], shared, by_own, held, own)
+            columns |= dict(zip(names_of(new), found[1 + len(signs) :], strict=True))
+            for place, name in enumerate(names_of(own), start=1 + len(self.names)):
+                rows[place] = columns[name]
+            return of_rows(rows, len(self.names), own)
 
         return threaded(one, range(len(self.records)))
 

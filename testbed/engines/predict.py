@@ -62,7 +62,9 @@ def predict_cuts(
         catalogue=effects, durations=None if durations is None else [durations[run] for run in moved], general=forces,
         refinement=refinement, alike=True, signals=signals, most_steps=MOST_STEPS * refinement)  # fmt: skip
     if not sensed:
-        return result.out[:, [fast.CHANNELS[name] for name in channels], : samplings[0].count]
+        places = [fast.CHANNELS[name] for name in channels]
+        side_by_side = places == list(range(places[0], places[0] + len(places)))  # then nothing has to be copied
+        return result.out[:, slice(places[0], places[-1] + 1) if side_by_side else places, : samplings[0].count]
     outs = dict(zip(moved, result.out, strict=True))
     return np.stack([_sensed(models[run], effects, outs[first], channels, samplings[run], cuts[run])
                      for run, first in enumerate(firsts)])  # fmt: skip
