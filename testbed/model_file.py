@@ -22,6 +22,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
+from pydantic import BeforeValidator
+
 from testbed.atomic import write_text
 from testbed.catalogue import catalogue as known_effects
 from testbed.catalogue import unknown_effect
@@ -29,6 +31,7 @@ from testbed.effect import Effect
 from testbed.machine import MOST_FLUTES, Cutter, Cutting, Direction, Model, radial_immersion_fraction
 from testbed.problem import InputProblem
 from testbed.structure_file import exact, read_structure, structure_lines
+from testbed.synonyms import milling_direction
 from testbed.units import UnitProblem, format_quantity, parse_quantity
 from testbed.yaml_text import Document, Path_, Strict, above_zero, did_you_mean, in_unit, load, parse, validate
 
@@ -59,7 +62,7 @@ class _Cutter(Strict):
 
 
 class _Cutting(Strict):
-    direction: Direction = "up-milling"
+    direction: Annotated[Direction, BeforeValidator(milling_direction)] = "up-milling"
     immersion: Annotated[float | None, in_unit("1", _immersion)] = None
     radial_depth: Annotated[float | None, in_unit("m", above_zero)] = None
     tangential_coefficient: Annotated[float, in_unit("N/m^2", _tangential)]

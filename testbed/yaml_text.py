@@ -15,6 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, mo
 
 from testbed.door import content
 from testbed.problem import InputProblem
+from testbed.synonyms import meant
 from testbed.units import UnitProblem, nearest, parse_quantity, parse_sampling_rate
 
 MAX_BYTES = 500_000  # some 5,000 records; the parser takes 10 s for the worst of them
@@ -23,6 +24,8 @@ SLOWEST, FASTEST = 1e-3, 1e9  # Hz
 LONGEST_LINE = 20_000  # characters
 MAX_NODES = 400_000
 Path_ = tuple[str | int, ...]
+# the key that tells a kind of file, and what such files are called
+_MARKS = {"structure": "model.yaml", "records": "campaign.yaml", "taps": "taps.yaml", "model": "scenario"}
 
 
 class Strict(BaseModel):
@@ -199,6 +202,7 @@ def validate(document: Document, kind: type[Checked], path: Path_ = ()) -> Check
     if not isinstance(data, dict):
         fields = ", ".join(_names(kind))
         raise document.problem(path, "is empty" if data is None else f"'{data}' is not a mapping", f"give {fields}")
+    _refuse_other_kind(document, kind, path, data)
     try:
         return kind.model_validate(data)
     except ValidationError as problems:
@@ -208,6 +212,14 @@ def validate(document: Document, kind: type[Checked], path: Path_ = ()) -> Check
         where = tuple(first["loc"])
         what, do = _said(kind, first, where)
         raise document.problem(path + where, what, do) from None
+
+
+def _refuse_other_kind(document: Document, kind: type[Strict], path: Path_, data: dict[str, Any]) -> None:
+    """InputProblem for a whole file that is another kind of file than the one asked for: two arguments were exchanged."""
+    own = [mark for mark in _MARKS if mark in _names(kind)]
+    other = next((mark for mark in _MARKS if mark in data and mark not in _names(kind)), None)
+    if not path and own and other and not any(mark in data for mark in own):
+        raise document.problem((other,), f"the file is a {_MARKS[other]}", f"give a {_MARKS[own[0]]} here")
 
 
 def _said(kind: type[Strict], error: Any, where: Path_) -> tuple[str, str]:
@@ -242,10 +254,11 @@ def _no_whole_number(value: object) -> tuple[str, str]:
 
 
 def did_you_mean(name: str, known: Any) -> str:
-    """`did you mean X?` and all that is known."""
+    """`did you mean X?`, or what to write for a word of the shop, and all that is known."""
     names = [str(item) for item in known]
-    close = nearest(name, names)
-    return (f"did you mean {close}? " if close else "") + f"known: {', '.join(names) or 'none'}"
+    word, close = meant(name, names), nearest(name, names)
+    said = f"write {word}; " if word else f"did you mean {close}? " if close else ""
+    return f"{said}known: {', '.join(names) or 'none'}"
 
 
 def _names(kind: type[BaseModel]) -> list[str]:

@@ -12,14 +12,30 @@ import click
 from testbed.problem import InputProblem
 
 MOST_POINTS = 5_000
-_NUMBER = re.compile(r"\s*[-+]?[\d.]+([eE][-+]?\d+)?\s*")
+_NUMBER = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*[a-zA-Z/]*\s*")
 
 
 class _Range(click.ParamType):
-    """A number, or FIRST:LAST:COUNT, in a fixed unit; becomes a list of SI floats."""
+    """A number, or FIRST:LAST:COUNT, in a usual unit, or another that is written; becomes a list of SI floats.
 
-    def __init__(self, unit: str, si: str, name: str, zero: bool) -> None:
-        self.unit, self.si, self.name, self.zero = unit, si, name, zero
+    most: in that unit, beyond which there is no such cut.
+    """
+
+    def __init__(self, unit: str, si: str, name: str, zero: bool, most: float) -> None:
+        self.unit, self.si, self.name, self.zero, self.most = unit, si, name, zero, most
+
+    def _factor(self, unit: str) -> float:
+        from testbed.units import factor_to
+
+        return factor_to(unit, self.si)
+
+    def _number(self, text: str) -> float:
+        """A number in the usual unit. ValueError for what is none, and for a unit of something else."""
+        match = _NUMBER.fullmatch(text)
+        if match is None:
+            raise ValueError(text)
+        unit = text[match.end(1) :].strip()
+        return float(match[1]) * (self._factor(unit) / self._factor(self.unit) if unit else 1.0)
 
     def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> list[float]:
         """SI values; click's error where the text is no range."""
@@ -27,12 +43,14 @@ class _Range(click.ParamType):
             return value
         example = f"give a number in {self.unit}, or FIRST:LAST:COUNT"
         parts = str(value).split(":")
-        if len(parts) not in (1, 3) or not all(_NUMBER.fullmatch(part) for part in parts):
-            self.fail(f"'{value}' is not a range: {example}", parameter, context)
+        if len(parts) == 2:
+            self.fail(f"'{value}' does not say how many: give FIRST:LAST:COUNT, such as {value}:101", parameter, context)
         try:
-            ends = [float(part) for part in parts[:2]]
+            ends = [self._number(part) for part in parts[:2]]
             count = int(parts[2]) if len(parts) == 3 else 1
         except ValueError:
+            ends, count = [], 0
+        if len(parts) not in (1, 3) or not ends:
             self.fail(f"'{value}' is not a range: {example}", parameter, context)
         if not 1 <= count <= MOST_POINTS:
             self.fail(f"'{value}' asks for {count} points: give 1 to {MOST_POINTS}", parameter, context)
@@ -45,16 +63,17 @@ class _Range(click.ParamType):
             self.fail(f"'{value}' asks for one point at two places: {example}", parameter, context)
         if count > 1 and ends[1] <= ends[0]:
             self.fail(f"'{value}' does not rise: give FIRST below LAST", parameter, context)
-        from testbed.units import factor_to
-
-        factor = factor_to(self.unit, self.si)
+        factor = self._factor(self.unit)
+        if ends[-1] > self.most:
+            self.fail(f"{ends[-1]:g} {self.unit} is beyond any cut ({self.most:g} {self.unit}): --speed is in rpm, --depth in "
+                      "mm; were they exchanged?", parameter, context)
         if count == 1:
             return [ends[0] * factor]
         return [(ends[0] + (ends[1] - ends[0]) * index / (count - 1)) * factor for index in range(count)]
 
 
-SPEED = _Range("rpm", "rad/s", "rpm", zero=False)
-DEPTH = _Range("mm", "m", "mm", zero=True)
+SPEED = _Range("rpm", "rad/s", "rpm", zero=False, most=1e6)
+DEPTH = _Range("mm", "m", "mm", zero=True, most=1e3)
 
 
 class _Noise(click.ParamType):
