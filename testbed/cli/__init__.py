@@ -23,7 +23,7 @@ from testbed.problem import InputProblem, InputWarning, shortened
 
 FOLDER = Path(__file__).parent
 # The order of `testbed --help`, along a user's way; a command not named here comes after, by the alphabet.
-ORDER = ("demo", "tap", "run", "identify", "score", "export", "chart", "multipliers", "inspect", "verify", "compare",
+ORDER = ("demo", "init", "tap", "run", "identify", "score", "export", "chart", "multipliers", "inspect", "verify", "compare",
          "diagnose", "add", "effects", "paper", "view", "doctor")
 
 

@@ -1,0 +1,67 @@
+"""`testbed init`: files to start from, with the columns, units and rates that were found in your own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from testbed.cli._answer import Answer
+from testbed.cli._places import output_folder
+from testbed.problem import InputProblem
+
+
+@click.command(short_help="Write a model, a campaign and a scenario to start from.",
+               epilog="Example: testbed init cut_3810rpm_2.9mm.csv tap_1.csv -o my-rig")
+@click.argument("files", metavar="[FILE...]", nargs=-1)
+@click.option("-o", "--output", default=".", show_default=True, metavar="DIR", help="The folder to write them into.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+def command(files: tuple[str, ...], output: str, quiet: bool) -> None:
+    """Write model.yaml, campaign.yaml and scenario.yaml to start from; none that is there already is touched.
+
+    FILE: measured files. The campaign names them, with the columns, units and sampling rates found in them, and with speeds and
+    depths that their names tell (cut_3810rpm_2.9mm.csv). What nobody can guess is FILL_IN, to be replaced.
+    """
+    from testbed.atomic import write_text
+    from testbed.starter import MODEL, SCENARIO, campaign_text, channels_of, not_named
+
+    answer = Answer(None, quiet)
+    folder = output_folder(output)
+    found = [_look(file) for file in files]
+    text, left = campaign_text(found, folder)
+    for name, content in (("model.yaml", MODEL), ("campaign.yaml", text), ("scenario.yaml", SCENARIO)):
+        place = folder / name
+        if place.exists():
+            answer.say(f"{place} is there already and stays as it is")
+            continue
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(place, content)
+        answer.say(f"written: {place}")
+    for one in found:
+        seen = ", ".join(f"{channel} ({column}{f', {unit}' if unit else ''})"
+                         for channel, (column, unit) in channels_of(one).items()) or "no channel that its names or units tell"
+        answer.say(f"{one.path}: {seen}" + (f", {one.rate:.7g} Hz" if one.rate else ""))
+    for line in not_named(found):
+        answer.say(line)
+    if left:
+        answer.say(f"to be filled in, in {folder / 'campaign.yaml'}: {', '.join(left)}")
+
+
+def _look(file: str) -> Any:
+    from analysis.records.inspection import inspect
+    from testbed.readers import read_table
+    from testbed.starter import Found
+
+    path = Path(file)
+    if path.suffix.lower() in (".yaml", ".yml"):
+        raise InputProblem(file, "is no measured file", "name files such as cut_1.csv")
+    seen, table = inspect(path), read_table(path)
+    rate = seen.records[0].recording.sampling_rate if seen.records else None
+    return Found(path, seen.columns, rate, table.time_column() or _first_if_time(seen))
+
+
+def _first_if_time(seen: Any) -> str | None:
+    """The first column where it was taken for time without being called so."""
+    first = next(iter(seen.columns), None)
+    return first if any(note.startswith(f"column '{first}' rises evenly") for note in seen.notes) else None
