@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator
+from functools import cache
 from importlib.util import find_spec
 from typing import Any, Literal, get_args
 
@@ -68,19 +69,28 @@ class ChannelWriter:
         self.held = self.done = 0
         self.digests: list[bytes] = []
 
-    def add(self, values: np.ndarray) -> None:
-        """Take the next run's samples."""
-        row = self.block[self.held]
+    def add(self, values: np.ndarray, counts: np.ndarray) -> None:
+        """Take the next runs' samples, shape (runs, samples); `counts` of them are a run's own."""
+        begin = 0
+        while begin < len(values):
+            end = min(len(values), begin + len(self.block) - self.held)
+            self._take(values[begin:end], counts[begin:end])
+            if self.held == len(self.block):
+                self.flush()
+            begin = end
+
+    def _take(self, values: np.ndarray, counts: np.ndarray) -> None:
+        """Take runs that the chunk has room for."""
+        rows, width = self.block[self.held:self.held + len(values)], min(values.shape[1], self.block.shape[1])
         if self.step is None:
-            row[: len(values)] = values
+            rows[:, :width] = values[:, :width]
         else:
-            counts = np.rint(values / self.step)
-            row[: len(values)] = np.where(np.isfinite(counts), counts, self.fill)
-        row[len(values):] = self.fill
-        self.digests.append(row_digest(row, len(values)))
-        self.held += 1
-        if self.held == len(self.block):
-            self.flush()
+            found = np.rint(values[:, :width] / self.step)
+            rows[:, :width] = np.where(np.isfinite(found), found, self.fill)
+        for row, count in zip(rows, counts.tolist(), strict=True):
+            row[count:] = self.fill
+            self.digests.append(row_digest(row, count))
+        self.held += len(values)
 
     def flush(self) -> None:
         """Write the rows held back."""
@@ -190,9 +200,31 @@ def _stored(plane: np.ndarray, last: bool) -> Iterator[bytes | memoryview]:
         yield plane[first:first + size].data
 
 
-_WORDS = 8192  # in a block of the checksum: all its sums are whole numbers below 2^53, so that a float holds them
-_BLOCKS = 16   # summed at once
-_WEIGHTS = np.stack([np.ones(_WORDS), np.arange(_WORDS, 0, -1, dtype=float)], axis=1)
+_WORDS = 256  # in a block of the checksum: its sums, of 16-bit words times their places, fit into 32 bits
+
+
+@cache
+def _sums() -> Any:
+    """Compiled at the first call, not at the import: who reads a data set needs no compiler."""
+    from testbed.kernel_cache import kept
+
+    @kept(nogil=True)
+    def sums(words):
+        """Sum of 16-bit words, and of all its partial sums, each `_folded`."""
+        one, most, first, second = np.uint64(1), np.uint64(65535), np.uint64(0), np.uint64(0)
+        for begin in range(0, len(words), _WORDS):
+            part = words[begin:begin + _WORDS]
+            size, plain, weighted = len(part), np.uint32(0), np.uint32(0)
+            for place in range(size):
+                word = np.uint32(part[place])
+                plain = np.uint32(plain + word)
+                weighted = np.uint32(weighted + np.uint32(np.uint32(size - place) * word))
+            second, first = second + np.uint64(size) * first + np.uint64(weighted), first + np.uint64(plain)
+            second = (second - one) % most + one if second > np.uint64(0) else second
+            first = (first - one) % most + one if first > np.uint64(0) else first
+        return first, second
+
+    return sums
 
 
 def fletcher32(data: bytes | np.ndarray) -> int:
@@ -202,19 +234,7 @@ def fletcher32(data: bytes | np.ndarray) -> int:
     """
     size = len(data)
     words = np.frombuffer(data, "<u2", size // 2)
-    first = second = 0
-    whole = len(words) // _WORDS * _WORDS
-    blocks = words[:whole].reshape(-1, _WORDS)
-    numbers = np.empty((min(_BLOCKS, len(blocks)), _WORDS))
-    for begin in range(0, len(blocks), _BLOCKS):
-        some = numbers[: len(blocks) - begin]
-        some[...] = blocks[begin:begin + _BLOCKS]
-        for plain, weighted in (some @ _WEIGHTS).tolist():
-            second += _WORDS * first + int(weighted)
-            first += int(plain)
-    rest = words[whole:].astype(float)
-    second += len(rest) * first + int(rest @ _WEIGHTS[_WORDS - len(rest):, 1])
-    first += int(rest.sum())
+    first, second = map(int, _sums()(words))
     if size % 2:
         first += int(data[size - 1])
         second += first

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from operator import attrgetter
+from types import SimpleNamespace
+from typing import Any, overload
+
+import numpy as np
 
 REMEMBERED = 0.05  # s of the motion before a record that its sensor is taken to have followed: one that lags remembers
 
@@ -66,6 +72,65 @@ class Cut:
         return self.idle_passes + self.passes + self.ring_down_passes
 
 
+_NAMES = tuple(one.name for one in fields(Cut))
+_values = attrgetter(*_NAMES)
+
+
+class Cuts(Sequence[Cut]):
+    """Cuts side by side, without an object for each.
+
+    column: by the names of Cut's fields, the values of all of them as floats, shape (cuts,).
+    """
+
+    def __init__(self, table: np.ndarray) -> None:
+        """table: the columns one under another, shape (fields, cuts), in the order of Cut's fields."""
+        self.table = table
+        self.column = SimpleNamespace(**dict(zip(_NAMES, table, strict=True)))
+
+    @classmethod
+    def of(cls, cuts: Sequence[Cut]) -> Cuts:
+        """The same cuts in columns."""
+        if isinstance(cuts, Cuts):
+            return cuts
+        return cls(np.array([_values(cut) for cut in cuts], float).reshape(len(cuts), len(_NAMES)).T)
+
+    @classmethod
+    def alike(cls, count: int, **columns: Any) -> Cuts:
+        """So many cuts of these values, each a number for all or an array (count,); else Cut's own. ValueError as for a Cut."""
+        for end in (np.min, np.max):  # what may not be is too low, too high, or no number at all: the ends tell
+            one = Cut(**{name: end(values) for name, values in columns.items()})
+        return cls(np.array([np.broadcast_to(columns.get(name, getattr(one, name)), (count,)) for name in _NAMES], float))
+
+    def __len__(self) -> int:
+        return self.table.shape[1]
+
+    @overload
+    def __getitem__(self, index: int) -> Cut: ...
+    @overload
+    def __getitem__(self, index: slice) -> Cuts: ...
+
+    def __getitem__(self, index):
+        if isinstance(index, slice):
+            return Cuts(self.table[:, index])
+        return Cut(**{name: _KINDS.get(name, float)(value) for name, value in zip(_NAMES, self.table[:, index], strict=True)})
+
+    def some(self, places: Sequence[int] | np.ndarray) -> Cuts:
+        """Those at these places."""
+        return Cuts(self.table[:, places])
+
+    @property
+    def total_passes(self) -> np.ndarray:
+        """Idle, cutting and ring-down passes together, shape (cuts,)."""
+        return self.column.idle_passes + self.column.passes + self.column.ring_down_passes
+
+    def tooth_passing_period(self, flutes: int | np.ndarray) -> np.ndarray:
+        """Time between two teeth at the nominal speed, s, shape (cuts,)."""
+        return 2.0 * math.pi / (flutes * self.column.spindle_speed)
+
+
+_KINDS = {"idle_passes": int, "passes": int, "ring_down_passes": int, "swung_front": bool}  # others: float
+
+
 @dataclass(frozen=True)
 class Sampling:
     """When the simulated motion is looked at: `count` samples at `rate` (Hz), the first at `start` (s)."""
@@ -83,5 +148,10 @@ class Sampling:
 
 def whole_cut_sampling(cut: Cut, flutes: int, rate: float) -> Sampling:
     """Samples over the nominal length of the whole cut."""
-    duration = cut.total_passes * cut.tooth_passing_period(flutes)
-    return Sampling(rate, max(1, math.floor(duration * rate * (1 + 1e-12))))
+    return Sampling(rate, int(whole_cut_counts(cut, flutes, rate)))
+
+
+def whole_cut_counts(cuts: Cut | Cuts, flutes: int, rate: float) -> np.ndarray:
+    """How many samples that is of each cut, as whole numbers in floats, shape (cuts,)."""
+    duration = cuts.total_passes * cuts.tooth_passing_period(flutes)
+    return np.maximum(1.0, np.floor(duration * rate * (1 + 1e-12)))

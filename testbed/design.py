@@ -46,6 +46,10 @@ class Design(Sequence[OperatingPoint]):
         """The lowest spindle speed of all points, rad/s."""
         return min(one.spindle_speed for one in self)
 
+    @abstractmethod
+    def columns(self, places: np.ndarray) -> dict[str, np.ndarray]:
+        """Of the points of these numbers every parameter by its name, shape (points,)."""
+
     @overload
     def __getitem__(self, index: int) -> OperatingPoint: ...
     @overload
@@ -74,11 +78,15 @@ class Grid(Design):
 
     def at(self, index: int) -> OperatingPoint:
         """The point of that number, from 0."""
-        given: dict[str, float] = {}
+        return point({name: values.item() for name, values in self.columns(np.array([index])).items()})
+
+    def columns(self, places: np.ndarray) -> dict[str, np.ndarray]:
+        """Of the points of these numbers every parameter by its name, shape (points,)."""
+        given: dict[str, np.ndarray] = {}
         for name, values in reversed(self.axes):
-            index, place = divmod(index, len(values))
-            given[name] = values[place]
-        return point({name: given[name] for name, _ in self.axes})
+            places, turn = np.divmod(places, len(values))
+            given[name] = np.array(values, float)[turn]
+        return {name: given[name] for name, _ in self.axes}
 
     def slowest(self) -> float:
         """The lowest spindle speed of all points, rad/s."""
@@ -117,8 +125,12 @@ class Sampled(Design):
 
     def at(self, index: int) -> OperatingPoint:
         """The point of that number, from 0."""
-        row = _filled(self)[index]
-        return point(dict(self.fixed) | {one.name: float(value) for one, value in zip(self.ranges, row, strict=True)})
+        return point({name: values.item() for name, values in self.columns(np.array([index])).items()})
+
+    def columns(self, places: np.ndarray) -> dict[str, np.ndarray]:
+        """Of the points of these numbers every parameter by its name, shape (points,)."""
+        drawn = {one.name: values for one, values in zip(self.ranges, _filled(self)[places].T, strict=True)}
+        return {name: np.full(len(places), value) for name, value in self.fixed} | drawn
 
     def slowest(self) -> float:
         """The lowest spindle speed of all points, rad/s."""

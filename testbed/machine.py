@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -110,7 +111,7 @@ class Structure(Mode):
 
     further: tuple[Mode, ...] = ()
 
-    @property
+    @cached_property
     def modes(self) -> tuple[Mode, ...]:
         """All modes, the first one first."""
         return (Mode(self.mass, self.natural_frequency, self.damping_ratio, self.direction, self.on), *self.further)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -90,3 +90,18 @@ class Recording:
     def time(self) -> np.ndarray:
         """Sample times, s, shape (samples,)."""
         return self.start + np.arange(len(self)) / self.sampling_rate
+
+
+@dataclass(frozen=True)
+class Records:
+    """Predicted recordings side by side, of simulations from time 0 that share their sampling rate and number of passes.
+
+    channels: by name, in SI units, shape (runs, samples); what is behind a run's own samples means nothing. marks, pass_times,
+    outcome, outcome_time: of each run, see `Recording`.
+    """
+
+    channels: Mapping[str, np.ndarray]
+    marks: np.ndarray
+    pass_times: np.ndarray
+    outcome: Sequence[Outcome]
+    outcome_time: np.ndarray

@@ -13,12 +13,13 @@ from typing import Literal
 
 import numpy as np
 
-from testbed.cut import Cut, Sampling, whole_cut_sampling
+from testbed.cut import Cut, Cuts, Sampling, whole_cut_counts, whole_cut_sampling
 from testbed.design import DEPTH, FEED, SPEED, STARTS, Design, Grid, OperatingPoint, Sampled
 from testbed.draws import Chance, Distribution
 from testbed.effect import Effect
 from testbed.machine import Model
 from testbed.sensors.chain import SensorChain
+from testbed.streams import streams
 
 Engine = Literal["fast", "mujoco"]
 ENGINES: tuple[Engine, ...] = ("fast", "mujoco")
@@ -57,6 +58,42 @@ class Run:
     def sensed(self) -> np.random.Generator:
         """The random numbers of this run's sensors, the same whoever computes the run and when."""
         return _generator(self.seed, self.index, 1)
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Neighbouring runs of a scenario, side by side: the same values as each `Run`, a column for each.
+
+    counts: samples of each, shape (runs,), at `rate` (Hz) from time 0. models, sensors: of each run, often one and the same.
+    """
+
+    first: int
+    models: Sequence[Model]
+    cuts: Cuts
+    counts: np.ndarray
+    rate: float
+    sensors: Sequence[SensorChain]
+    seed: int
+    steps: int | None
+
+    def __len__(self) -> int:
+        return len(self.models)
+
+    def __getitem__(self, some: slice) -> Runs:
+        return replace(self, first=self.first + range(len(self))[some].start, models=self.models[some], cuts=self.cuts[some],
+                       counts=self.counts[some], sensors=self.sensors[some])
+
+    def sensed(self) -> Iterator[np.random.Generator]:
+        """The random numbers of every run's sensors in turn, see `Run`; each is good until the next is asked for."""
+        return streams(self.seed, self.first + np.arange(len(self)), 1)
+
+
+def side_by_side(runs: Sequence[Run]) -> Runs:
+    """Runs that are there one by one, in order."""
+    head = runs[0]
+    return Runs(head.index, [run.model for run in runs], Cuts.of([run.cut for run in runs]),
+                np.array([run.sampling.count for run in runs]), head.sampling.rate, [run.sensors for run in runs], head.seed,
+                head.steps)
 
 
 def _generator(seed: int, index: int, purpose: int) -> np.random.Generator:
@@ -119,9 +156,39 @@ class Scenario:
             velocity += course.velocity_spread * float(drawn[1])
         cut = Cut(test.spindle_speed, test.axial_depth_of_cut, feed, course.idle_passes, course.passes,
                   course.ring_down_passes, displacement, velocity)
-        flutes = self.model.cutter.flutes if self.model.cutter else 1
-        sampling = whole_cut_sampling(cut, flutes, self.sampling_rate)
+        sampling = whole_cut_sampling(cut, self._flutes, self.sampling_rate)
         return Run(index, model, cut, sampling, sensors, self.seed, self.steps)
+
+    def between(self, first: int, last: int) -> Runs:
+        """Runs `first` up to `last`, side by side; each is what `run` gives."""
+        given = self._columns(np.arange(first, last) // (self.repeats * len(self.sensors)))
+        if given is None:
+            return side_by_side([self.run(index) for index in range(first, last)])
+        course, count, levels = self.course, last - first, np.arange(first, last) // self.repeats % len(self.sensors)
+        displacement, velocity = (given.get(name, value) for name, value in
+                                  zip(STARTS, (course.initial_displacement, course.initial_velocity), strict=True))
+        if course.displacement_spread or course.velocity_spread:
+            drawn = np.array([rng.standard_normal(2) for rng in streams(self.seed, np.arange(first, last), 0)]).T
+            displacement, velocity = (displacement + course.displacement_spread * drawn[0],
+                                      velocity + course.velocity_spread * drawn[1])
+        cuts = Cuts.alike(count, spindle_speed=given[SPEED], axial_depth_of_cut=given[DEPTH],
+                          feed_per_tooth=given.get(FEED, course.feed_per_tooth), idle_passes=course.idle_passes,
+                          passes=course.passes, ring_down_passes=course.ring_down_passes, initial_displacement=displacement,
+                          initial_velocity=velocity)
+        counts = whole_cut_counts(cuts, self._flutes, self.sampling_rate).astype(int)
+        return Runs(first, [self.model] * count, cuts, counts, self.sampling_rate, [self.sensors[level] for level in levels],
+                    self.seed, self.steps)
+
+    def _columns(self, places: np.ndarray) -> dict[str, np.ndarray] | None:
+        """The parameters of these tests where they are those of the cut alone, and runs draw no others; None where not so."""
+        if self.chances or self.noise_drawn or not isinstance(self.tests, Design):
+            return None
+        given = self.tests.columns(places)
+        return given if set(given) <= {SPEED, DEPTH, FEED, *STARTS} else None
+
+    @property
+    def _flutes(self) -> int:
+        return self.model.cutter.flutes if self.model.cutter else 1
 
     def runs(self) -> Iterator[Run]:
         """All runs, in order."""
@@ -129,10 +196,9 @@ class Scenario:
 
     def longest(self) -> int:
         """Number of samples of the longest run."""
-        flutes = self.model.cutter.flutes if self.model.cutter else 1
         tests = self.tests
         slowest = tests.slowest() if isinstance(tests, Design) else min(test.spindle_speed for test in tests)
-        return whole_cut_sampling(replace(self.run(0).cut, spindle_speed=slowest), flutes, self.sampling_rate).count
+        return whole_cut_sampling(replace(self.run(0).cut, spindle_speed=slowest), self._flutes, self.sampling_rate).count
 
     def with_seed(self, seed: int) -> Scenario:
         """The same scenario with another seed, in its design too."""

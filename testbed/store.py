@@ -9,7 +9,7 @@ about.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -22,9 +22,10 @@ from testbed.chunk_writer import ChannelWriter, Compression
 from testbed.content_hash import ATTRIBUTE, DIGEST, PROVENANCE_ATTRIBUTE, content_hash, provenance_hash
 from testbed.machine import BASE_UNITS, Model
 from testbed.memory_file import MemoryFile
-from testbed.recording import CHANNEL_UNITS, Outcome, Recording
-from testbed.scenario import Run
+from testbed.recording import CHANNEL_UNITS, Outcome, Recording, Records
+from testbed.scenario import Run, Runs, side_by_side
 from testbed.seal import seal, write_sealed
+from testbed.sensors.chain import ChannelSensor
 from testbed.steady_file import SteadyFile
 
 MEMORY_BYTES = 256 * 2**20  # as 8-byte numbers, unpacked
@@ -64,65 +65,103 @@ class Header:
     versions: Mapping[str, str]
 
 
-def truth_of(run: Run) -> dict[str, float]:
-    """The true value of every parameter by its path, and the tachometer's mark angle (rad)."""
-    model = run.model
-    values = {name: model.value(name) for name in model.base_parameters}
-    values |= {f"{effect}.{name}": value for effect, given in model.effects.items() for name, value in given.items()}
-    return values | {"mark_angle": run.sensors.mark_angle}
+@dataclass(frozen=True)
+class Block:
+    """Runs side by side as they are written.
+
+    numbers: every single number of a run by its name, (runs,). channels: what was recorded, (runs, samples), `counts` of them
+    the run's own. sensors: of the channels. marks, pass_times: (runs, most of any run), filled up with NaN.
+    """
+
+    numbers: Mapping[str, np.ndarray]
+    channels: Mapping[str, np.ndarray]
+    counts: np.ndarray
+    sensors: Mapping[str, ChannelSensor]
+    marks: np.ndarray
+    pass_times: np.ndarray
 
 
-def write_data_set(path: str | Path, header: Header, rows: Iterable[tuple[Run, Recording]], count: int,
+def block(runs: Runs, channels: Mapping[str, np.ndarray], marks: np.ndarray, records: Records) -> Block:
+    """What was recorded of runs, with all that is known of them."""
+    count, cut = len(runs), runs.cuts.column
+    numbers = {"scenario_run": np.arange(runs.first, runs.first + count)} | {name: getattr(cut, name) for name in CONDITIONS}
+    numbers |= {"start": np.zeros(count), "sample_count": runs.counts,
+                "outcome": np.array([OUTCOMES.index(one) for one in records.outcome]), "outcome_time": records.outcome_time}
+    known = {id(chain): chain for chain in runs.sensors}
+    place = {key: number for number, key in enumerate(known)}
+    which = np.array([place[id(chain)] for chain in runs.sensors])
+    for name in runs.sensors[0].channels:
+        numbers[f"noise_{name}"] = np.array([chain.channels[name].noise for chain in known.values()])[which]
+    numbers |= {TRUTH + name: values for name, values in _truth(runs.models).items()}
+    numbers[TRUTH + "mark_angle"] = np.array([chain.mark_angle for chain in known.values()])[which]
+    return Block(numbers, channels, runs.counts, runs.sensors[0].channels, marks, records.pass_times)
+
+
+def block_of(run: Run, recording: Recording) -> Block:
+    """One run and what its sensors recorded."""
+    channels = {name: np.asarray(values, float)[None] for name, values in recording.channels.items()}
+    marks, passes = np.asarray(recording.marks, float)[None], np.asarray(recording.pass_times, float)[None]
+    runs = replace(side_by_side([run]), counts=np.array([len(recording)]))
+    records = Records(channels, marks, passes, [recording.outcome], np.array([recording.outcome_time]))
+    found = block(runs, channels, marks, records)
+    return replace(found, numbers={**found.numbers, "start": np.array([recording.start])})
+
+
+def _truth(models: Sequence[Model]) -> dict[str, np.ndarray]:
+    """The true value of every parameter by its path, (runs,)."""
+    known = {id(model): model for model in models}
+    first = next(iter(known.values()))
+    paths = [*first.base_parameters, *(f"{effect}.{name}" for effect, given in first.effects.items() for name in given)]
+    place = {key: number for number, key in enumerate(known)}
+    table = np.array([[model.value(path) for path in paths] for model in known.values()])
+    return dict(zip(paths, table[[place[id(model)] for model in models]].T, strict=True))
+
+
+def write_data_set(path: str | Path, header: Header, blocks: Iterable[Block], count: int,
                    samples: int, *, compression: Compression = "gzip", chunk_rows: int | None = None,
                    durable: bool = True) -> str:
     """Write `count` runs of at most `samples` samples, whole or not at all; returns the content hash.
 
-    rows: runs in order with what their sensors recorded, taken one at a time. chunk_rows: runs in a chunk; chosen where
+    blocks: runs in order with what their sensors recorded, taken one block at a time. chunk_rows: runs in a chunk; chosen where
     None. durable: wait until the disk has it. InputProblem if `path` is not writable.
     """
     with replacing(path, durable) as temporary:
         if 8 * count * samples > MEMORY_BYTES:
             with SteadyFile(temporary) as disk, h5py.File(disk, "w", libver="v110") as file:
-                digest = _write(file, header, iter(rows), count, samples, compression, chunk_rows)
+                digest = _write(file, header, iter(blocks), count, samples, compression, chunk_rows)
             seal(temporary)
             return digest
         # In memory where it fits: HDF5 does not stand a full disk, and its bytes are at hand for the seal.
         with MemoryFile(_ROOM + 4 * count * samples, keep=not durable) as memory:
             with h5py.File(memory, "w", libver="v110") as file:
-                digest = _write(file, header, iter(rows), count, samples, compression, chunk_rows)
+                digest = _write(file, header, iter(blocks), count, samples, compression, chunk_rows)
             write_sealed(temporary, memory.content(), keep=durable)
         return digest
 
 
-def _write(file: h5py.File, header: Header, rows: Iterator[tuple[Run, Recording]], count: int, samples: int,
+def _write(file: h5py.File, header: Header, blocks: Iterator[Block], count: int, samples: int,
            compression: Compression, chunk_rows: int | None) -> str:
     """All of an open file; returns its content hash, which is in it too."""
     write_header(file, header, count, samples)
     channels: dict[str, ChannelWriter] = {}
-    table: dict[str, list[float]] = {}
-    marks: list[np.ndarray] = []
-    passes: list[np.ndarray] = []
-    for place in range(count):
-        run, recording = next(rows)
-        for name in recording.channels:
-            if place == 0:
-                sensor = run.sensors.channels[name]
-                channels[name] = ChannelWriter(file, name, recording.units[name], sensor, count, samples, compression,
+    taken: list[Block] = []
+    written = 0
+    while written < count:
+        one = next(blocks)
+        for name, values in one.channels.items():
+            if not written:
+                channels[name] = ChannelWriter(file, name, CHANNEL_UNITS[name], one.sensors[name], count, samples, compression,
                                                chunk_rows)
-            channels[name].add(recording.channels[name])
-        for name, value in _row(run, recording).items():
-            table.setdefault(name, []).append(value)
-        marks.append(np.asarray(recording.marks, float))
-        passes.append(np.asarray(recording.pass_times, float))
+            channels[name].add(values, one.counts)
+        written += len(one.counts)
+        taken.append(replace(one, channels={}))  # what is written is not kept
     for channel in channels.values():
         channel.flush()
-    _write_table(file, header, table)
-    for name, values in (("marks", marks), ("pass_times", passes)):
-        width = max(1, max(len(row) for row in values))
-        table_of_rows = np.full((count, width), np.nan)
-        for row, given in zip(table_of_rows, values, strict=True):
-            row[: len(given)] = given
-        ragged(file, name, count, width)[...] = table_of_rows
+    _write_table(file, header, {name: np.concatenate([one.numbers[name] for one in taken]) for name in taken[0].numbers})
+    for name, rows in (("marks", [one.marks for one in taken]), ("pass_times", [one.pass_times for one in taken])):
+        width = max(1, *(row.shape[1] for row in rows))
+        ragged(file, name, count, width)[...] = np.concatenate(
+            [np.pad(row, ((0, 0), (0, width - row.shape[1])), constant_values=np.nan) for row in rows])
     digests = {name: b"".join(channel.digests) for name, channel in channels.items()}
     for name, rows_hashed in digests.items():
         write_digests(file, name, rows_hashed)
@@ -134,16 +173,6 @@ def write_hashes(file: h5py.File, digests: Mapping[str, bytes]) -> str:
     file.attrs[ATTRIBUTE] = digest = content_hash(file, digests)
     file.attrs[PROVENANCE_ATTRIBUTE] = provenance_hash(file)
     return digest
-
-
-def _row(run: Run, recording: Recording) -> dict[str, float]:
-    """All single numbers of a run, in the order they are written."""
-    row: dict[str, float] = {"scenario_run": run.index}
-    row |= {name: getattr(run.cut, name) for name in CONDITIONS}
-    row |= {"start": recording.start, "sample_count": len(recording), "outcome": OUTCOMES.index(recording.outcome),
-            "outcome_time": recording.outcome_time}
-    row |= {f"noise_{name}": sensor.noise for name, sensor in run.sensors.channels.items()}
-    return row | {TRUTH + name: value for name, value in truth_of(run).items()}
 
 
 def write_header(file: h5py.File, header: Header, count: int, samples: int,
@@ -173,7 +202,7 @@ def _dimension(file: h5py.File, name: str, values: np.ndarray, unit: str, meanin
     data.attrs["units"], data.attrs["long_name"] = unit, meaning
 
 
-def _write_table(file: h5py.File, header: Header, table: Mapping[str, list[float]]) -> None:
+def _write_table(file: h5py.File, header: Header, table: Mapping[str, np.ndarray]) -> None:
     for name, values in table.items():
         whole = name in (*_WHOLE, "sample_count", "scenario_run")
         kind = np.int8 if name == "outcome" else np.int64 if whole else np.float64

@@ -251,7 +251,7 @@ def test_a_model_with_an_unknown_effect_or_without_a_parameter_is_refused():
 
 def test_two_effects_that_both_replace_the_chip_are_refused_in_one_line(tmp_path):
     """The only way in which effects cannot be together: all others add up or multiply."""
-    from testbed.engines.packing import active_effects
+    from testbed.engines.model_arrays import active_effects
     from testbed.machine import Model, Structure
 
     assert [name for name, hook in HOOKS.items() if hook.joins == "replace"] == ["chip"]

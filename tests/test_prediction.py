@@ -136,13 +136,13 @@ def test_a_first_run_that_would_be_another_beside_others_is_simulated(first):
 ])
 def test_a_run_that_takes_absurdly_many_steps_is_not_followed(runaway, monkeypatch):
     """A descent's trial at a bound; the runs beside it come out as they do without it."""
-    run, taken = fast._Batch._run, []
+    run, taken = fast._Batch._simulated, []
 
-    def counted(self, packed, linear):
-        taken.extend(one.steps_of_pass for one in packed)
-        return run(self, packed, linear)
+    def counted(self, packed, *kernel):
+        taken.extend(packed.steps_of_pass)
+        return run(self, packed, *kernel)
 
-    monkeypatch.setattr(fast._Batch, "_run", counted)
+    monkeypatch.setattr(fast._Batch, "_simulated", counted)
     sampling = whole_cut_sampling(COURSE, 1, 12800.0)
     stirred = replace(COURSE, initial_displacement=1e-3)
     ordinary = FLEXURE.with_effect("edge_force", tangential=1e4, normal=5e3)

@@ -21,7 +21,7 @@ from testbed.recording import Recording
 from testbed.scenario import Run
 from testbed.seal import sealed_size
 from testbed.sensors.chain import ChannelSensor, SensorChain
-from testbed.store import Header, write_data_set
+from testbed.store import Header, block_of, write_data_set
 
 MODEL = Model(Structure(2.573, 146.6, 0.0032), Cutter(), Cutting(), {"process_damping": {"coefficient": 1e5}})
 RATE = 1000.0
@@ -40,9 +40,13 @@ def run_and_recording(index, samples, sensor=CONVERTER, channel="displacement"):
     return run, run.sensors.apply(predicted, run.sensed())
 
 
+def blocks(rows):
+    return (block_of(*row) for row in rows)
+
+
 def written(path, rows):
     count = max(len(recording) for _, recording in rows)
-    write_data_set(path, HEADER, rows, len(rows), count)
+    write_data_set(path, HEADER, blocks(rows), len(rows), count)
     return rows
 
 
@@ -99,7 +103,7 @@ def test_however_it_is_packed_the_content_is_the_same(tmp_path, trial, compressi
     if compression == "zstd":
         pytest.importorskip("hdf5plugin")
     rows = trial[1]
-    digest = write_data_set(tmp_path / "a.h5", HEADER, rows, 3, 300, compression=compression, chunk_rows=2)
+    digest = write_data_set(tmp_path / "a.h5", HEADER, blocks(rows), 3, 300, compression=compression, chunk_rows=2)
     assert digest == read_data_set(trial[0]).content_hash
     for (_, before), after in zip(rows, read_data_set(tmp_path / "a.h5"), strict=True):
         assert np.array_equal(after.channels["displacement"], before.channels["displacement"])
@@ -169,12 +173,12 @@ def test_a_long_record_spans_chunks(tmp_path):
 
 def test_the_content_hash_is_of_the_content(tmp_path, trial):
     rows = trial[1]
-    again = write_data_set(tmp_path / "b.h5", HEADER, rows, 3, 300)
+    again = write_data_set(tmp_path / "b.h5", HEADER, blocks(rows), 3, 300)
     assert again == read_data_set(trial[0]).content_hash and read_data_set(trial[0]).verify()
     other = replace(rows[1][1], channels={"displacement": rows[1][1].channels["displacement"].copy()})
     other.channels["displacement"][17] += CONVERTER.step
-    assert write_data_set(tmp_path / "c.h5", HEADER, [rows[0], (rows[1][0], other), rows[2]], 3, 300) != again
-    assert write_data_set(tmp_path / "d.h5", replace(HEADER, seed=8), rows, 3, 300) != again
+    assert write_data_set(tmp_path / "c.h5", HEADER, blocks([rows[0], (rows[1][0], other), rows[2]]), 3, 300) != again
+    assert write_data_set(tmp_path / "d.h5", replace(HEADER, seed=8), blocks(rows), 3, 300) != again
 
 
 def test_verify_sees_a_changed_value(trial):
@@ -200,10 +204,10 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path, trial):
         raise RuntimeError("power cut")
 
     with pytest.raises(RuntimeError):
-        write_data_set(tmp_path / "new.h5", HEADER, breaking(), 3, 300)
+        write_data_set(tmp_path / "new.h5", HEADER, blocks(breaking()), 3, 300)
     assert [path.name for path in tmp_path.iterdir()] == ["trial.h5"]
     with pytest.raises(InputProblem):
-        write_data_set(tmp_path / "none" / "new.h5", HEADER, trial[1], 3, 300)
+        write_data_set(tmp_path / "none" / "new.h5", HEADER, blocks(trial[1]), 3, 300)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.6, 0.9, 0.999])

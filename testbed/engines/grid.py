@@ -19,6 +19,7 @@ STEP_PHASE = 0.15  # rad of the structure's vibration, or of a law's own, that a
 CARRIED_PHASE = 0.3  # rad of a carried oscillator's vibration that a step in the cut may cover
 FREE_PHASE = 0.3  # rad of the structure's vibration that a step outside the cut may cover: only a weak rest is integrated
 STEP_ANGLE = 0.12  # rad of tooth travel a step in the cut may cover
+MOST_STEPS = 2.0**60  # in a segment: beyond it a whole number has no room, after what is made of it
 
 
 def corners_of_pitch(cutter: Cutter, cutting: Cutting, lag: float) -> tuple[np.ndarray, list[int]]:
@@ -162,22 +163,43 @@ def motion_of(structure: Structure, active: Mapping[str, Mapping[str, float]], c
     return replace(motion, slider=_slider(catalogue[sliders[0]], active[sliders[0]], structure, layout))
 
 
-def steps_of_segments(steps: int | None, corners: np.ndarray, teeth: list[int], crossing: float, speed: float, structure: float,
-           motion: Motion, steady: bool) -> list[int]:  # fmt: skip
-    """Steps of each segment. `structure`: the highest angular frequency of the structure alone, rad/s."""
-    carried, integrated = motion.rates
-    if steps:
-        dense = free = timed = steps / crossing
-    else:
-        timed = max(structure / STEP_PHASE, carried / CARRIED_PHASE, motion.turning / STEP_PHASE, speed / STEP_ANGLE) / speed
-        dense = max(timed, integrated / STEP_PHASE / speed)
-        free = max(carried / FREE_PHASE, integrated / STEP_PHASE) / speed
-    least = 1 if steps else math.ceil(6 / max(1, sum(count > 0 for count in teeth)))
-    found = []
-    for length, count in zip(np.diff(corners), teeth, strict=True):
-        if count > 0 or not motion.exact:
-            density = dense if count > 0 else free
-            found.append(max(least if count > 0 else 1, math.ceil(length * density - 1e-9)))
-        else:  # one exact map; at a varying speed the time it takes is integrated
-            found.append(1 if steady else max(8, math.ceil(length * timed / 4.0)))
-    return found
+@dataclass(frozen=True)
+class Pace:
+    """What asks for short steps, of runs side by side, each (runs, 1), and the segments they are taken in (runs, segments).
+
+    carried, integrated, turning: rad/s, see Motion; structure: the highest of its modes alone, rad/s; speed: of the spindle,
+    rad/s; crossing: how far the leading tooth turns through its cut, rad; exact, steady: whether free flight is one map, and
+    whether the speed is one and the same. lengths, rad; teeth in the cut.
+    """
+
+    carried: np.ndarray
+    integrated: np.ndarray
+    turning: np.ndarray
+    structure: np.ndarray
+    speed: np.ndarray
+    crossing: np.ndarray
+    exact: np.ndarray
+    steady: np.ndarray
+    lengths: np.ndarray
+    teeth: np.ndarray
+
+
+def steps_of_segments(steps: int | None, pace: Pace) -> np.ndarray:
+    """Steps of each segment, shape (runs, segments). OverflowError where no number of steps would do."""
+    cutting, speed = pace.teeth > 0, pace.speed
+    with np.errstate(over="ignore", invalid="ignore"):
+        if steps:
+            dense = free = timed = steps / pace.crossing
+        else:
+            timed = np.maximum(np.maximum(pace.structure / STEP_PHASE, pace.carried / CARRIED_PHASE),
+                               np.maximum(pace.turning / STEP_PHASE, speed / STEP_ANGLE)) / speed
+            dense = np.maximum(timed, pace.integrated / STEP_PHASE / speed)
+            free = np.maximum(pace.carried / FREE_PHASE, pace.integrated / STEP_PHASE) / speed
+        least = 1 if steps else np.ceil(6 / np.maximum(1, cutting.sum(axis=1, keepdims=True)))
+        stepped = np.maximum(np.where(cutting, least, 1), np.ceil(pace.lengths * np.where(cutting, dense, free) - 1e-9))
+        # one exact map; at a varying speed the time it takes is integrated
+        flown = np.where(pace.steady, 1, np.maximum(8, np.ceil(pace.lengths * timed / 4.0)))
+        found = np.where(cutting | ~pace.exact, stepped, flown)
+    if not (found < MOST_STEPS).all():
+        raise OverflowError("steps without number")
+    return found.astype(np.int64)

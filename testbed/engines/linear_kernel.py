@@ -175,6 +175,8 @@ def run_linear(G, I, Y, clock, limit, out, pass_times, pass_states):  # noqa: E7
         pass_times[number + 1], pass_states[number + 1, 0], pass_states[number + 1, 1] = Y[2] + (number + 1) * tau, x, v
     Y[0], Y[1] = x, v
     fill_columns(out, position, np.nan)
+    fill(pass_times, I[IDLE] + I[CUT] + I[RING_DOWN] + 1, np.nan)
+    fill_rows(pass_states, I[IDLE] + I[CUT] + I[RING_DOWN] + 1, np.nan)
     return OUTCOME_OK, np.nan
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from testbed.cut import Sampling
 from testbed.effect import Effect, arguments_of
-from testbed.engines.packing import active_effects
+from testbed.engines.model_arrays import active_effects
 from testbed.machine import Model
 from testbed.recording import MOTION_UNITS
 

@@ -25,8 +25,9 @@ from testbed.engines import loop_kernel as lk
 from testbed.engines import mujoco_kernel as mk
 from testbed.engines import mujoco_plugin
 from testbed.engines.measure import measured_channels
+from testbed.engines.model_arrays import active_effects
 from testbed.engines.mujoco_record import sample_record
-from testbed.engines.packing import Packed, active_effects, pack
+from testbed.engines.packing import Packed, pack
 from testbed.engines.stiffening import fastest_frequency
 from testbed.machine import Cutter, Model, Structure
 from testbed.problem import InputProblem

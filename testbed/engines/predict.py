@@ -16,7 +16,8 @@ from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, compose
 from testbed.engines.grid import STEP_PHASE
 from testbed.engines.measure import asks_rates, measured_channels, senses
-from testbed.engines.packing import pack, stacked, state_place
+from testbed.engines.model_arrays import kind_of, state_place
+from testbed.engines.packing import pack_many
 from testbed.engines.stiffening import fastest_frequency
 from testbed.machine import Model
 
@@ -118,14 +119,13 @@ def predict_driven(
     substeps = refinement * max(1, math.ceil(fastest / rate / STEP_PHASE)) if any(model.effects for model in models) else 1
     if substeps > refinement * MOST_SUBSTEPS:  # a friction far stiffer than anything these samples could show
         return np.full((len(models), len(channels), len(force)), np.nan)
-    packed = [pack(model, _STILL, effects) for model in models]
-    A, P, G, integers, O, Y = stacked(packed)
+    A, P, G, integers, O, Y = pack_many(models, [_STILL] * len(models), effects).arrays()
     Y[:, :2] = states
     for row, begun in zip(Y, own, strict=False):
         for path, value in begun.items():
             row[state_place(effects, path)] = value
     out = np.zeros((len(models), fast.signals_for(channels), len(force)))
-    kernel = compose(effects, (*FAST, "drive_kernel"), packed[0].planar)
+    kernel = compose(effects, (*FAST, "drive_kernel"), kind_of(models[0], effects)[0])
     kernel.drive_batch(
         A,
         P,

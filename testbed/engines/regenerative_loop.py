@@ -19,7 +19,8 @@ from testbed.effect import Effect
 from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
 from testbed.engines.compose import Layout, compose
-from testbed.engines.packing import Packed, active_effects, pack
+from testbed.engines.model_arrays import active_effects
+from testbed.engines.packing import Packed, pack
 from testbed.engines.stiffening import fastest_frequency
 from testbed.machine import Model
 from testbed.problem import InputProblem

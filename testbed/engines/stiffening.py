@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from testbed.effect import Effect, arguments_of, hook_value
-from testbed.engines.packing import active_effects
+from testbed.engines.model_arrays import active_effects
 from testbed.machine import Model
 
 _STIFFENING = (("structure_force", "displacement"), ("structure_force_y", "displacement_y"))  # along x and along y

@@ -112,32 +112,47 @@ class SensorChain:
         """Whether random numbers are drawn."""
         return bool(self.mark_jitter) or any(sensor.chance for sensor in self.channels.values())
 
+    @property
+    def timed(self) -> bool:
+        """Whether what is measured depends on the time since the record's first sample."""
+        return any(sensor.drift or sensor.recipe is not None for sensor in self.channels.values())
+
     def apply(self, recording: Recording, rng: np.random.Generator | None) -> Recording:
         """What these sensors make of a predicted recording: the channels they see, origin "synthetic".
 
         Raises KeyError where the recording lacks a channel. The same generator state gives the same samples; rng may be
         None where there is no `chance`.
         """
-        timed = any(sensor.drift or sensor.recipe is not None for sensor in self.channels.values())
-        time = recording.time - recording.start if timed else np.empty(0)
-        measured = {name: sensor.apply(np.asarray(recording.channels[source], float), time, rng)
-                    for (name, sensor), source in zip(self.channels.items(), self.sources, strict=True)}
-        marks = shifted_marks(recording.marks, self.mark_angle)
-        if self.mark_jitter:
-            assert rng is not None
-            marks = marks + self.mark_jitter * rng.standard_normal(len(marks))
+        channels = {source: np.asarray(recording.channels[source], float) for source in self.sources}
+        measured, marks = self.measured(channels, recording.start, recording.sampling_rate, recording.marks, rng)
         return replace(recording, channels=measured, units={name: CHANNEL_UNITS[name] for name in measured},
                        origin="synthetic", marks=marks, on_tool=self.on_tool)
 
+    def measured(self, sources: Mapping[str, np.ndarray], start: float, rate: float, marks: np.ndarray,
+                 rng: np.random.Generator | None) -> tuple[dict[str, np.ndarray], np.ndarray]:
+        """(what each channel measures, by name; the marks) of the signals of `sources`, each (samples,); else as `apply`.
+
+        Where neither time nor chance plays a part, of many runs too: (runs, samples).
+        """
+        count = len(next(iter(sources.values())))
+        time = start + np.arange(count) / rate - start if self.timed else np.empty(0)
+        measured = {name: sensor.apply(sources[source], time, rng)
+                    for (name, sensor), source in zip(self.channels.items(), self.sources, strict=True)}
+        marks = shifted_marks(marks, self.mark_angle)
+        if self.mark_jitter:
+            assert rng is not None
+            marks = marks + self.mark_jitter * rng.standard_normal(len(marks))
+        return measured, marks
+
 
 def shifted_marks(marks: np.ndarray, angle: float) -> np.ndarray:
-    """Times (s) at which the spindle stands `angle` (rad) beyond each once-per-revolution mark.
+    """Times (s) at which the spindle stands `angle` (rad) beyond each once-per-revolution mark, shape (marks,) or (runs, marks).
 
     Each revolution's own duration is used, so that a changing speed is followed; the last takes the one before.
     """
-    if len(marks) < 2:
+    if marks.shape[-1] < 2:
         return np.asarray(marks, float)
-    durations = np.empty(len(marks))
-    np.subtract(marks[1:], marks[:-1], out=durations[:-1])
-    durations[-1] = durations[-2]
+    durations = np.empty(marks.shape)
+    np.subtract(marks[..., 1:], marks[..., :-1], out=durations[..., :-1])
+    durations[..., -1] = durations[..., -2]
     return marks + angle / (2.0 * math.pi) * durations
