@@ -105,3 +105,14 @@ class Records:
     pass_times: np.ndarray
     outcome: Sequence[Outcome]
     outcome_time: np.ndarray
+
+    @classmethod
+    def joined(cls, parts: Sequence[Records], order: np.ndarray) -> Records:
+        """The runs of all parts in this order; channels are as wide as the widest."""
+        widest = max(next(iter(part.channels.values())).shape[1] for part in parts)
+        channels = {name: np.concatenate([np.pad(part.channels[name], ((0, 0), (0, widest - part.channels[name].shape[1])))
+                                          for part in parts])[order] for name in parts[0].channels}
+        outcome = [one for part in parts for one in part.outcome]
+        marks, passes, ended = (np.concatenate([getattr(part, name) for part in parts])[order]
+                                for name in ("marks", "pass_times", "outcome_time"))
+        return cls(channels, marks, passes, [outcome[place] for place in order], ended)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from testbed.cut import Cut, Sampling
+from testbed.cut import Cut
 from testbed.design import OperatingPoint
 from testbed.machine import Model
 
@@ -57,8 +57,7 @@ def stable_cuts(model: Model, feed: float, catalogue: object = None) -> Callable
         if not points:
             return []
         cuts = [Cut(speed, depth, feed, passes=PASSES) for speed, depth in points]
-        result = simulate_batch([model] * len(cuts), cuts, [Sampling(1.0, 1)] * len(cuts),
-                                catalogue=catalogue)  # type: ignore[arg-type]
+        result = simulate_batch([model] * len(cuts), cuts, None, catalogue=catalogue)  # type: ignore[arg-type]
         third = PASSES // 3
         steps = np.abs(np.diff(result.pass_states[:, :, 0], axis=1))
         late = np.sqrt((steps[:, -third:] ** 2).mean(axis=1))

@@ -1,6 +1,7 @@
 """Runs side by side, as arrays: what each of them is alone, to the bit."""
 
 import math
+from hashlib import sha256
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from testbed.engines.packing import pack, pack_many
 from testbed.machine import Cutter, Cutting, Mode, Model, Structure
 from testbed.scenario import _generator
 from testbed.scenario_file import scenario_from
+from testbed.seal import BLOCK, state, write_sealed
 from testbed.streams import streams
 from testbed.yaml_text import parse
 
@@ -152,3 +154,19 @@ def test_a_sweep_of_arrays_has_the_content_of_one_run_by_run(tmp_path, design, n
     found = sweep.run(given, fast.simulate, tmp_path / "a.h5", workers=2)
     plain = sweep.run(given, one_by_one, tmp_path / "b.h5")
     assert found.content_hash == plain.content_hash and found.outcomes == plain.outcomes and found.runs >= 20
+
+
+def test_a_seal_of_an_older_file_still_counts(tmp_path):
+    """It has SHA-256 where a new one has sums; of both a single wrong bit is noticed."""
+    content = RNG.bytes(BLOCK + 12_345)
+    old, new = tmp_path / "old.h5", tmp_path / "new.h5"
+    digest = sha256(sha256(content[:BLOCK]).digest() + sha256(content[BLOCK:]).digest()).hexdigest()
+    old.write_bytes(content + f"\nsealed sha256-16M {digest} {len(content):015d}\n".encode())
+    write_sealed(new, content)
+    for path in (old, new):
+        assert state(path) == state(path, 2) == "whole"
+        for place in (0, 8_191, BLOCK - 1, BLOCK + 12_344):
+            broken = bytearray(path.read_bytes())
+            broken[place] ^= 128
+            path.with_suffix(".bad").write_bytes(broken)
+            assert state(path.with_suffix(".bad")) == "broken"

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from testbed.engines import loop_kernel as lk
 from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, compose
 from testbed.engines.measure import measured_channels, senses
-from testbed.engines.model_arrays import active_names, kind_of
+from testbed.engines.model_arrays import active_names, each_once, kind_of, runs_by
 from testbed.engines.packing import Stack, pack_many
 from testbed.engines.stiffening import stiffening, stiffens
 from testbed.machine import Cutter, Model
@@ -29,7 +28,6 @@ STIFFER = 1.05  # a structure stiffened beyond this, in frequency, is run again 
 STIFFEST = 6.0  # in frequency: what seems stiffer diverged, by its steps or by itself, and would take for ever
 REFINEMENTS = 4  # how often: after a coarse run the motion itself may still change
 ALWAYS_TAKEN = 4_000  # steps a pass: few samples may show a motion that stiffens as it grows, which takes many steps each
-FEW = 3  # silent runs that are not worth a pass of their own side by side: one after the other is as fast
 LIMIT = 1.0  # m; a displacement beyond it is a run that has diverged
 CHANNELS = {
     "displacement": sk.SENSED_X,
@@ -87,7 +85,7 @@ class _Batch:
 
         linear: by the kernel of the base model alone. NaN for those beyond `most_steps`.
         """
-        kinds = _by(lambda model: kind_of(model, self.effects)[:2], self.models)
+        kinds = runs_by(lambda model: kind_of(model, self.effects)[:2], self.models)
         if len(kinds) == 1:
             return self._run(assumed, linear, *next(iter(kinds)))
         groups = list(kinds.values())
@@ -121,7 +119,7 @@ class _Batch:
         found = result.arrays()
         if linear:
             kernel = compose(_NO_EFFECTS, (*FAST, "linear_kernel", "silent_kernel"))
-            groups, others = _side_by_side(G, I, kernel.LANES) if count == 0 else (np.empty((0, 1), np.intp), np.arange(runs))
+            groups, others = packed.side_by_side(kernel.LANES) if count == 0 else (np.empty((0, 1), np.intp), np.arange(runs))
             if len(groups):
                 kernel.run_silent_batch(G, I, Y, groups, LIMIT, *found[1:])
             if len(others) == runs:
@@ -144,29 +142,6 @@ class _Batch:
         if not planar and signals > sk.N_CHANNELS:
             result.out[:, sk.N_CHANNELS :] = 0.0 * result.out[:, :1]  # NaN where the run diverged
         return result
-
-
-def _side_by_side(G: np.ndarray, I: np.ndarray, lanes: int) -> tuple[np.ndarray, np.ndarray]:  # noqa: E741
-    """(numbers of runs that can go side by side, shape (groups, lanes), the last of them repeated; those of all others)."""
-    plain = (G[:, lk.HELD_UNTIL] == 0.0) & (G[:, lk.SWUNG_FRONT] == 0.0)
-    order = np.flatnonzero(plain)
-    rows = np.ascontiguousarray(I[order, : fk.PLAIN])
-    if (rows == rows[:1]).all():
-        alike = [order]
-    else:
-        kinds = np.unique(rows.view(np.dtype((np.void, rows.itemsize * fk.PLAIN))).ravel(), return_inverse=True)[1]
-        sort = np.argsort(kinds, kind="stable")
-        alike = np.split(order[sort], np.flatnonzero(np.diff(kinds[sort])) + 1)
-    groups, others = [], [np.flatnonzero(~plain)]
-    for runs in alike:
-        whole = len(runs) // lanes * lanes
-        groups.append(runs[:whole].reshape(-1, lanes))
-        rest = runs[whole:]
-        if len(rest) >= FEW:
-            groups.append(np.concatenate([rest, np.full(lanes - len(rest), rest[-1])])[None])
-        else:
-            others.append(rest)
-    return np.concatenate(groups) if groups else np.empty((0, lanes), np.intp), np.concatenate(others)
 
 
 def simulate_batch(
@@ -203,7 +178,7 @@ def simulate_batch(
     batch = _Batch(models, columns, effects, clock, table, steps, refinement, forces,
                    (signals, max((sampling.count for sampling in samplings or ()), default=0), passes), most_steps)  # fmt: skip
     assumed = np.ones(len(models))
-    if not (general or forces or table.shape[1]) and all(kind_of(model, effects)[2] for model in _unlike(models)):
+    if not (general or forces or table.shape[1]) and all(kind_of(model, effects)[2] for model in each_once(models)):
         return batch.run(assumed, linear=True)
     if steps is not None:
         return batch.run(assumed)
@@ -213,20 +188,6 @@ def simulate_batch(
     first, stiff = _refined(one, one.run(assumed[:1]), assumed[:1])
     assumed[:] = stiff
     return _refined(batch, _together(first, batch.of(range(1, len(models))).run(assumed[1:])), assumed)[0]
-
-
-def _unlike(models: Sequence[Model]) -> list[Model]:
-    """The models, each once; those of a sweep are one and the same."""
-    return list({id(model): model for model in models}.values())
-
-
-def _by(sort: Callable[[Model], Any], models: Sequence[Model]) -> dict[Any, list[int]]:
-    """The runs of each sort of model."""
-    sorts = {id(model): sort(model) for model in _unlike(models)}
-    found: dict[Any, list[int]] = {}
-    for run, model in enumerate(models):
-        found.setdefault(sorts[id(model)], []).append(run)
-    return found
 
 
 def same_alone(models: Sequence[Model], catalogue: Mapping[str, Effect]) -> bool:
@@ -246,7 +207,7 @@ def _refined(batch: _Batch, result: BatchResult, assumed: np.ndarray) -> tuple[B
     assumed: how stiff that was, (runs,). Returns the same of the last steps, too.
     """
     assumed, models, effects = assumed.copy(), batch.models, batch.effects
-    movable = _by(lambda model: stiffens(model, effects), models).get(True, [])
+    movable = runs_by(lambda model: stiffens(model, effects), models).get(True, [])
     for _ in range(REFINEMENTS):
         again = []
         for run in (one for one in movable if np.isfinite(result.pass_states[one]).any()):
@@ -338,11 +299,11 @@ def simulate_side_by_side(models: Sequence[Model], cuts: Cuts, counts: np.ndarra
                           catalogue: Mapping[str, Effect] | None = None) -> Records:  # fmt: skip
     """What `simulate` gives for each run, to the bit. counts: samples of each, (runs,), at `rate` (Hz) from time 0 on."""
     effects = known_effects() if catalogue is None else catalogue
-    kinds = _by(lambda model: (not model.effects, kind_of(model, effects)[2]), models)
+    kinds = runs_by(lambda model: (not model.effects, kind_of(model, effects)[2]), models)
     if len(kinds) > 1:
         parts = [simulate_side_by_side([models[run] for run in runs], cuts.some(runs), counts[runs], rate, channels=channels,
                                        steps=steps, catalogue=effects) for runs in kinds.values()]  # fmt: skip
-        return _joined(parts, np.argsort(np.concatenate(list(kinds.values()))))
+        return Records.joined(parts, np.argsort(np.concatenate(list(kinds.values()))))
     alone, clock = set(channels) == {"displacement"} and not models[0].effects, Sampling(rate, int(counts.max()))
     result = simulate_batch(models, cuts, [clock] * len(models), steps=steps, catalogue=effects,
                             forces=bool({"force_x", "force_y"} & set(channels)),
@@ -350,7 +311,7 @@ def simulate_side_by_side(models: Sequence[Model], cuts: Cuts, counts: np.ndarra
                             signals=1 if alone else signals_for(channels))  # fmt: skip
     signals = {name: result.out[:, place] for name, place in CHANNELS.items() if place < result.out.shape[1]}
     wanted = {name: signals[name] for name in channels}
-    if any(senses(model, effects) for model in _unlike(models)):
+    if any(senses(model, effects) for model in each_once(models)):
         wanted = {name: np.array(values) for name, values in wanted.items()}
         for run, (model, count) in enumerate(zip(models, counts.tolist(), strict=True)):
             own = {name: values[run, :count] for name, values in signals.items()}
@@ -359,17 +320,6 @@ def simulate_side_by_side(models: Sequence[Model], cuts: Cuts, counts: np.ndarra
     flutes = (models[0].cutter or Cutter()).flutes
     outcomes = [_OUTCOMES[one] for one in result.outcome.tolist()]
     return Records(wanted, result.pass_times[:, ::flutes], result.pass_times, outcomes, result.outcome_time)
-
-
-def _joined(parts: Sequence[Records], order: np.ndarray) -> Records:
-    """The runs of all parts in this order; channels are as wide as the widest."""
-    widest = max(next(iter(part.channels.values())).shape[1] for part in parts)
-    channels = {name: np.concatenate([np.pad(part.channels[name], ((0, 0), (0, widest - part.channels[name].shape[1])))
-                                      for part in parts])[order] for name in parts[0].channels}  # fmt: skip
-    outcome = [one for part in parts for one in part.outcome]
-    marks, passes, ended = (np.concatenate([getattr(part, name) for part in parts])[order]
-                            for name in ("marks", "pass_times", "outcome_time"))  # fmt: skip
-    return Records(channels, marks, passes, [outcome[place] for place in order], ended)
 
 
 simulate.__dict__["side_by_side"] = simulate_side_by_side  # a sweep looks for it there

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from threading import Lock
+from typing import Any
 
 import numpy as np
 
@@ -213,4 +214,18 @@ def of_lag(of: OfModel, lag: float) -> OfLag:
     if len(of.lags) >= KEPT:  # a helix under depths drawn at random
         of.lags.clear()
     of.lags[lag] = found
+    return found
+
+
+def each_once(models: Sequence[Model]) -> list[Model]:
+    """The models, each once; those of a sweep are one and the same."""
+    return list({id(model): model for model in models}.values())
+
+
+def runs_by(sort: Callable[[Model], Any], models: Sequence[Model]) -> dict[Any, list[int]]:
+    """The runs of each sort of model."""
+    sorts = {id(model): sort(model) for model in each_once(models)}
+    found: dict[Any, list[int]] = {}
+    for run, model in enumerate(models):
+        found.setdefault(sorts[id(model)], []).append(run)
     return found

@@ -26,6 +26,7 @@ from testbed.engines.model_arrays import (
 )
 from testbed.machine import Model
 
+FEW = 3  # silent runs that are not worth a pass of their own side by side: one after the other is as fast
 GATED = 2  # times as many steps in the cut where the edge of an engagement wanders through it
 
 
@@ -74,6 +75,28 @@ class Stack:
         """These runs alone."""
         A, P, G, I, O, Y = (array[runs] for array in self.arrays())  # noqa: E741
         return Stack(A, P, G, I, O, Y, tuple(self.turns[run] for run in runs if self.turns))
+
+    def side_by_side(self, lanes: int) -> tuple[np.ndarray, np.ndarray]:
+        """(numbers of runs that can go side by side, shape (groups, lanes), the last of them repeated; those of all others)."""
+        plain = (self.G[:, lk.HELD_UNTIL] == 0.0) & (self.G[:, lk.SWUNG_FRONT] == 0.0)
+        order = np.flatnonzero(plain)
+        rows = np.ascontiguousarray(self.I[order, : fk.PLAIN])
+        if (rows == rows[:1]).all():
+            alike = [order]
+        else:
+            kinds = np.unique(rows.view(np.dtype((np.void, rows.itemsize * fk.PLAIN))).ravel(), return_inverse=True)[1]
+            sort = np.argsort(kinds, kind="stable")
+            alike = np.split(order[sort], np.flatnonzero(np.diff(kinds[sort])) + 1)
+        groups, others = [], [np.flatnonzero(~plain)]
+        for runs in alike:
+            whole = len(runs) // lanes * lanes
+            groups.append(runs[:whole].reshape(-1, lanes))
+            rest = runs[whole:]
+            if len(rest) >= FEW:
+                groups.append(np.concatenate([rest, np.full(lanes - len(rest), rest[-1])])[None])
+            else:
+                others.append(rest)
+        return np.concatenate(groups) if groups else np.empty((0, lanes), np.intp), np.concatenate(others)
 
     @property
     def steps_of_pass(self) -> np.ndarray:

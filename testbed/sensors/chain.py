@@ -130,7 +130,7 @@ class SensorChain:
 
     def measured(self, sources: Mapping[str, np.ndarray], start: float, rate: float, marks: np.ndarray,
                  rng: np.random.Generator | None) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """(what each channel measures, by name; the marks) of the signals of `sources`, each (samples,); else as `apply`.
+        """(what the channels measure, by name; the marks) of the signals in `sources`, each (samples,); see `apply`.
 
         Where neither time nor chance plays a part, of many runs too: (runs, samples).
         """
@@ -146,7 +146,7 @@ class SensorChain:
 
 
 def shifted_marks(marks: np.ndarray, angle: float) -> np.ndarray:
-    """Times (s) at which the spindle stands `angle` (rad) beyond each once-per-revolution mark, shape (marks,) or (runs, marks).
+    """Times (s) at which the spindle stands `angle` (rad) beyond each once-per-revolution mark, (marks,) or (runs, marks).
 
     Each revolution's own duration is used, so that a changing speed is followed; the last takes the one before.
     """
