@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from array import array
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -20,13 +22,13 @@ def is_clock(text: str) -> bool:
     return _CLOCK.fullmatch(text.strip()) is not None
 
 
-def seconds(fields: list[str]) -> np.ndarray | None:
+def seconds(fields: Iterable[str]) -> np.ndarray | None:
     """Seconds since the first of the fields, shape (rows,); None where one of them is no time of day.
 
     A date that changes, or a time that falls by more than half a day, is the next day's.
     """
-    found, days, before = np.empty(len(fields)), 0, ("", 0.0)
-    for row, field in enumerate(fields):
+    found, days, before = array("d"), 0, ("", 0.0)
+    for field in fields:
         match = _CLOCK.fullmatch(field.strip())
         if match is None:
             return None
@@ -36,8 +38,8 @@ def seconds(fields: list[str]) -> np.ndarray | None:
         second = float((match["second"] or match["rest"]).replace(",", "."))
         moment = 3600.0 * hour + 60.0 * int(match["minute"] or match["minutes"]) + second
         date = match["date"] or ""
-        if row and (date != before[0] if date else moment < before[1] - 0.5 * _DAY):
+        if found and (date != before[0] if date else moment < before[1] - 0.5 * _DAY):
             days += 1
         before = (date, moment)
-        found[row] = days * _DAY + moment
-    return np.round(found - found[0], 9)
+        found.append(days * _DAY + moment)
+    return np.round(np.array(found) - found[0], 9)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,7 +48,7 @@ class Header:
 class Body:
     """The numbers below a header: their lines, how they are split and the number of fields in each."""
 
-    lines: list[str]
+    lines: Sequence[str]
     delimiter: str | None
     fields: int
     decimal_comma: bool

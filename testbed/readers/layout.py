@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -83,14 +84,14 @@ def _candidate(sample: list[str], delimiter: str | None, decimal_comma: bool) ->
     return share - 0.2 * text_columns / fields + 1e-4 * filled, layout
 
 
-def find_layout(path: Path, lines: list[str], forced: str | None) -> Layout:
-    filled = [line for line in lines if line.strip()]
+def find_layout(path: Path, filled: Sequence[str], forced: str | None) -> Layout:
+    """The layout that explains the lines, none of them blank, best. Raises InputProblem where none does."""
     if not filled:
         raise InputProblem(path, "the file is empty", "check that the export was finished")
-    middle = filled[len(filled) // 4 :] if len(filled) > 40 else filled
-    sample = middle[:: max(1, len(middle) // 200)]
+    middle = filled[len(filled) // 4 :]
+    sample = list(middle[:: max(1, len(middle) // 200)])
     if len(filled) <= 40:  # a short file: the numbers stand at its end
-        sample = filled[len(filled) // 2 :]
+        sample = list(filled[len(filled) // 2 :])
     best: tuple[float, Layout] | None = None
     for delimiter in (forced,) if forced else _DELIMITERS:
         for decimal_comma in (False,) if delimiter == "," else (False, True):
@@ -106,11 +107,13 @@ def find_layout(path: Path, lines: list[str], forced: str | None) -> Layout:
     return best[1]
 
 
-def first_row(path: Path, lines: list[str], layout: Layout, skip_rows: int) -> int:
+def first_row(path: Path, lines: Sequence[str], layout: Layout, skip_rows: int) -> int:
     """Index of the first line of the body: the first of three (or all that are left) that fit."""
     for index in range(skip_rows, len(lines)):
+        if not layout.fits(lines[index]):
+            continue
         following = [line for line in lines[index : index + 8] if line.strip()][:3]
-        if lines[index].strip() and following and all(layout.fits(line) for line in following):
+        if all(layout.fits(line) for line in following):
             return index
     for index in range(len(lines) - 1, skip_rows - 1, -1):  # fewer than three rows
         if layout.fits(lines[index]):

@@ -7,12 +7,14 @@ under one; which rows are one capture's, the header's number of samples says.
 from __future__ import annotations
 
 import contextlib
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from testbed.problem import InputProblem
+from testbed.readers.lines import Lines, written
 from testbed.readers.table import listed
 
 FIRST_LINE = "LabVIEW Measurement"
@@ -24,7 +26,7 @@ class Capture:
     """One capture of a file: its lines' numbers from 0, of the header and of the rows, and what its header says."""
 
     head: range
-    rows: tuple[int, ...]
+    rows: np.ndarray
     facts: dict[str, list[str]]
     samples: int
 
@@ -33,13 +35,13 @@ class Capture:
 class Chosen:
     """The file's lines with those of other captures blank, the units by column, whether X is a frequency, and notes."""
 
-    lines: list[str]
+    lines: Lines
     units: list[str]
     over_frequency: bool
     notes: tuple[str, ...]
 
 
-def choose(path: Path, lines: list[str], key: str | None) -> Chosen:
+def choose(path: Path, lines: Lines, key: str | None) -> Chosen:
     """The capture that `key` names (`1`, `2`, ... or `all`), else the first, with a note where there are more.
 
     Raises InputProblem for a capture that is not there, and for channels at different rates.
@@ -57,11 +59,15 @@ def choose(path: Path, lines: list[str], key: str | None) -> Chosen:
             path, f"channels sampled at different steps ({listed(sorted(steps), '')})",
             "export them with X columns, or at one rate",
         )  # fmt: skip
-    kept = {*range(ends[0] + 1), *wanted[0].head, *(row for capture in wanted for row in capture.rows)}
-    blanked = [line if number in kept else "" for number, line in enumerate(lines)]
+    kept = np.zeros(len(lines), dtype=bool)
+    kept[: ends[0] + 1] = kept[wanted[0].head.start : wanted[0].head.stop] = True
+    for capture in wanted:
+        kept[capture.rows] = True
+    cut = {}
     if facts["names"][-1:] == ["Comment"]:  # the words behind the numbers of a capture's first row
-        for row in (capture.rows[0] for capture in wanted if capture.rows):
-            blanked[row] = separator.join(lines[row].split(separator)[: len(facts["names"]) - 1])
+        for row in (int(capture.rows[0]) for capture in wanted if len(capture.rows)):
+            cut[row] = separator.join(lines[row].split(separator)[: len(facts["names"]) - 1])
+    blanked = written(cut.get(number, line) if kept[number] else "" for number, line in enumerate(lines))
     units = ["", *facts.get("Y_Unit_Label", [])]
     return Chosen(blanked, units, "Frequency" in facts.get("X_Dimension", []), tuple(notes))
 
@@ -88,7 +94,7 @@ def _wanted(path: Path, captures: list[Capture], key: str | None) -> tuple[list[
     return [chosen], notes
 
 
-def _captures(lines: list[str], ends: list[int], separator: str) -> list[Capture]:
+def _captures(lines: Lines, ends: list[int], separator: str) -> list[Capture]:
     """The captures below every header but the file's own."""
     columns = next((line.split(separator)[1:2] for line in lines[:40] if line.startswith("X_Columns")), ["No"])
     heads = [next((at for at in range(end, ends[0], -1) if lines[at].startswith("Channels")), end) for end in ends[1:]]
@@ -99,28 +105,26 @@ def _captures(lines: list[str], ends: list[int], separator: str) -> list[Capture
             name, *values = (field.strip() for field in line.split(separator))
             facts[name] = values
         facts["names"] = [name.strip() for name in lines[end + 1].split(separator)] if end + 1 < len(lines) else []
-        rows, special = [], False
-        for number in range(end + 2, stop):
-            special = (special or lines[number].startswith("***Start_Special")) and not lines[number].startswith(
-                "***End_Special"
-            )
-            if lines[number].strip() and not special and not lines[number].startswith("***"):
+        rows, special = array("I"), False
+        for number, line in enumerate(lines[end + 2 : stop], end + 2):
+            special = (special or line.startswith("***Start_Special")) and not line.startswith("***End_Special")
+            if line.strip() and not special and not line.startswith("***"):
                 rows.append(number)
         samples = max((int(value) for value in facts.get("Samples", []) if value.isdigit()), default=0)
         found += [
-            Capture(range(head, end + 2), tuple(part), facts, samples)
-            for part in _parts(lines, rows, samples, facts, separator)
+            Capture(range(head, end + 2), part, facts, samples)
+            for part in _parts(lines, np.array(rows), samples, facts, separator)
         ]
     return found
 
 
-def _parts(lines: list[str], rows: list[int], samples: int, facts: dict[str, list[str]], separator: str) -> list[list[int]]:
+def _parts(lines: Lines, rows: np.ndarray, samples: int, facts: dict[str, list[str]], separator: str) -> list[np.ndarray]:
     """The rows below one header, split into captures unless the X column goes on evenly from one to the next."""
     if not samples or len(rows) <= samples:
         return [rows]
     if facts["X_Columns"] != ["No"]:
         with contextlib.suppress(ValueError):
-            times = np.array([float(lines[row].split(separator)[0].replace(",", ".")) for row in rows])
+            times = np.array(array("d", (float(line.split(separator)[0].replace(",", ".")) for line in lines[rows])))
             steps = np.diff(times)
             if (np.abs(steps[samples - 1 :: samples] - np.median(steps)) < 0.5 * np.median(steps)).all():
                 return [rows]

@@ -17,10 +17,12 @@ from testbed.readers import lvm
 from testbed.readers.clock import is_clock, seconds
 from testbed.readers.header import Body, read_header
 from testbed.readers.layout import Layout, find_layout, first_row
+from testbed.readers.lines import Lines, read_lines
 from testbed.readers.table import DECIMAL_COMMAS, Table, is_frequency, listed
 from testbed.readers.timebase import looks_like_time
 
-_COMMENTS = ("#", "%", "//", "!")
+_COMMENTS, _SIGNS = ("#", "%", "//", "!"), b"#%/!"
+_AT_ONCE = 1 << 14  # lines parsed at once
 _SIZE_LIMIT = 2 * 1024**3
 _LONGEST_LINE = 1_000_000  # characters: 50,000 columns and more
 _LONGEST_HEADER = 20_000  # characters of a line above the numbers that is no row of their names; what looks for a rate in it,
@@ -28,51 +30,22 @@ _LONGEST_HEADER = 20_000  # characters of a line above the numbers that is no ro
 _OVERLOADS = {"ovl", "overload", "ovr", "over", "ovld", "ol", "clip", "overflow", "saturated"}
 
 
-def decode(path: Path, raw: bytes) -> str:
-    """Text of a file in UTF-8, UTF-16 (with or without a byte-order mark) or a Western one-byte code.
-
-    Raises InputProblem for what is no text.
-    """
-    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return raw.decode("utf-16", errors="replace")
-    if raw.startswith(b"\xef\xbb\xbf"):
-        raw = raw[3:]
-    head = raw[:4096]
-    zeros_even, zeros_odd = head[0::2].count(0), head[1::2].count(0)
-    if (
-        len(head) >= 4
-        and max(zeros_even, zeros_odd) > 0.4 * len(head) / 2
-        and min(zeros_even, zeros_odd) < 0.02 * len(head)
-    ):
-        return raw.decode("utf-16-le" if zeros_odd > zeros_even else "utf-16-be", errors="replace")
-    if b"\0" in raw or sum(head.count(code) for code in range(1, 9)) > 0.01 * len(head):
-        raise InputProblem(
-            path,
-            "not a text table (it holds binary data)",
-            "export as CSV, or give the file its proper ending (.mat, .h5, .wav, .tdms, .uff, .parquet)",
-        )
-    try:
-        return raw.decode("utf-8")
-    except UnicodeDecodeError:
-        return raw.decode("cp1252", errors="replace")
-
-
-def _body(lines: list[str], first: int, layout: Layout, notes: list[str]) -> tuple[list[str], list[int]]:
-    """The lines of the body and their numbers in the file, without blank ones; a cut-off last line is dropped."""
-    body, numbers, comments = [], [], 0
-    for number, line in enumerate(lines[first:], first + 1):
-        if line.lstrip().startswith(_COMMENTS):
-            comments += 1
-        elif line.strip():
-            body.append(line)
-            numbers.append(number)
+def _body(lines: Lines, first: int, layout: Layout, notes: list[str]) -> Lines:
+    """The lines of the body without blank ones and comments; a cut-off last line is dropped."""
+    kept, comments = np.ones(len(lines), dtype=bool), 0
+    kept[:first] = False
+    unsure = lines.opening_with(_SIGNS)
+    unsure = unsure[np.searchsorted(unsure, first) :]
+    for index, line in zip(unsure, map(str.strip, lines[unsure]), strict=True):
+        kept[index] = bool(line) and not line.startswith(_COMMENTS)
+        comments += line.startswith(_COMMENTS)
+    body = lines[kept]
     if comments:
         notes.append(f"comment lines passed over amid the numbers: {comments}")
-    if len(body) > 1 and _is_cut(layout, *body[-2:]):
-        notes.append(f"line {numbers[-1]}, the last, is cut off and was dropped: the file may be incomplete")
-        body.pop()
-        numbers.pop()
-    return body, numbers
+    if len(body) > 1 and _is_cut(layout, body[-2], body[-1]):
+        notes.append(f"line {body.places[-1] + 1}, the last, is cut off and was dropped: the file may be incomplete")
+        body = body[:-1]
+    return body
 
 
 def _is_cut(layout: Layout, before: str, last: str) -> bool:
@@ -81,27 +54,30 @@ def _is_cut(layout: Layout, before: str, last: str) -> bool:
     return len(fields) < layout.fields or (layout.numeric[-1] and not fields[-1].strip() and bool(earlier[-1].strip()))
 
 
-def _parse_fast(body: list[str], layout: Layout) -> np.ndarray | None:
-    """All numeric columns by numpy, None where any line needs a closer look."""
+def _parse_fast(body: Lines, layout: Layout) -> np.ndarray | None:
+    """All numeric columns by numpy, a block of lines at a time; None where any line needs a closer look."""
     used = [index for index, numeric in enumerate(layout.numeric) if numeric]
-    if layout.delimiter is not None and any(line.count(layout.delimiter) != layout.fields - 1 for line in body):
-        return None
-    text = (
-        [line.replace('"', "").replace(",", ".") for line in body]
-        if layout.decimal_comma
-        else [line.replace('"', "") for line in body]
-    )
-    try:
-        if layout.delimiter is None:
-            table = np.loadtxt(text, comments=None, ndmin=2)
-            return table[:, used] if table.shape[1] == layout.fields else None
-        return np.loadtxt(text, comments=None, delimiter=layout.delimiter, ndmin=2, usecols=used)
-    except (ValueError, IndexError):
-        return None
+    columns = None if layout.delimiter is None else used
+    table = np.empty((len(body), len(used)))
+    for first in range(0, len(body), _AT_ONCE):
+        text = body.texts(first, first + _AT_ONCE)
+        if layout.delimiter is not None and any(line.count(layout.delimiter) != layout.fields - 1 for line in text):
+            return None
+        text = [line.replace('"', "") for line in text]
+        if layout.decimal_comma:
+            text = [line.replace(",", ".") for line in text]
+        try:
+            block = np.loadtxt(text, comments=None, delimiter=layout.delimiter, ndmin=2, usecols=columns)
+        except (ValueError, IndexError):
+            return None
+        if len(block) != len(text) or (columns is None and block.shape[1] != layout.fields):
+            return None
+        table[first : first + len(text)] = block[:, used] if columns is None else block
+    return table
 
 
 def _parse_slowly(
-    path: Path, body: list[str], numbers: list[int], layout: Layout, names: list[str], misfit: tuple[str, ...]
+    path: Path, body: Lines, layout: Layout, names: list[str], misfit: tuple[str, ...]
 ) -> np.ndarray:
     """Line by line. Raises InputProblem at the first field that is no number, naming line and column.
 
@@ -109,7 +85,7 @@ def _parse_slowly(
     """
     used = [index for index, numeric in enumerate(layout.numeric) if numeric]
     table = np.empty((len(body), len(used)))
-    for row, (line, number) in enumerate(zip(body, numbers, strict=True)):
+    for row, (line, number) in enumerate(zip(body, body.places + 1, strict=True)):
         fields = layout.split(line)
         if len(fields) != layout.fields:
             raise InputProblem(
@@ -118,7 +94,7 @@ def _parse_slowly(
                 DECIMAL_COMMAS
                 if layout.delimiter == "," and len(misfit) < layout.fields <= 2 * len(misfit)
                 else "mend or remove the line, or give `delimiter` and `skip_rows`",
-                number,
+                int(number),
             )
         for column, index in enumerate(used):
             try:
@@ -128,7 +104,7 @@ def _parse_slowly(
                     path,
                     f"column '{names[column]}' holds {fields[index][:30]!r}, not a number",
                     _advice(fields[index], names[column]),
-                    number,
+                    int(number),
                 ) from None
     return table
 
@@ -141,9 +117,9 @@ def _advice(field: str, name: str) -> str:
     return "mend or remove the line"
 
 
-def _ending_notes(text: str, body: list[str], layout: Layout) -> list[str]:
+def _ending_notes(body: Lines, layout: Layout) -> list[str]:
     """A last line without an end whose last number is shorter than all before it was probably cut."""
-    if text.endswith(("\n", "\r")) or len(body) < 4:
+    if body.ended or len(body) < 4:
         return []
     lengths = [len(layout.split(line)[-1]) for line in body[-20:]]
     if lengths[-1] < min(lengths[:-1]):
@@ -160,22 +136,25 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None, k
     size = path.stat().st_size
     if size > _SIZE_LIMIT:
         raise InputProblem(path, f"{size / 1e9:.1f} GB of text", "convert it to HDF5 or Parquet")
-    text = decode(path, path.read_bytes())
-    lines = text.replace("\N{MINUS SIGN}", "-").replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    if not delimiter and lines and re.match(r"sep=.$", lines[0].strip()):
+    lines = read_lines(path)
+    if not delimiter and re.match(r"sep=.$", lines[0].strip()):
         delimiter, skip_rows = lines[0].strip()[-1], max(1, skip_rows)
-    if skip_rows and any(line.strip() for line in lines) and not any(line.strip() for line in lines[skip_rows:]):
-        there = len(text.splitlines())
-        raise InputProblem(path, f"skip_rows: {skip_rows} leaves nothing of {there} lines", "skip fewer lines")
-    longest = max(range(len(lines)), key=lambda place: len(lines[place]))
-    if len(lines[longest]) > _LONGEST_LINE and not lines[longest].lstrip()[:2].startswith(_COMMENTS):
-        raise InputProblem(path, f"a line of {len(lines[longest])} characters: no table of numbers",
-                           "export as CSV, one line a sample", longest + 1)
-    labview = lvm.choose(path, lines, key) if lines[0].startswith(lvm.FIRST_LINE) else lvm.Chosen(lines, [], False, ())
-    lines, notes = labview.lines, list(labview.notes)
-    layout = find_layout(path, lines[skip_rows:], _spelled(delimiter))
+    filled = lines.filled()
+    if skip_rows and len(filled) and not (filled.places >= skip_rows).any():
+        raise InputProblem(path, f"skip_rows: {skip_rows} leaves nothing of {len(lines) - lines.ended} lines", "skip fewer lines")
+    if longest := lines.longest(_LONGEST_LINE):
+        number, length = longest
+        if not lines[number].lstrip()[:2].startswith(_COMMENTS):
+            raise InputProblem(path, f"a line of {length} characters: no table of numbers", "export as CSV, one line a sample",
+                               number + 1)
+    labview = lvm.Chosen(lines, [], False, ())
+    if lines[0].startswith(lvm.FIRST_LINE):
+        labview = lvm.choose(path, lines, key)
+        lines, filled = labview.lines, labview.lines.filled()
+    notes = list(labview.notes)
+    layout = find_layout(path, filled[filled.places >= skip_rows], _spelled(delimiter))
     first = first_row(path, lines, layout, skip_rows)
-    body, numbers = _body(lines, first, layout, notes)
+    body = _body(lines, first, layout, notes)
     below = Body(body, layout.delimiter, layout.fields, layout.decimal_comma)
     above = [line if len(line) <= _LONGEST_HEADER or len(layout.split(line)) == layout.fields else line[:_LONGEST_HEADER]
              for line in lines[:first]]
@@ -184,8 +163,8 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None, k
     names = [header.names[index] for index in used]
     values = _parse_fast(body, layout)
     if values is None:
-        values = _parse_slowly(path, body, numbers, layout, names, header.misfit)
-    notes += _ending_notes(text, body, layout)
+        values = _parse_slowly(path, body, layout, names, header.misfit)
+    notes += _ending_notes(body, layout)
     columns = {header.names[index]: values[:, position] for position, index in enumerate(used)
                if len(body) == 1 or not np.isnan(values[:, position]).all()}  # not the empty one behind a trailing delimiter
     clocks = _clocks(header.names, body, layout)
@@ -215,12 +194,12 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None, k
     return replace(table, spectra=_spectra(table, labview.over_frequency))
 
 
-def _clocks(names: list[str], body: list[str], layout: Layout) -> dict[str, np.ndarray]:
+def _clocks(names: list[str], body: Lines, layout: Layout) -> dict[str, np.ndarray]:
     """Columns of words that are dates and times of day, as seconds since their first."""
     first, found = layout.split(body[0]), {}
     for index, numeric in enumerate(layout.numeric):
         if not numeric and is_clock(first[index]):
-            moments = seconds([layout.split(line)[index] for line in body])
+            moments = seconds(layout.split(line)[index] for line in body)
             if moments is not None:
                 found[names[index]] = moments
     return found

@@ -2,7 +2,7 @@
 
 For every Python from 3.11 to 3.14 that uv finds or can get. "Lowest" is the lowest version of each direct dependency that is
 declared and has a wheel for that Python; packages are never built here. Tests: those of FILES, or all that are not long where
-VERSIONS=all is set.
+VERSIONS=all is set; on as many processes as there are cores, or PYTEST_XDIST_AUTO_NUM_WORKERS.
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ def _uv(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 
 def _interpreter(python: str) -> str:
-    """Its path; empty where it is not here and cannot be got."""
+    """Its path: one of pyenv's, whose names on the path answer for one version alone, or uv's; empty where there is none."""
+    home = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"))
+    if kept := sorted(home.glob(f"versions/{python}.*/bin/python{python}")):
+        return str(kept[-1])
     _uv("python", "install", "--quiet", python)
     found = _uv("python", "find", "--no-project", "--system", python)
     return found.stdout.strip() if found.returncode == 0 else ""
@@ -56,7 +59,7 @@ def _tried(interpreter: str, resolution: str, folder: Path) -> tuple[str, dict[s
             return f"{step[0]} {step[1]}: {' '.join(done.stderr.split())[:200]}", {}, False
     versions = dict(re.findall(r"^([\w.-]+)==(\S+)", wanted.read_text(), re.M))
     tests = [] if os.environ.get("VERSIONS") == "all" else [f"tests/{name}" for name in FILES]
-    pytest = (home / "bin" / "python", "-m", "pytest", "-q", "-m", "not long", "-n", "2", "--dist", "loadfile")
+    pytest = (home / "bin" / "python", "-m", "pytest", "-q", "-m", "not long", "-n", "auto", "--dist", "loadfile")
     done = subprocess.run([*pytest, *tests], cwd=ROOT, capture_output=True, text=True,
                           env={**os.environ, "TESTBED_CACHE": str(folder / "cache")})
     print(done.stdout[-20_000:], flush=True)
