@@ -7,10 +7,11 @@ of a file that is none of its kind, be it an exception of any type, a crash or n
 from __future__ import annotations
 
 import errno
+import math
 import os
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from testbed.problem import InputProblem
@@ -60,6 +61,29 @@ def content(path: str | Path, most: int, do: str) -> bytes:
         raise InputProblem(path, f"is larger than {most / 1e6:g} MB", do)
     with readable(path), open(path, "rb") as file:
         return file.read(most)
+
+
+def room(path: str | Path, size: float) -> None:
+    """InputProblem where the memory to read a file, `size` bytes, is more than is free."""
+    free = free_memory()
+    if size > free:
+        raise InputProblem(path, f"needs {size / 1e9:.2g} GB of memory, {free / 1e9:.2g} GB are free",
+                           "free some, or give a shorter record")
+
+
+def free_memory() -> float:
+    """Bytes that the system still gives to this process; infinite where it does not say."""
+    free = math.inf
+    with suppress(OSError, ValueError, LookupError, ImportError):
+        import resource
+
+        facts = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
+        free = 1024.0 * int(facts["MemAvailable"].split()[0])
+        limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+        if limit != resource.RLIM_INFINITY:
+            taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+            free = max(0.0, min(free, limit - taken))
+    return free
 
 
 @contextmanager

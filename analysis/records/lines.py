@@ -15,6 +15,8 @@ _HARMONICS_OF_HUM = 40
 FARTHEST = 0.6, 1.7  # of the nominal speed: between one half and twice it, which explain the lines of it as well
 CLEARLY = 1.25  # times the score, by which a spacing far from the nominal one must explain more
 FAR_LINES, FAR_SHARE = 6, 0.6  # lines, and share of their amplitude, that such a one explains where it is told
+MOST_LINES = 40
+ANY_LENGTH = 1 << 20  # points up to which a transform has any length: one with a large prime factor takes twenty times its size
 FINE = 0.1  # of the spindle frequency: width of a line up to which half orders are told from what lies between them
 
 
@@ -37,20 +39,27 @@ class CombSpeed:
 
 
 def amplitude_spectrum(values: np.ndarray, rate: float, padded: int = 4) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (Hz) and amplitudes of a Hann-windowed record without its straight line, `padded` times its length."""
+    """Frequencies (Hz) and amplitudes of a Hann-windowed record without its straight line, `padded` times its length, or a
+    little more."""
+    from scipy.fft import next_fast_len
+
     time = np.linspace(-1, 1, len(values))
     flat = values - np.polynomial.Polynomial.fit(time, values, 1)(time)
     window = np.hanning(len(values))
+    flat *= window
     size = padded * len(values)
-    return np.fft.rfftfreq(size, 1 / rate), np.abs(np.fft.rfft(flat * window, size)) * 2 / window.sum()
+    size = size if size <= ANY_LENGTH else next_fast_len(size, real=True)
+    amplitude = np.abs(np.fft.rfft(flat, size))
+    amplitude *= 2 / window.sum()
+    return np.fft.rfftfreq(size, 1 / rate), amplitude
 
 
-def find_peaks(values: np.ndarray, rate: float, count: int = 40, above: float = 4.0) -> list[tuple[float, float]]:
+def find_peaks(values: np.ndarray, rate: float, count: int = MOST_LINES, above: float = 4.0) -> list[tuple[float, float]]:
     """(frequency, amplitude) of the strongest lines standing `above` times over their surroundings, loudest first."""
     return [(frequency, amplitude) for frequency, amplitude, _ in standing_out(values, rate, count, above)]
 
 
-def standing_out(values: np.ndarray, rate: float, count: int = 40, above: float = 4.0) -> list[tuple[float, float, float]]:
+def standing_out(values: np.ndarray, rate: float, count: int = MOST_LINES, above: float = 4.0) -> list[tuple[float, float, float]]:
     """The same lines as (frequency, amplitude, amplitude over that of their surroundings)."""
     from scipy.ndimage import median_filter
 
@@ -65,7 +74,7 @@ def standing_out(values: np.ndarray, rate: float, count: int = 40, above: float 
         before, here, after = amplitude[top - 1 : top + 2]
         curve = before - 2 * here + after
         shift = 0.5 * (before - after) / curve if curve else 0.0
-        frequency = float((top + shift) * rate / (4 * len(values)))
+        frequency = float((top + shift) * frequencies[1])
         if not any(side_lobe(abs(frequency - other) * len(values) / rate, here / loud) for other, loud, _ in chosen):
             chosen.append((frequency, float(here), float(here / max(floor[top], 1e-300))))
         if len(chosen) == count:
@@ -86,7 +95,7 @@ def spectral_lines(
     flutes: int = 1,
     natural_frequencies: Sequence[float] = (),
     idle: np.ndarray | None = None,
-    count: int = 40,
+    count: int = MOST_LINES,
 ) -> tuple[SpectralLine, ...]:
     """The lines of a record, strongest first.
 
@@ -97,12 +106,11 @@ def spectral_lines(
     width = 1.5 * rate / len(values)
     quiet = find_peaks(idle, rate) if idle is not None and len(idle) > 256 else []
     quiet_width = 1.5 * rate / len(idle) if idle is not None and len(idle) else 0.0
-    mains = _mains([frequency for frequency, _ in quiet], quiet_width) or _mains(
-        [f for f, _ in find_peaks(values, rate)], width
-    )
+    peaks = find_peaks(values, rate, max(count, MOST_LINES))
+    mains = _mains([frequency for frequency, _ in quiet], quiet_width) or _mains([f for f, _ in peaks[:MOST_LINES]], width)
     turning = spindle_speed / (2 * np.pi) if spindle_speed else None
     lines = []
-    for frequency, amplitude in find_peaks(values, rate, count):
+    for frequency, amplitude in peaks[:count]:
         in_idle = any(
             abs(frequency - other) < max(width, quiet_width) and level > 0.3 * amplitude for other, level in quiet
         )

@@ -23,6 +23,7 @@ from testbed.recording import Recording
 Kind = Literal["idle", "entry", "steady", "exit", "ring-down"]
 _STILL, _STILL_SAMPLES = 0.1, 16  # share of a swing that is none, and samples in which that is seen
 _ABRUPT = 2.5  # growth of the level within two revolutions that ends idling
+AT_ONCE = 1 << 22  # samples, overlapping windows each counted whole
 _RESOLVED = 2e-3  # of the range: what is smaller than this is not looked for
 
 
@@ -100,9 +101,12 @@ def _levels(values: np.ndarray, window: int) -> _Levels:
     first = np.arange(0, len(values) - window + 1, max(1, window // 4))
     time = np.arange(window) - 0.5 * (window - 1)
     # (windows, window) views; the line's mean and slope are removed
-    rows = np.lib.stride_tricks.sliding_window_view(values, window)[first]
-    rows = rows - rows.mean(axis=1, keepdims=True)
-    rest = (rows**2).sum(axis=1) - (rows @ time) ** 2 / (time @ time)
+    views, rest = np.lib.stride_tricks.sliding_window_view(values, window), np.empty(len(first))
+    together = max(1, AT_ONCE // window)
+    for begin in range(0, len(first), together):
+        rows = views[first[begin : begin + together]]
+        rows -= rows.mean(axis=1, keepdims=True)
+        rest[begin : begin + together] = (rows**2).sum(axis=1) - (rows @ time) ** 2 / (time @ time)
     return _Levels(first, window, np.sqrt(np.maximum(rest, 0.0) / window))
 
 

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from testbed.door import room
 from testbed.problem import InputProblem
 from testbed.readers import checks, tachometer
 from testbed.readers.bridge import bridged, unmeasured
@@ -17,6 +18,8 @@ from testbed.readers.source import Source, base_name
 from testbed.readers.table import NO_SPECTRA, Table, listed
 from testbed.readers.timebase import TimeBase
 from testbed.recording import Recording
+
+_AT_WORK = 20  # columns' worth of intermediate results that any look at a record takes: the spectrum of four times its length
 
 
 def assemble(
@@ -39,6 +42,7 @@ def assemble(
     path, notes = table.path, list(table.notes)
     columns, sources = _columns(table, sources, optional, notes)
     checks.equal_lengths(path, columns)
+    room(path, 8.0 * (len(columns) + _AT_WORK) * max(map(len, columns.values())))  # bytes a number
     labels = tuple(table.find(source.column) for source in sources.values())
     base, columns, base_notes = time_base(table, columns, time, sampling_rate, start, stop, labels)
     notes += base_notes

@@ -38,11 +38,13 @@ def slopes_within(low: np.ndarray, high: np.ndarray) -> tuple[float, float] | No
 def _steepest(low: np.ndarray, high: np.ndarray, slope: float, side: int) -> float | None:
     """The extreme slope that fits, from one outside it (side 1: the largest). The room left for the line is a concave
     function of its slope, and linear between changes of the two rows that bind it: Newton's steps come to its root."""
-    rows = np.arange(len(low))
+    rows, off = np.arange(len(low)), np.empty(len(low))
     for _ in range(200):
-        below, above = low - slope * rows, high - slope * rows
-        first, last = int(np.argmax(below)), int(np.argmin(above))
-        if above[last] >= below[first]:
+        line = slope * rows
+        first = int(np.argmax(np.subtract(low, line, out=off)))
+        below = off[first]
+        last = int(np.argmin(np.subtract(high, line, out=off)))
+        if off[last] >= below:
             return slope
         if side * (last - first) <= 0:
             return None

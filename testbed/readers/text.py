@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from testbed.door import room
 from testbed.problem import InputProblem
 from testbed.readers import lvm
 from testbed.readers.clock import is_clock, seconds
@@ -24,6 +25,7 @@ from testbed.readers.timebase import looks_like_time
 _COMMENTS, _SIGNS = ("#", "%", "//", "!"), b"#%/!"
 _AT_ONCE = 1 << 14  # lines parsed at once
 _SIZE_LIMIT = 2 * 1024**3
+_HELD = 1.8  # bytes a byte of the file, while its lines are found
 _LONGEST_LINE = 1_000_000  # characters: 50,000 columns and more
 _LONGEST_HEADER = 20_000  # characters of a line above the numbers that is no row of their names; what looks for a rate in it,
 # or for units, may take the square of that
@@ -136,6 +138,7 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None, k
     size = path.stat().st_size
     if size > _SIZE_LIMIT:
         raise InputProblem(path, f"{size / 1e9:.1f} GB of text", "convert it to HDF5 or Parquet")
+    room(path, _HELD * size)
     lines = read_lines(path)
     if not delimiter and re.match(r"sep=.$", lines[0].strip()):
         delimiter, skip_rows = lines[0].strip()[-1], max(1, skip_rows)
@@ -161,6 +164,7 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None, k
     header = read_header(path, above, below, skip_rows)
     used = [index for index, numeric in enumerate(layout.numeric) if numeric]
     names = [header.names[index] for index in used]
+    room(path, 8.0 * len(body) * len(used))  # bytes a number
     values = _parse_fast(body, layout)
     if values is None:
         values = _parse_slowly(path, body, layout, names, header.misfit)
@@ -208,8 +212,8 @@ def _clocks(names: list[str], body: Lines, layout: Layout) -> dict[str, np.ndarr
 def _spectra(table: Table, over_frequency: bool) -> dict[str, str]:
     """Columns over frequency and what they are: all, where the header says so or the first column is a rising frequency."""
     first = next(iter(table.columns))
-    rising = len(table.columns) > 1 and looks_like_time(table.columns[first]) is not None
-    if not over_frequency and (table.time_column() is not None or not (rising and is_frequency(first, table.units[first]))):
+    if not over_frequency and (table.time_column() is not None or len(table.columns) == 1
+                               or not is_frequency(first, table.units[first]) or looks_like_time(table.columns[first]) is None):
         return {}
     over = "by its header" if over_frequency else f"over '{first}'"
     return dict.fromkeys(table.columns, f"part of a frequency response or a spectrum ({over})")

@@ -6,6 +6,7 @@ the printed resolution. What is left over (gaps, jumps, a time that runs back) i
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -73,8 +74,7 @@ def from_column(path: Path, time: np.ndarray, label: str) -> TimeBase:
         )
     if rows < 2:
         raise InputProblem(path, f"time column '{label}' has {rows} row", "a record needs many samples")
-    steps = np.diff(time)
-    back = np.flatnonzero(steps < 0)
+    back = np.flatnonzero(time[1:] < time[:-1])
     if len(back):
         raise InputProblem(
             path,
@@ -88,6 +88,7 @@ def from_column(path: Path, time: np.ndarray, label: str) -> TimeBase:
     base = _even_base(path, time, label, resolution)
     if base is not None:
         return base
+    steps = np.diff(time)
     gaps = _gaps(steps, resolution)
     wrong = _wrong_stamps(time, resolution)
     if len(wrong):
@@ -117,13 +118,13 @@ def _even_base(path: Path, time: np.ndarray, label: str, resolution: np.ndarray)
     Raises InputProblem where the digits are so few that the rate is not known.
     """
     step = (time[-1] - time[0]) / (len(time) - 1)
-    slopes, printed = None, False
-    exact = np.full(len(time), 1e-6 * step + 4e-16 * float(np.abs(time).max()))
-    for slack in (exact, 0.5 * resolution + exact, np.maximum(1.01 * resolution, _UNEVEN * step)):
-        if slopes is None:
-            slopes, printed = slopes_within(time - slack, time + slack), slack is exact
-    if slopes is None:
+    exact, number = 1e-6 * step + 4e-16 * max(abs(float(time.min())), abs(float(time.max()))), 0
+    for number, slack in enumerate(_slacks(resolution, step, exact)):
+        if slopes := slopes_within(time - slack, time + slack):
+            break
+    else:
         return None
+    printed = number == 0
     least = max(slopes[0], 1e-3 * step)
     low, high = (1 - 1e-9) / slopes[1], (1 + 1e-9) / least
     rate, error = simplest_between(low, high), (high - low) / (high + low)
@@ -141,6 +142,13 @@ def _even_base(path: Path, time: np.ndarray, label: str, resolution: np.ndarray)
             f"time column '{label}' is rounded to {coarse:.3g} s; the rate {rate:.7g} Hz comes from its whole length{known}"
         )
     return TimeBase(rate, float(time[0]), tuple(notes), error=error)
+
+
+def _slacks(resolution: np.ndarray, step: float, exact: float) -> Iterator[float | np.ndarray]:
+    """How far a time may be off a straight line (s): as exact numbers, as rounded ones, and as ones that were cut off."""
+    yield exact
+    yield 0.5 * resolution + exact
+    yield np.maximum(1.01 * resolution, _UNEVEN * step)
 
 
 def _even(time: np.ndarray) -> np.ndarray:
