@@ -1,24 +1,29 @@
 """The lowest declared and the newest allowed versions of all dependencies, in environments of their own:  make versions
 
-For every Python from 3.11 to 3.14 that uv finds or can get. "Lowest" is the lowest version of each direct dependency that is
-declared and has a wheel for that Python; packages are never built here. Tests: those of FILES, or all that are not long where
-VERSIONS=all is set; on as many processes as there are cores, or PYTEST_XDIST_AUTO_NUM_WORKERS.
+For every Python from 3.11 to 3.14 that pyenv has, or uv finds or can get. "Lowest" is the lowest version of each direct dependency
+that is declared and has a wheel for that Python; packages are never built here. Tests: those of FILES, or all that are not long
+where VERSIONS=all is set; on as many processes as there are cores, or PYTEST_XDIST_AUTO_NUM_WORKERS. ENVIRONMENTS="3.12 lowest,
+3.13 newest" runs those alone; the others keep their last result, of versions.json.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
+from datetime import date
 from pathlib import Path
+from typing import Any
 
 from tests.validation.claims import Claim, Section
 
 ROOT = Path(__file__).resolve().parents[2]
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
+RESULTS = Path(__file__).with_suffix(".json")
 RESOLUTIONS = {"lowest": "lowest-direct", "newest": "highest"}
 EXTRAS = ("formats", "fast", "cluster", "bench", "dev")
 # at least one that leans on each dependency: command line, files, HDF5, engines, readers of every format, Parquet, dask
@@ -59,7 +64,7 @@ def _tried(interpreter: str, resolution: str, folder: Path) -> tuple[str, dict[s
             return f"{step[0]} {step[1]}: {' '.join(done.stderr.split())[:200]}", {}, False
     versions = dict(re.findall(r"^([\w.-]+)==(\S+)", wanted.read_text(), re.M))
     tests = [] if os.environ.get("VERSIONS") == "all" else [f"tests/{name}" for name in FILES]
-    pytest = (home / "bin" / "python", "-m", "pytest", "-q", "-m", "not long", "-n", "auto", "--dist", "loadfile")
+    pytest = (home / "bin" / "python", "-m", "pytest", "-m", "not long", "-n", "auto", "--dist", "loadfile")
     done = subprocess.run([*pytest, *tests], cwd=ROOT, capture_output=True, text=True,
                           env={**os.environ, "TESTBED_CACHE": str(folder / "cache")})
     print(done.stdout[-20_000:], flush=True)
@@ -67,21 +72,39 @@ def _tried(interpreter: str, resolution: str, folder: Path) -> tuple[str, dict[s
     return (lines or ["no test ran"])[-1].strip("= "), versions, done.returncode == 0
 
 
+def _run(python: str, name: str) -> None:
+    """One environment, whose result is kept at once: a run of all that is stopped keeps what it found."""
+    kept = _kept()
+    if interpreter := _interpreter(python):
+        with tempfile.TemporaryDirectory() as folder:
+            said, versions, passed = _tried(interpreter, RESOLUTIONS[name], Path(folder))
+        tests = "all that are not long" if os.environ.get("VERSIONS") == "all" else f"of {len(FILES)} files"
+        kept[f"{python} {name}"] = {"said": re.sub(r" in [\d.]+s.*", "", said), "passed": passed, "tests": tests,
+                                   "on": date.today().isoformat(), "versions": {one: versions.get(one, "-") for one in SHOWN}}
+    else:
+        kept[f"{python} {name}"] = {"said": "-", "passed": None}
+    RESULTS.write_text(json.dumps(kept, indent=1) + "\n")
+    print(python, name, kept[f"{python} {name}"], flush=True)
+
+
+def _kept() -> dict[str, dict[str, Any]]:
+    return json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+
+
 def check() -> Section:
     """A line for each Python and each end of the declared versions."""
-    claims, rows = [], []
-    for python in PYTHONS:
-        interpreter = _interpreter(python)
-        for name, resolution in RESOLUTIONS.items():
-            what = f"Python {python}, {name} versions"
-            if not interpreter:
-                claims.append(Claim(what, "all tests pass", "-", None, "this Python could not be had where this was run"))
-                continue
-            with tempfile.TemporaryDirectory() as folder:
-                said, versions, passed = _tried(interpreter, resolution, Path(folder))
-            claims.append(Claim(what, "all tests pass", re.sub(r" in [\d.]+s.*", "", said), passed))
-            print(claims[-1], flush=True)
-            rows.append((what, *(versions.get(package, "-") for package in SHOWN)))
-    tests = "all tests that are not long" if os.environ.get("VERSIONS") == "all" else "tests: " + ", ".join(FILES)
+    wanted = [one.strip() for one in os.environ.get("ENVIRONMENTS", "").split(",") if one.strip()]
+    every = [(python, name) for python in PYTHONS for name in RESOLUTIONS]
+    for python, name in every:
+        if not wanted or f"{python} {name}" in wanted:
+            _run(python, name)
+    claims, rows, kept = [], [], _kept()
+    for python, name in every:
+        what, one = f"Python {python}, {name} versions", kept.get(f"{python} {name}", {"said": "not run", "passed": None})
+        note = f"tests {one['tests']}, {one['on']}" if one["passed"] is not None else ""
+        note = "this Python could not be had where this was run" if one["said"] == "-" else note
+        claims.append(Claim(what, "all tests pass", one["said"], one["passed"], note))
+        if "versions" in one:
+            rows.append((what, *one["versions"].values()))
     table = ("Versions", ("environment", *SHOWN), tuple(rows))
-    return Section("Lowest and newest versions", tuple(claims), (table,), f"{tests}.")
+    return Section("Lowest and newest versions", tuple(claims), (table,), "The files of tests: " + ", ".join(FILES) + ".")
