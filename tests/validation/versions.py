@@ -1,9 +1,9 @@
 """The lowest declared and the newest allowed versions of all dependencies, in environments of their own:  make versions
 
 For every Python from 3.11 to 3.14 that pyenv has, or uv finds or can get. "Lowest" is the lowest version of each direct
-dependency that is declared and has a wheel for that Python; packages are never built here. Tests: those of FILES, or all not long
-where VERSIONS=all is set; on as many processes as there are cores, or PYTEST_XDIST_AUTO_NUM_WORKERS. ENVIRONMENTS="3.12 lowest,
-3.13 newest" runs those alone; the others keep their last result, of versions.json.
+dependency that is declared and has a wheel for that Python; packages are never built here. Tests: those of FILES, or all that
+are not long where VERSIONS=all is set; on as many processes as there are cores, or PYTEST_XDIST_AUTO_NUM_WORKERS.
+ENVIRONMENTS="3.12 lowest, 3.13 newest" runs those alone; the others keep their last result, of versions.json.
 """
 
 from __future__ import annotations
