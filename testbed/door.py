@@ -21,6 +21,8 @@ _SAID = {errno.ELOOP: ("is a link that leads in a circle", "name the file itself
          errno.ENOENT: ("there is no such file", "check the path"),
          errno.ENOTDIR: ("there is no such file", "check the path")}  # fmt: skip
 
+_UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")  # the loader's words
+
 
 def plain_file(path: str | Path, instead: str = "name the file in it") -> os.stat_result:
     """What the system says of a plain file. InputProblem where the path is anything else; instead: of a folder."""
@@ -86,6 +88,16 @@ def free_memory() -> float:
     return free
 
 
+def is_shortage(problem: BaseException | None) -> bool:
+    """Whether memory was short, whatever a library, or the loading of one, made of that."""
+    while problem is not None:
+        unloaded = isinstance(problem, (ImportError, OSError)) and any(said in str(problem) for said in _UNLOADED)
+        if unloaded or isinstance(problem, MemoryError) or (isinstance(problem, OSError) and problem.errno == errno.ENOMEM):
+            return True
+        problem = problem.__cause__ or problem.__context__
+    return False
+
+
 @contextmanager
 def readable(path: str | Path, kind: str = "", do: str = "save it again") -> Iterator[None]:
     """Within it, whatever goes wrong is the file's fault: InputProblem. kind: of file, such as `a WAV file`."""
@@ -96,5 +108,7 @@ def readable(path: str | Path, kind: str = "", do: str = "save it again") -> Ite
     except PermissionError as problem:
         raise InputProblem(path, f"cannot be read ({problem.strerror})", "check its permissions") from None
     except Exception as problem:  # a library that is given a damaged file raises anything
+        if is_shortage(problem):
+            raise MemoryError from problem
         said = (str(problem).splitlines() or [""])[0][:80]
         raise InputProblem(path, f"not readable{' as ' if kind else ''}{kind} ({type(problem).__name__}: {said})", do) from None

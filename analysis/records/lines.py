@@ -59,7 +59,8 @@ def find_peaks(values: np.ndarray, rate: float, count: int = MOST_LINES, above: 
     return [(frequency, amplitude) for frequency, amplitude, _ in standing_out(values, rate, count, above)]
 
 
-def standing_out(values: np.ndarray, rate: float, count: int = MOST_LINES, above: float = 4.0) -> list[tuple[float, float, float]]:
+def standing_out(values: np.ndarray, rate: float, count: int = MOST_LINES,
+                 above: float = 4.0) -> list[tuple[float, float, float]]:  # fmt: skip
     """The same lines as (frequency, amplitude, amplitude over that of their surroundings)."""
     from scipy.ndimage import median_filter
 

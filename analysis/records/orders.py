@@ -18,7 +18,7 @@ from analysis.records.spindle_clock import turns_of as turns_from_first
 PADDED = 4  # times as long as the revolutions: points of the spectrum to a bin
 WIDE = 12  # bins to either side, of which the floor is the median
 FEWEST_MARKS = 4
-PIECE, OVERLAP = 1 << 18, 64  # places that are found at once, and samples to either side whose spline is no other than the whole
+PIECE, OVERLAP = 1 << 18, 64  # places found at once; samples to either side, behind which a spline is that of all samples
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def turns_of(values: np.ndarray, time: np.ndarray, marks: np.ndarray, period: fl
 
 
 def _between(time: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Cubic splines through samples, at rising times: piece by piece, since one takes twenty times the memory of what it joins."""
+    """Cubic splines through samples, at rising times: piece by piece, since a spline takes twenty times what it joins."""
     found = np.empty(len(wanted))
     for first in range(0, len(wanted), PIECE):
         piece = slice(first, first + PIECE)

@@ -18,6 +18,7 @@ from typing import Any, NoReturn
 
 import click
 
+from testbed.door import is_shortage
 from testbed.interruption import INTERRUPTED, interrupted, leave, listen, say_interrupted
 from testbed.problem import InputProblem, InputWarning, shortened
 
@@ -139,7 +140,7 @@ def _code(arguments: list[str] | None) -> int:
         if interrupted():  # what was struck made something else of it
             say_interrupted("")
             return INTERRUPTED
-        if isinstance(problem, OSError) and problem.errno == errno.ENOMEM:
+        if is_shortage(problem):
             return _complain(_OUT_OF_MEMORY)
         if not isinstance(problem, OSError) or problem.errno not in _NO_ROOM:
             raise

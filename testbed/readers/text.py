@@ -144,7 +144,8 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None, k
         delimiter, skip_rows = lines[0].strip()[-1], max(1, skip_rows)
     filled = lines.filled()
     if skip_rows and len(filled) and not (filled.places >= skip_rows).any():
-        raise InputProblem(path, f"skip_rows: {skip_rows} leaves nothing of {len(lines) - lines.ended} lines", "skip fewer lines")
+        there = len(lines) - lines.ended
+        raise InputProblem(path, f"skip_rows: {skip_rows} leaves nothing of {there} lines", "skip fewer lines")
     if longest := lines.longest(_LONGEST_LINE):
         number, length = longest
         if not lines[number].lstrip()[:2].startswith(_COMMENTS):

@@ -118,13 +118,11 @@ def _even_base(path: Path, time: np.ndarray, label: str, resolution: np.ndarray)
     Raises InputProblem where the digits are so few that the rate is not known.
     """
     step = (time[-1] - time[0]) / (len(time) - 1)
-    exact, number = 1e-6 * step + 4e-16 * max(abs(float(time.min())), abs(float(time.max()))), 0
-    for number, slack in enumerate(_slacks(resolution, step, exact)):
-        if slopes := slopes_within(time - slack, time + slack):
-            break
-    else:
+    exact = 1e-6 * step + 4e-16 * max(abs(float(time.min())), abs(float(time.max())))
+    fits = (slopes_within(time - slack, time + slack) for slack in _slacks(resolution, step, exact))
+    printed, slopes = next(((number == 0, found) for number, found in enumerate(fits) if found), (False, None))
+    if slopes is None:
         return None
-    printed = number == 0
     least = max(slopes[0], 1e-3 * step)
     low, high = (1 - 1e-9) / slopes[1], (1 + 1e-9) / least
     rate, error = simplest_between(low, high), (high - low) / (high + low)

@@ -1,4 +1,4 @@
-"""Edited data sets, two writers at once, damaged notes and shards, and writes and allocations that fail: what is answered?"""
+"""Edited data sets, two writers at once, damaged notes and shards: what is answered?"""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import shutil
 import signal
 import sys
 import tempfile
-from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -30,7 +29,6 @@ from testbed.store import CONDITIONS
 from testbed.verification import verify
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-import faults
 import plain_engine
 import sweep_kills
 import test_one_writer as writers
@@ -40,7 +38,7 @@ ALWAYS = ("verify", "inspect", "export")  # the others take their turns, but for
 BY_ALL = ("all damping ratios doubled", "a sample changed", "spindle_speed changed", "displacement's scale_factor changed",
           "model_text changed", "attribute content_hash changed")
 Probe = tuple[str, bool, str]
-RUNS, SIZE_STEP = 8, 1999  # runs of a sweep; bytes
+RUNS = 8  # of a sweep
 TRUTH = ("damping_ratio", "natural_frequency", "mass", "immersion", "tangential_coefficient", "normal_coefficient",
          "mark_angle")
 TABLES = (*CONDITIONS, *(f"truth.{name}" for name in TRUTH), "noise_displacement", "start", "sample_count", "outcome",
@@ -51,7 +49,7 @@ CHANNEL = {"units": "mm", "scale_factor": 1.0, "add_offset": 1e-3, "_FillValue":
 TEXTS = ("scenario_text", "model_text", "model_xml", "provenance")
 
 
-def run() -> list[Probe]:
+def run() -> Iterator[Probe]:
     """Every probe: name, answered as asked, what was seen."""
     with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
         place = Path(name)
@@ -59,8 +57,10 @@ def run() -> list[Probe]:
         whole = sweep.run(scenario, plain_engine.simulate, place / "whole.h5").content_hash
         sweep.run(scenario, plain_engine.simulate, place / "whole", keep_shards=True)
         (place / "model.yaml").write_text(MODEL)
-        return [*_edits(), *_shard_edits(), *_writers(place, whole), *_notes(place, whole), *_shards(place, whole),
-                *_faults(place)]
+        kinds = {"an edit": _edits(), "an edit of shards": _shard_edits(), "two writers": _writers(place, whole),
+                 "a note": _notes(place, whole), "a shard": _shards(place, whole)}
+        for kind, found in kinds.items():
+            yield from ((f"{kind}: {name}", right, seen) for name, right, seen in found)
 
 
 def edits() -> dict[str, Callable[[h5py.File], None]]:
@@ -263,37 +263,3 @@ def _flip(path: Path) -> None:
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 4
     path.write_bytes(content)
-
-
-def _faults(place: Path) -> Iterator[Probe]:
-    """Every write and allocation of a sweep and of an export, gathered by where it failed."""
-    folder = Path(tempfile.mkdtemp(dir=place))
-    data = folder / "d.h5"
-    content = sweep.run(sweep_kills.scenario(faults.RUNS), plain_engine.simulate, data).content_hash
-    _answer("export", data, "-o", folder / "set", "--quiet")
-    shards = faults.shards_of(folder / "set")
-    largest = range(0, data.stat().st_size + SIZE_STEP, SIZE_STEP)
-    for kind, keep in (("ENOSPC", False), ("EIO", True), ("MemoryError", False)):
-        points = (faults.failing(kind, number) for number in itertools.count(1))
-        yield from _gathered(f"sweep, {kind} at", points,
-                             lambda at, struck, keep=keep: faults.sweep_with(at, struck, keep, content))
-        points = (faults.failing(kind, number) for number in itertools.count(1))
-        yield from _gathered(f"export, {kind} at", points, lambda at, struck: faults.export_with(at, data, struck, shards))
-    yield from _gathered("sweep, files of at most so many bytes:", map(faults.full_at, largest),
-                         lambda at, struck: faults.sweep_with(at, struck, False, content))
-    yield from _gathered("export, files of at most so many bytes:", map(faults.full_at, largest),
-                         lambda at, struck: faults.export_with(at, data, struck, shards))
-
-
-def _gathered(what: str, points: Iterator[Any], probe: Callable[[Path, Any], tuple[Any, list[str]]]) -> Iterator[Probe]:
-    tries: Counter[str] = Counter()
-    wrong: dict[str, list[str]] = {}
-    for struck in points:
-        with tempfile.TemporaryDirectory() as at:
-            fault, found = probe(Path(at), struck)
-        if not fault.where:
-            break
-        tries[fault.where] += 1
-        wrong.setdefault(fault.where, []).extend(found)
-    for where, count in tries.items():
-        yield f"{what} {where}", not wrong[where], f"{count} places, each failed once; {wrong[where][:1] or 'nothing lost'}"

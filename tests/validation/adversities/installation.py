@@ -281,8 +281,9 @@ def probes() -> list[Probe]:
     return found
 
 
-def run() -> list[Result]:
+def run() -> Iterator[Result]:
     """(name, answered as asked, what was seen) of every probe here and of `endings`."""
     from tests.validation.adversities import endings
 
-    return [(probe.name, not (seen := probe.act()), seen) for probe in (*probes(), *endings.probes())]
+    for kind, found in (("installation", probes()), ("signals", endings.probes())):
+        yield from ((f"{kind}: {probe.name}", not (seen := probe.act()), seen) for probe in found)

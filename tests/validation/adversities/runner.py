@@ -42,8 +42,8 @@ class Said:
         return ""
 
 
-def forked(arguments: Sequence[object], seconds: float = WITHIN) -> Said:
-    """The command in a child of this process, which has imported all already: quick, for tests."""
+def forked(arguments: Sequence[object], seconds: float = WITHIN, room: int | None = None) -> Said:
+    """The command in a child of this process, which has imported all already: quick. room: bytes of memory it may take."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         began, child = time.monotonic(), os.fork()
         if child == 0:
@@ -52,9 +52,11 @@ def forked(arguments: Sequence[object], seconds: float = WITHIN) -> Said:
                 os.dup2(out.fileno(), 1)
                 os.dup2(err.fileno(), 2)
                 sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
-                resource.setrlimit(resource.RLIMIT_AS, (CEILING, CEILING))
                 from testbed.cli import main
 
+                taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+                most = CEILING if room is None else taken + room
+                resource.setrlimit(resource.RLIMIT_AS, (most, most))
                 main([str(one) for one in arguments])
             except SystemExit as stop:
                 code = stop.code if isinstance(stop.code, int) else 0
