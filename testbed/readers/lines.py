@@ -74,7 +74,7 @@ class Lines(Sequence[str]):
     def longest(self, limit: int) -> tuple[int, int] | None:
         """(index, characters) of the longest line beyond a limit of characters; None where none is beyond it."""
         sizes = np.diff(self._starts)[self.places] - 1  # bytes, no fewer than characters
-        lengths = [(len(self[index]), -int(index)) for index in np.flatnonzero(sizes > limit)]
+        lengths = [(len(self[index]), -index) for index in np.flatnonzero(sizes > limit).tolist()]
         length, place = max(lengths, default=(0, 0))
         return (-place, length) if length > limit else None
 
