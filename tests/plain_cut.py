@@ -10,7 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from analysis.fit.observed import Observed, drift_basis
+from analysis.fit.drift import drift_basis
+from analysis.fit.observed import Observed
 from testbed.campaign import Record
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from analysis.comparison.adequacy import FALSE_DISCOVERIES
-from analysis.fit import evidence, observed
+from analysis.fit import drift, evidence, observed
 from analysis.force import explain_force
 from analysis.force.ranking import Ranked
 from analysis.linear.chart_plot import ChartTest
@@ -188,12 +188,13 @@ def test_the_exit_codes_are_those_of_the_program():
     f"and, above {diagnosis.FAINT_REST}, take away {100 * diagnosis.MOSTLY:g} %",
     f"(three or more effects: {diagnosis.ADEQUATE})",
     f"Above {evidence.DELTA_BIC:g} a gain is worth having", f"with {100 * FALSE_DISCOVERIES:g} % of false discoveries",
-    f"a polynomial of {observed.DRIFT_ORDER} terms, and one more for each second, {observed.MOST_DRIFT} at",
+    f"a polynomial of {drift.DRIFT_ORDER} terms, and one more for each second, beyond",
+    f"{drift.MOST_DRIFT} terms cubic splines of as many",
     f"and {observed.UNRESOLVED:.0e} of the channel's".replace("e-0", "e-"),
 ])
 def test_numbers_in_words_are_those_of_the_program(said):
     assert said in ANSWERS
-    assert (diagnosis.MANY, observed.DRIFT_TIME) == (3, 1.0)  # three effects, each second
+    assert (diagnosis.MANY, drift.DRIFT_TIME) == (3, 1.0)  # three effects, each second
 
 
 def test_of_effects(shell):

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from analysis.fit.against_force import moves_against
+from analysis.fit.drift import drift_basis, drift_terms, of_a_part, over
 from analysis.fit.force_window import windowed
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.thinning import every_nth
@@ -28,9 +29,6 @@ from testbed.cut import Cut, Sampling
 from testbed.machine import Cutter, Model
 from testbed.recording import DERIVATIVES
 
-DRIFT_ORDER = 3  # offset and slow drift: a polynomial of this many terms, and one more for every
-DRIFT_TIME, DRIFT_PERIODS = 1.0, 100.0  # s of the record, or as many periods of the structure where they are longer
-MOST_DRIFT = 10  # terms
 OPENING = 12  # revolutions from the entry that an opening holds at the least
 UNRESOLVED = 1e-4  # of a channel's rms: the engines' own error, which in data without noise would be a missing effect
 WARM_UP = 60  # revolutions simulated before a record that starts in the cut
@@ -38,7 +36,8 @@ WARM_UP = 60  # revolutions simulated before a record that starts in the cut
 
 @dataclass(frozen=True)
 class Observed:
-    """One record. data (channels, samples) in SI; noise (channels,) standard deviations; drift (samples, terms) orthonormal.
+    """One record. data (channels, samples) in SI; noise (channels,) standard deviations; drift (samples, terms)
+    orthonormal: an array, or Splines.
 
     period: of one revolution (s); first_mark: time of the first mark, s. clock_error: standard deviations of a record's own
     tooth angle (rad) and relative speed, from the scatter of its marks. segments and conditions as read. force (samples,)
@@ -61,7 +60,7 @@ class Observed:
     start: float
     noise: np.ndarray
     noise_basis: str
-    drift: np.ndarray
+    drift: Any
     segments: tuple[Segment, ...]
     condition: tuple[Any, ...]
     cut: Cut | None = None
@@ -146,9 +145,9 @@ class Observed:
         return scaled
 
     @cached_property
-    def counted_drift(self) -> np.ndarray:
-        """The drift's columns over the samples that count, (count, terms), orthonormal."""
-        return self.drift if self.believed is None else np.asfortranarray(np.linalg.qr(self.drift[self.believed])[0])
+    def counted_drift(self) -> Any:
+        """The drift's columns over the samples that count, (count, terms), orthonormal: an array, or Splines."""
+        return self.drift if self.believed is None else over(self.drift, self.believed)
 
     @cached_property
     def counted(self) -> np.ndarray | None:
@@ -232,8 +231,8 @@ class Observed:
         first = int(places[int(np.argmax([self.data[0, place : place + count].std() for place in places]))])
         return self.part(first, count)
 
-    def part(self, first: int, count: int, drift_terms: int | None = None) -> Observed:
-        """`count` samples from `first` on as a record; its drift has as many terms as before where none are named."""
+    def part(self, first: int, count: int, terms: int | None = None) -> Observed:
+        """`count` samples from `first` on as a record; terms: of its drift."""
         return replace(
             self,
             data=self.data[:, first : first + count],
@@ -241,8 +240,8 @@ class Observed:
             start=self.start + first / self.rate,
             believed=None if self.believed is None else self.believed[first : first + count],
             filled=None if self.filled is None else self.filled[first : first + count],
-            measured=None if self.measured is None else self.measured.part(first, count, drift_terms),
-            drift=drift_basis(count, self.drift.shape[1] if drift_terms is None else drift_terms),
+            measured=None if self.measured is None else self.measured.part(first, count, terms),
+            drift=drift_basis(count, of_a_part(self.drift.shape[1], count / self.samples) if terms is None else terms),
         )
 
     def opening(self) -> Observed:
@@ -294,19 +293,6 @@ class Observed:
         return np.diff(along_marks(self.marks, (nominal - self.first_mark) / self.period, self.period))
 
 
-def drift_basis(samples: int, order: int = DRIFT_ORDER) -> np.ndarray:
-    """Orthonormal polynomials over a record, shape (samples, order)."""
-    if order == 0:
-        return np.zeros((samples, 0))
-    powers = np.polynomial.legendre.legvander(np.linspace(-1, 1, samples), order - 1)
-    return np.asfortranarray(np.linalg.qr(powers)[0])  # column by column it is projected out twice as fast
-
-
-def _drift_order(duration: float, frequency: float) -> int:
-    """Terms for a record (s) of a structure whose natural frequency (Hz) is this: what is slow is so beside its vibration."""
-    return min(MOST_DRIFT, DRIFT_ORDER + int(duration / max(DRIFT_TIME, DRIFT_PERIODS / frequency)))
-
-
 _ORDER = (*DERIVATIVES, "force_x", "force_y")
 
 
@@ -336,7 +322,7 @@ def observe(record: Any, model: Model) -> Observed:
         condition = (record.kind, record.name)
     filled = np.isin(np.arange(first, last), recording.filled) if len(recording.filled) else np.zeros(0, dtype=bool)
     frequency = model.structure.natural_frequency
-    terms = _drift_order(data.shape[1] / recording.sampling_rate, frequency)
+    terms = drift_terms(data.shape[1] / recording.sampling_rate, frequency)
     base = Observed(
         record.name, record.kind, names, data,
         recording.sampling_rate,

@@ -1,5 +1,7 @@
 """Residuals of many variants of one record, each in two passes over its samples: what a fit spends most of its arrays on."""
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -75,14 +77,21 @@ def difference(rows, size, steps):
             here[place] = (here[place] - first[place]) / step
 
 
-def fill_residuals(predicted: np.ndarray, data: np.ndarray, scale: np.ndarray, drift: np.ndarray, counted: np.ndarray | None,
+def fill_residuals(predicted: np.ndarray, data: np.ndarray, scale: np.ndarray, drift: Any, counted: np.ndarray | None,
                    limits: tuple[float, float], out: np.ndarray) -> None:  # fmt: skip
     """Into out (variants, channels * values that count) what predictions (variants, channels, samples) leave of the data.
 
     data (channels, samples); scale (channels,): what a residual of 1 stands for. drift (values that count, terms): orthonormal
-    columns that are projected out; counted: places of the values that count, None where all do. limits: a prediction beyond the
+    columns that are projected out, an array or `drift.Splines`; counted: places of the values that count, None where all do. limits: a prediction beyond the
     first, or none (NaN), is taken as that far off; a residual is no larger than the second.
     """
     if counted is not None:
         predicted, data = predicted[..., counted], data[:, counted]
-    _fill(np.ascontiguousarray(predicted), np.ascontiguousarray(data), 1.0 / scale, np.ascontiguousarray(drift.T), *limits, out)
+    written = isinstance(drift, np.ndarray)
+    columns = np.ascontiguousarray(drift.T) if written else np.empty((0, len(drift)))
+    _fill(np.ascontiguousarray(predicted), np.ascontiguousarray(data), 1.0 / scale, columns,
+          *(limits if written else (limits[0], np.inf)), out)  # fmt: skip
+    for first in range(0, 0 if written else len(data) * len(drift), len(drift)):
+        for row in out[:, first : first + len(drift)]:  # one by one: the record is long
+            row -= (row @ drift) @ drift.T
+            np.clip(row, -limits[1], limits[1], out=row)

@@ -104,7 +104,7 @@ def _residual(record: Observed, predicted: np.ndarray, course: Course) -> np.nda
         behind = time > course.breaks[1] + (2 / 3) * (time[-1] - course.breaks[1])
         if min(before.mean(), behind.mean()) > BESIDE:
             outside = before | behind
-    found = np.linalg.lstsq(record.drift[outside], rest[:, outside].T, rcond=None)[0]
+    found = np.linalg.lstsq(np.asarray(record.drift)[outside], rest[:, outside].T, rcond=None)[0]
     return rest - (record.drift @ found).T
 
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.fit.observed import Observed, drift_basis
+from analysis.fit.drift import drift_basis
+from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant
 from analysis.linear.planar_multipliers import cut_multipliers
 from testbed.cut import Cut, Sampling

@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 
 from analysis.comparison.amplitude import amplitude_dependence, course, free_decays
 from analysis.comparison.compare_plots import by_amplitude
-from analysis.fit.observed import Observed, drift_basis
+from analysis.fit.drift import drift_basis
+from analysis.fit.observed import Observed
 from analysis.records.segments import Segment
 from analysis.report.constants import add_amplitude
 from analysis.report.page import Page

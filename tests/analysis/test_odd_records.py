@@ -11,10 +11,11 @@ from campaign_files import BELIEVED
 from synthetic_campaign import synthetic_campaign
 
 from analysis.comparison.adequacy import adequacy_tests, controlled
+from analysis.fit.drift import drift_basis
 from analysis.fit.fit_state import Free, State
 from analysis.fit.held_out import RecordError, pooled, pooled_doubt
 from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed, drift_basis, observe
+from analysis.fit.observed import Observed, observe
 from analysis.fit.starts import base_fit
 from analysis.fit.structure_start import decay_start
 from analysis.fit.waveform import Fitter
