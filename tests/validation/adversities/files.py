@@ -11,7 +11,7 @@ from tests.validation.adversities import hostile_data_sets, own_effects, paths
 from tests.validation.adversities.measured_files import MEASURED
 from tests.validation.adversities.probe import MODEL, SCENARIO, Probe
 from tests.validation.adversities.random_damage import damaged
-from tests.validation.adversities.runner import Result, Said, forked, started, within
+from tests.validation.adversities.runner import Result, Said, forked, preload, started, within
 from tests.validation.adversities.written_texts import WRITTEN
 
 SEEDS = range(6)  # of random damage
@@ -54,6 +54,7 @@ def answered(probe: Probe, sound: Path, folder: Path, command: Callable[..., Sai
 
 def run(chosen: Sequence[Probe] | None = None, command: Callable[..., Said] = forked) -> Iterator[Result]:
     """Every probe in a process of its own."""
+    preload()
     with tempfile.TemporaryDirectory() as name:
         sound = Path(name)
         prepared(sound)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import os
+import pkgutil
 import resource
 import signal
 import subprocess
@@ -40,6 +42,17 @@ class Said:
         if self.code == 2 and not (len(lines) == 1 and lines[0].startswith("error: ") and len(lines[0]) < 1000):
             return f"{len(lines)} lines of {len(self.err)} characters: {self.err[:150]!r}"
         return ""
+
+
+def preload() -> None:
+    """Import all of the program: children that are forked then need not."""
+    import analysis
+    import testbed
+
+    for package in (testbed, analysis):
+        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+            if not module.name.endswith("__main__"):
+                importlib.import_module(module.name)
 
 
 def forked(arguments: Sequence[object], seconds: float = WITHIN, room: int | None = None) -> Said:
