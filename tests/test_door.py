@@ -1,12 +1,14 @@
 """What a user names is looked at before it is opened: one line, exit code 2, no hang. A quick part of the adversities."""
 
+import errno
 import os
+import resource
 from pathlib import Path
 
 import numpy as np
 import pytest
 from campaign_files import BELIEVED
-from validation.adversities import files
+from validation.adversities import measured_files, own_effects, paths, written_texts
 
 from analysis.fit.fit_state import Linearised
 from analysis.fit.observed import observe
@@ -14,15 +16,15 @@ from analysis.fit.thinning import ENOUGH, every_nth
 from testbed.campaign import load_campaign
 from testbed.catalogue import catalogue
 from testbed.child import tried
-from testbed.door import plain_file
+from testbed.door import free_memory, is_shortage, plain_file
 from testbed.model_file import read_model
 from testbed.problem import InputProblem, shortened
 from testbed.recording import Recording
 
 
-@pytest.mark.parametrize("place", files.PLACES)
+@pytest.mark.parametrize("place", paths.PLACES)
 def test_what_is_no_plain_file_is_refused_by_what_it_is(place, tmp_path):
-    path = files.PLACES[place](tmp_path / "cut.csv")
+    path = paths.PLACES[place](tmp_path / "cut.csv")
     if place in ("empty", "random bytes"):
         assert plain_file(path).st_size == path.stat().st_size
         return
@@ -31,12 +33,12 @@ def test_what_is_no_plain_file_is_refused_by_what_it_is(place, tmp_path):
     assert len(str(said.value)) < 700
 
 
-QUICK = [name for name in files.MEASURED if not name.startswith("HDF5: 5000") and "20,000" not in name]
+QUICK = [name for name in measured_files.MEASURED if not name.startswith("HDF5: 5000") and "20,000" not in name]
 
 
 @pytest.mark.parametrize("name", QUICK)
 def test_hostile_measured_files_end_in_one_line(name, tmp_path):
-    make, codes = files.MEASURED[name]
+    make, codes = measured_files.MEASURED[name]
     make(tmp_path)
     try:
         load_campaign(tmp_path / "campaign.yaml")
@@ -45,9 +47,9 @@ def test_hostile_measured_files_end_in_one_line(name, tmp_path):
         assert "\n" not in str(problem)
 
 
-@pytest.mark.parametrize("name", [name for name in files.WRITTEN if name.startswith("model") and "300,000" not in name])
+@pytest.mark.parametrize("name", [name for name in written_texts.WRITTEN if name.startswith("model") and "300,000" not in name])
 def test_hostile_models_end_in_one_line(name, tmp_path):
-    make, codes = files.WRITTEN[name]
+    make, codes = written_texts.WRITTEN[name]
     make(tmp_path)
     try:
         read_model(tmp_path / "model.yaml")
@@ -57,21 +59,21 @@ def test_hostile_models_end_in_one_line(name, tmp_path):
 
 
 def own(folder: Path, line: str, beside: str = "") -> Path:
-    (folder / "law.py").write_text(files.LAW.replace("LINE", line))
+    (folder / "law.py").write_text(own_effects.LAW.replace("LINE", line))
     (folder / "beside.py").write_text(beside)
     return folder
 
 
-@pytest.mark.parametrize("name", [name for name in files.BAD_LAWS if name not in ("text", "never ends at all")])
+@pytest.mark.parametrize("name", [name for name in own_effects.BAD_LAWS if name not in ("text", "never ends at all")])
 def test_a_bad_law_is_told_by_name(name, tmp_path):
     with pytest.raises(InputProblem, match=r"structure_force\(\)"):
-        catalogue(own(tmp_path, files.BAD_LAWS[name]))
+        catalogue(own(tmp_path, own_effects.BAD_LAWS[name]))
 
 
 def test_a_script_beside_an_effect_is_not_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "precious").write_text("kept")
-    assert "law" in catalogue(own(tmp_path, "return strength * velocity", files.DELETES))
+    assert "law" in catalogue(own(tmp_path, "return strength * velocity", own_effects.DELETES))
     assert (tmp_path / "precious").exists()
 
 
@@ -119,3 +121,23 @@ def test_residuals_of_many_rows_lose_the_same_whether_worked_on_together_or_not(
     whole = part.without_own(rows)
     monkeypatch.setattr("analysis.fit.fit_state.VALUES_TOGETHER", 10)
     assert np.allclose(part.without_own(rows), whole, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("problem", "short"), [
+    (MemoryError(), True), (OSError(errno.ENOMEM, "no room"), True), (OSError(errno.ENOENT, "none"), False),
+    (ImportError("libopenblas.so: failed to map segment from shared object"), True), (ImportError("no module named x"), False)])
+def test_want_of_memory_is_told_whatever_a_library_makes_of_it(problem, short):
+    assert is_shortage(problem) == short
+    later = RuntimeError("your install seems to be broken")
+    later.__cause__ = problem
+    assert is_shortage(later) == short
+
+
+def test_free_memory_is_no_more_than_the_limit_of_the_process():
+    def limited(say):
+        taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (taken + 50_000_000, resource.RLIM_INFINITY))
+        say(str(free_memory()))
+
+    found = tried(limited, 10.0)
+    assert 0.0 < float(found.said[0]) <= 50e6 < free_memory()

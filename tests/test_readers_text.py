@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -221,3 +222,34 @@ def test_skip_rows_beyond_the_end_is_said(tmp_path: Path) -> None:
 def test_skip_rows_takes_a_line_of_words_for_no_header(tmp_path: Path) -> None:
     path = _file(tmp_path, "counts\n" + "".join(f"{index},7\n" for index in range(40)))
     assert list(read_table(path, skip_rows=1).columns) == ["1", "2"]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "cp1252"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_blocks_that_end_anywhere_read_as_the_whole(kind: str, encoding: str, tmp_path: Path, monkeypatch) -> None:
+    text = KINDS[kind].replace("disp", "Weg µ").replace("-", "\N{MINUS SIGN}" if encoding != "cp1252" else "-")
+    path = _file(tmp_path, text.encode(encoding))
+    whole = read_table(path)
+    monkeypatch.setattr("testbed.readers.lines._BLOCK", 7)
+    monkeypatch.setattr("testbed.readers.lines._AT_ONCE", 3)
+    monkeypatch.setattr("testbed.readers.text._AT_ONCE", 5)
+    blocks = read_table(path)
+    assert list(blocks.columns) == list(whole.columns) and blocks.units == whole.units and blocks.notes == whole.notes
+    assert all(np.array_equal(blocks.columns[name], whole.columns[name]) for name in whole.columns)
+
+
+def test_reading_takes_a_small_multiple_of_the_file(tmp_path: Path) -> None:
+    rows = "".join(f"{number / 51200:.9f},{np.sin(number):.6f},{number % 7}\n" for number in range(250_000))
+    path = _file(tmp_path, "time,disp,tach\n" + rows)
+    tracemalloc.start()
+    read_table(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 3.5 * path.stat().st_size
+
+
+def test_a_file_that_needs_more_memory_than_is_free_is_refused_with_the_size(tmp_path: Path, monkeypatch) -> None:
+    path = _file(tmp_path, KINDS["plain"])
+    monkeypatch.setattr("testbed.door.free_memory", lambda: 700.0)
+    with pytest.raises(InputProblem, match=r"needs 1.7e-06 GB of memory, 7e-07 GB are free: free some"):
+        read_table(path)

@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.fft import next_fast_len
 from synthetic_cut import FREQUENCY, RHO, Truth, milling_record
 
 from analysis.records.hum import hum_lag
-from analysis.records.lines import comb_speed, follow_line, spectral_lines
+from analysis.records.lines import amplitude_spectrum, comb_speed, find_peaks, follow_line, spectral_lines
 from analysis.records.noise import noise_floor, samples_of
-from analysis.records.segments import Segment, find_segments, main_channel
+from analysis.records.orders import turns_of
+from analysis.records.segments import Segment, _levels, find_segments, main_channel
 from testbed.recording import Recording
 
 
@@ -280,3 +282,21 @@ def test_side_bands_give_the_speed_and_a_drifting_line_is_followed() -> None:
         and found.basis == "side bands"
         and found.spindle_speed == pytest.approx(4500 * np.pi / 30, rel=1e-3)
     )
+
+
+def test_a_long_record_is_looked_at_piece_by_piece_as_a_short_one_is(monkeypatch):
+    random = np.random.default_rng(3)
+    count = 65537  # a prime
+    time = np.arange(count) / 6400.0
+    values = np.sin(2 * np.pi * 147.3 * time) + 0.1 * random.standard_normal(count)
+    whole = turns_of(values, time, np.empty(0), 1 / 63.5).rows
+    level = _levels(values, 100).level
+    lines = find_peaks(values, 6400.0, 1)
+    monkeypatch.setattr("analysis.records.orders.PIECE", 5000)
+    monkeypatch.setattr("analysis.records.segments.AT_ONCE", 3000)
+    monkeypatch.setattr("analysis.records.lines.ANY_LENGTH", 1000)
+    assert np.allclose(turns_of(values, time, np.empty(0), 1 / 63.5).rows, whole, rtol=0, atol=1e-13)
+    assert np.allclose(_levels(values, 100).level, level, rtol=1e-12)
+    assert len(amplitude_spectrum(values, 6400.0)[0]) == next_fast_len(4 * count, real=True) // 2 + 1
+    found = find_peaks(values, 6400.0, 1)
+    assert np.allclose(found, lines, rtol=0.02) and abs(found[0][0] - 147.3) < 0.01

@@ -12,7 +12,7 @@ import numpy as np
 
 from testbed.problem import InputProblem
 
-_BLOCK = 1 << 22  # bytes read, and counted, at once
+_BLOCK = 1 << 20  # bytes read, and counted, at once
 _AT_ONCE = 1 << 14  # lines decoded at once
 _MINUS, _END = "\N{MINUS SIGN}", ord("\n")
 

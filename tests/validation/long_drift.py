@@ -59,7 +59,7 @@ def check() -> Section:
             rows.append((name, str(seconds), "noise" if adequate else "more than noise", f"{left:.4f}",
                          f"{time.process_time() - began:.0f}"))
             print(*rows[-1], file=sys.stderr, flush=True)
-        claims.append(Claim(f"drift: {name}: what is left is noise", "all", f"{right} of {len(SECONDS)}", right == len(SECONDS)))
+        claims.append(Claim(f"drift {name}: what is left is noise", "all", f"{right} of {len(SECONDS)}", right == len(SECONDS)))
     table = ("Records", ("drift", "seconds", "left", "error over the noise floor", "processor s"), tuple(rows))
     return Section("Long records whose sensor drifts", tuple(claims), (table,))
 
