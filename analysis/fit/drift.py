@@ -36,8 +36,10 @@ def drift_basis(samples: int, terms: int = DRIFT_ORDER) -> Any:
     return np.asfortranarray(np.linalg.qr(powers)[0])  # column by column it is projected out twice as fast
 
 
-def over(basis: Any, believed: np.ndarray) -> Any:
-    """Orthonormal columns for the samples that are believed alone; believed: (samples,), bool."""
+def over(basis: Any, believed: np.ndarray | None) -> Any:
+    """Orthonormal columns for the samples that are believed alone; believed: (samples,), bool, or None: for all."""
+    if believed is None:
+        return basis
     if isinstance(basis, Splines):
         return Splines(len(basis), basis.spans, believed)
     return np.asfortranarray(np.linalg.qr(basis[believed])[0])
