@@ -82,8 +82,8 @@ def fill_residuals(predicted: np.ndarray, data: np.ndarray, scale: np.ndarray, d
     """Into out (variants, channels * values that count) what predictions (variants, channels, samples) leave of the data.
 
     data (channels, samples); scale (channels,): what a residual of 1 stands for. drift (values that count, terms): orthonormal
-    columns that are projected out, an array or `drift.Splines`; counted: places of the values that count, None where all do. limits: a prediction beyond the
-    first, or none (NaN), is taken as that far off; a residual is no larger than the second.
+    columns that are projected out, an array or `drift.Splines`; counted: places of the values that count, None where all do.
+    limits: a prediction beyond the first, or none (NaN), is taken as that far off; a residual is no larger than the second.
     """
     if counted is not None:
         predicted, data = predicted[..., counted], data[:, counted]

@@ -1,6 +1,7 @@
 """Peak memory and time of reading, comparing and diagnosing against the length of the records, their number, and runs.
 
     python -m tests.validation.memory COMMAND SECONDS RECORDS     such as compare 8 1: seconds a record, and how many
+    python -m tests.validation.memory inspect MEGABYTES csv       one record as a text table of that size
 
 Each figure is the largest resident memory of one process of the command line, as the system counts it.
 """
@@ -73,6 +74,25 @@ def measured(arguments: list[str], folder: Path, seconds: float = 3600.0) -> dic
             "said": lines[-1] if lines else ""}
 
 
+def text_table(megabytes: float) -> dict[str, object]:
+    """`inspect` of a text table of time, displacement and tachometer."""
+    rows = np.arange(int(megabytes * 1e6 / 32))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with (folder / "cut.csv").open("w") as file:
+            file.write("time [s],disp [um],tach [V]\n")
+            for part in np.array_split(rows, max(1, len(rows) // 100_000)):
+                at = part / RATE
+                noise = np.random.default_rng(part[0]).normal(0, 0.1, len(part))
+                values = zip(at, 20 * np.sin(924 * at) + noise, 5.0 * ((at * 63.5) % 1 < 0.05) + 0.1 * noise, strict=True)
+                file.write("".join(f"{one:.9f},{disp:.6f},{tach:.5f}\n" for one, disp, tach in values))
+        (folder / "campaign.yaml").write_text(
+            "name: text\nchannels: {displacement: {column: disp}, tachometer: {column: tach}}\nrecords:\n"
+            "  - {file: cut.csv, kind: cut, spindle_speed: 3810 rpm, depth_of_cut: 2 mm, feed: 0.1 mm/tooth}\n")
+        size = (folder / "cut.csv").stat().st_size
+        return {"command": "inspect", "file": size} | measured(["inspect", "campaign.yaml"], folder)
+
+
 def one(command: str, seconds: float, records: int) -> dict[str, object]:
     """One figure of the table."""
     with tempfile.TemporaryDirectory() as name:
@@ -84,4 +104,5 @@ def one(command: str, seconds: float, records: int) -> dict[str, object]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(one(sys.argv[1], float(sys.argv[2]), int(sys.argv[3]))))
+    as_text = sys.argv[3] == "csv"
+    print(json.dumps(text_table(float(sys.argv[2])) if as_text else one(sys.argv[1], float(sys.argv[2]), int(sys.argv[3]))))

@@ -6,7 +6,6 @@ import itertools
 import os
 import sys
 import tempfile
-from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -27,7 +26,7 @@ Struck = Callable[[Path, Any], tuple[Any, list[str]]]
 
 
 def run() -> Iterator[Probe]:
-    """The failures of each kind, gathered by the call that failed."""
+    """The failures of each kind."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         data = folder / "d.h5"
@@ -37,15 +36,15 @@ def run() -> Iterator[Probe]:
         sizes = [partial(faults.full_at, size) for size in range(0, data.stat().st_size + SIZE_STEP, SIZE_STEP)]
         for kind, keep in (("ENOSPC", False), ("EIO", True), ("MemoryError", False), ("Ctrl-C", True)):
             every = (partial(faults.failing, kind, number) for number in itertools.count(1))
-            yield from _gathered(f"sweep, {kind}", every,
-                                 lambda at, struck, keep=keep: faults.sweep_with(at, struck, keep, content))
+            yield from _each(f"sweep, {kind}", every,
+                             lambda at, struck, keep=keep: faults.sweep_with(at, struck, keep, content))
             if kind != "Ctrl-C":
                 every = (partial(faults.failing, kind, number) for number in itertools.count(1))
-                yield from _gathered(f"export, {kind}", every, lambda at, struck: faults.export_with(at, data, struck, shards))
-        yield from _gathered("sweep, no room from a size on", iter(sizes),
-                             lambda at, struck: faults.sweep_with(at, struck, False, content))
-        yield from _gathered("export, no room from a size on", iter(sizes),
-                             lambda at, struck: faults.export_with(at, data, struck, shards))
+                yield from _each(f"export, {kind}", every, lambda at, struck: faults.export_with(at, data, struck, shards))
+        yield from _each("sweep, no room from a size on", iter(sizes),
+                         lambda at, struck: faults.sweep_with(at, struck, False, content))
+        yield from _each("export, no room from a size on", iter(sizes),
+                         lambda at, struck: faults.export_with(at, data, struck, shards))
 
 
 def _exported(data: Path, target: Path) -> None:
@@ -55,16 +54,11 @@ def _exported(data: Path, target: Path) -> None:
         assert stop.code == 0
 
 
-def _gathered(what: str, points: Iterator[Callable[[], Any]], probe: Struck) -> Iterator[Probe]:
-    """One result for each place that failed, each of its failures told."""
-    tries: Counter[str] = Counter()
-    wrong: dict[str, list[str]] = {}
+def _each(what: str, points: Iterator[Callable[[], Any]], probe: Struck) -> Iterator[Probe]:
+    """A result for each failure, until nothing is left to fail."""
     for number, struck in enumerate(points, 1):
         with tempfile.TemporaryDirectory(dir="/dev/shm" if os.path.isdir("/dev/shm") else None) as at:
-            fault, found = probe(Path(at), struck())
+            fault, wrong = probe(Path(at), struck())
         if not fault.where:
-            break
-        tries[fault.where] += 1
-        wrong.setdefault(fault.where, []).extend(f"the {number}th: {one}" for one in found)
-    for where, count in tries.items():
-        yield f"{what}: {where}, {count} failures", not wrong[where], str(wrong[where][:3] or "nothing lost")
+            return
+        yield f"{what}: number {number}, {fault.where}", not wrong, str(wrong[:3] or "nothing lost")
