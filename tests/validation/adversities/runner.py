@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 WITHIN = 10.0  # s of processor time in which bad input is refused
-WAITED = 6.0  # times that, on the clock of a machine that others share: then it counts as hung
+WAITED, IN_TURN = 6.0, 60.0  # times that, on the clock: then it counts as hung; and if it but waits for a processor others have
 CEILING = 6 * 2**30  # bytes of address space
 REFUSED, EITHER, DONE = (2,), (0, 2), (0,)  # exit codes that are an answer: to a bad file, to a damaged one, to a good one
 Result = tuple[str, bool, str]  # name, answered as asked, what was seen
@@ -97,7 +97,7 @@ def started(arguments: Sequence[object], seconds: float = WITHIN) -> Said:
 
 def _ended(child: int, began: float, seconds: float, out: object, err: object) -> Said:
     """The end of a child, awaited."""
-    while time.monotonic() - began < WAITED * seconds:
+    while (passed := time.monotonic() - began) < WAITED * seconds or (passed < IN_TURN * seconds and _waits_its_turn(child)):
         done, status, used = os.wait4(child, os.WNOHANG)
         if done:
             return Said(os.waitstatus_to_exitcode(status), _text(out), _text(err), used.ru_utime + used.ru_stime)
@@ -105,6 +105,11 @@ def _ended(child: int, began: float, seconds: float, out: object, err: object) -
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
     return Said(None, _text(out), _text(err), time.monotonic() - began)
+
+
+def _waits_its_turn(child: int) -> bool:
+    """Whether a child could go on but for other processes, as the system says."""
+    return Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[0] == "R"
 
 
 def _text(stream: object) -> str:
