@@ -252,7 +252,7 @@ def is_data_set(path: str | Path) -> bool:
             return False
         with h5py.File(path, "r") as file:
             return "format" in file.attrs and "scenario_fingerprint" in file.attrs
-    except OSError:
+    except (OSError, RuntimeError, KeyError, ValueError):  # what HDF5 makes of a damaged file
         return False
 
 

@@ -5,6 +5,7 @@ import os
 import resource
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from campaign_files import BELIEVED
@@ -16,6 +17,7 @@ from analysis.fit.thinning import ENOUGH, every_nth
 from testbed.campaign import load_campaign
 from testbed.catalogue import catalogue
 from testbed.child import tried
+from testbed.data_set import is_data_set
 from testbed.door import free_memory, is_shortage, plain_file
 from testbed.model_file import read_model
 from testbed.problem import InputProblem, shortened
@@ -141,3 +143,15 @@ def test_free_memory_is_no_more_than_the_limit_of_the_process():
 
     found = tried(limited, 10.0)
     assert 0.0 < float(found.said[0]) <= 50e6 < free_memory()
+
+
+def test_a_file_whose_attributes_are_damaged_is_no_data_set(tmp_path, monkeypatch):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.attrs.update(format=3, scenario_fingerprint="x")
+    assert is_data_set(tmp_path / "a.h5")
+
+    def damaged(*_):
+        raise RuntimeError("ran off end of input buffer while decoding")
+
+    monkeypatch.setattr(h5py.AttributeManager, "__contains__", damaged)
+    assert not is_data_set(tmp_path / "a.h5")
