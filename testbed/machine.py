@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -199,7 +199,7 @@ class Cutting:
 
 _STRUCTURE = ("mass", "natural_frequency", "damping_ratio")
 _MODE_PATH = re.compile(r"modes\[(\d+)\]\.(\w+)")
-_CUTTING = ("immersion", "tangential_coefficient", "normal_coefficient")
+CUTTING = ("immersion", "tangential_coefficient", "normal_coefficient")
 BASE_UNITS = {"mass": "kg", "natural_frequency": "Hz", "damping_ratio": "1", "immersion": "1",
               "tangential_coefficient": "N/m^2", "normal_coefficient": "N/m^2"}
 
@@ -217,6 +217,8 @@ class Model:
 
     `effects` maps an effect's name to its parameters (SI); the set has no order. `machine` names the folder of
     `models/` the structure came from, where it came from one. not_determined: paths of parameters that no record told: guesses.
+    spreads: (path, standard deviation in SI) of values that are believed with an uncertainty; a mode that was given by its
+    stiffness has `stiffness` in place of `mass`. Another value in place of one takes its spread away.
     """
 
     structure: Structure
@@ -225,6 +227,7 @@ class Model:
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     machine: str | None = None
     not_determined: tuple[str, ...] = field(default=(), compare=False)
+    spreads: tuple[tuple[str, float], ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         _require((self.cutter is None) == (self.cutting is None), "cutter and cutting stand or fall together")
@@ -232,7 +235,7 @@ class Model:
 
     def __reduce__(self):  # mapping proxies do not pickle
         effects = {name: dict(values) for name, values in self.effects.items()}
-        return (Model, (self.structure, self.cutter, self.cutting, effects, self.machine, self.not_determined))
+        return (Model, (self.structure, self.cutter, self.cutting, effects, self.machine, self.not_determined, self.spreads))
 
     def __hash__(self) -> int:
         effects = tuple((name, tuple(values.items())) for name, values in self.effects.items())
@@ -240,14 +243,23 @@ class Model:
 
     def with_effect(self, name: str, **parameters: float) -> Model:
         """The same machine with one effect more, or with that effect's parameters changed."""
-        return replace(self, effects={**self.effects, name: {**self.effects.get(name, {}), **parameters}})
+        return replace(self, effects={**self.effects, name: {**self.effects.get(name, {}), **parameters}},
+                       spreads=self._spreads_but([f"{name}.{one}" for one in parameters]))
 
     def without_effect(self, name: str) -> Model:
         """The same machine without one effect; KeyError if it has none of that name."""
         if name not in self.effects:
             raise KeyError(name)
         return replace(self, effects={key: value for key, value in self.effects.items() if key != name},
-                       not_determined=tuple(path for path in self.not_determined if path.partition(".")[0] != name))
+                       not_determined=tuple(path for path in self.not_determined if path.partition(".")[0] != name),
+                       spreads=tuple(one for one in self.spreads if one[0].partition(".")[0] != name))
+
+    def _spreads_but(self, paths: Collection[str]) -> tuple[tuple[str, float], ...]:
+        """All spreads but those of some parameters; a stiffness goes with the mass and the frequency that it stands for."""
+        if not self.spreads:
+            return ()
+        gone = {*paths, *(re.sub(r"(mass|natural_frequency)$", "stiffness", path) for path in paths)}
+        return tuple(one for one in self.spreads if one[0] not in gone)
 
     @property
     def limits(self) -> Mapping[str, tuple[float, float]]:
@@ -267,7 +279,7 @@ class Model:
     @property
     def base_parameters(self) -> Mapping[str, str]:
         """Paths of the parameters that belong to no effect, with their SI units."""
-        cutting = {name: BASE_UNITS[name] for name in _CUTTING if self.cutting is not None}
+        cutting = {name: BASE_UNITS[name] for name in CUTTING if self.cutting is not None}
         if not self.structure.planar:
             return {name: BASE_UNITS[name] for name in _STRUCTURE} | cutting
         units = {**{name: BASE_UNITS[name] for name in _STRUCTURE}, "direction": "rad"}
@@ -277,7 +289,7 @@ class Model:
     def value(self, path: str) -> float:
         """A parameter by its path: `natural_frequency` or, where there are several, `modes[0].natural_frequency`;
         `tangential_coefficient`, `process_damping.coefficient`. KeyError where there is none."""
-        if path in _CUTTING:
+        if path in CUTTING:
             if self.cutting is None:
                 raise KeyError(path)
             return float(getattr(self.cutting, path))
@@ -307,7 +319,7 @@ class Model:
             place, name = self._mode_path(path)
             if name is not None:
                 modes.setdefault(place, {})[name] = float(number)
-            elif path in _CUTTING and self.cutting is not None:
+            elif path in CUTTING and self.cutting is not None:
                 cutting[path] = float(number)
             else:
                 effect, _, parameter = path.partition(".")
@@ -316,4 +328,5 @@ class Model:
                 effects[effect][parameter] = float(number)
         further = tuple(replace(mode, **modes.get(place, {})) for place, mode in enumerate(self.structure.further, 1))
         return replace(self, structure=replace(self.structure, further=further, **modes.get(0, {})),
-                       cutting=replace(self.cutting, **cutting) if self.cutting else None, effects=effects)
+                       cutting=replace(self.cutting, **cutting) if self.cutting else None, effects=effects,
+                       spreads=self._spreads_but(values))

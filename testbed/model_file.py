@@ -11,7 +11,8 @@ of modes, each with a mass or a stiffness, a direction (x, y, or an angle from x
 
     structure: {modes: [{natural_frequency: 922 Hz, damping_ratio: 0.011, mass: 39.93 gram, direction: x, on: tool}]}
 
-`cutter` may give `pitch`, the angle of each tooth to the one before it: [85 deg, 95 deg, 85 deg, 95 deg].
+`cutter` may give `pitch`, the angle of each tooth to the one before it: [85 deg, 95 deg, 85 deg, 95 deg]. A value of the
+structure, the cutting and the effects may have a standard deviation: 550 +- 50 N/mm^2.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from testbed.catalogue import unknown_effect
 from testbed.effect import Effect
 from testbed.machine import MOST_FLUTES, Cutter, Cutting, Direction, Model, radial_immersion_fraction
 from testbed.problem import InputProblem
+from testbed.spread_file import nominal, said
 from testbed.structure_file import exact, read_structure, structure_lines
 from testbed.synonyms import milling_direction
 from testbed.units import UnitProblem, format_quantity, parse_quantity
@@ -93,15 +95,20 @@ def is_model(path: str | Path) -> bool:
 
 def model_from(document: Document, path: Path_ = (), catalogue: Mapping[str, Effect] | None = None) -> Model:
     """The model that stands at `path` of a document; the root, or under `model` in a scenario."""
+    known = known_effects() if catalogue is None else catalogue
+    document, spreads = nominal(document, path, known)
     parts = validate(document, _ModelFile, path)
     structure, machine = read_structure(document, (*path, "structure"))
     if (parts.cutter is None) != (parts.cutting is None):
         there, absent = ("cutter", "cutting") if parts.cutting is None else ("cutting", "cutter")
         raise document.problem(path, f"{there} without {absent}", f"add {absent}, or remove both")
-    effects = _effects(document, (*path, "effects"), known_effects() if catalogue is None else catalogue)
+    effects = _effects(document, (*path, "effects"), known)
+    if not structure.planar:  # one mode along the feed, which has no number
+        spreads = {name.removeprefix("modes[0]."): size for name, size in spreads.items()}
+    model = Model(structure, effects=effects, machine=machine, spreads=tuple(spreads.items()))
     guesses = tuple(parts.not_determined)
     if parts.cutter is None:
-        return _with_guesses(document, path, Model(structure, effects=effects, machine=machine), guesses)
+        return _with_guesses(document, path, model, guesses)
     cutter = validate(document, _Cutter, (*path, "cutter"))
     if not 1 <= cutter.flutes <= MOST_FLUTES:
         wrong = "must be at least 1" if cutter.flutes < 1 else "is more than any cutter has"
@@ -111,8 +118,7 @@ def model_from(document: Document, path: Path_ = (), catalogue: Mapping[str, Eff
     except ValueError as problem:  # the values alone are checked already
         raise document.problem((*path, "cutter", "pitch"), str(problem),
                                "give one angle a tooth; all together make 360 deg") from None
-    model = Model(structure, shape,
-                  _cutting(document, (*path, "cutting"), cutter.diameter), effects, machine)
+    model = replace(model, cutter=shape, cutting=_cutting(document, (*path, "cutting"), cutter.diameter))
     return _with_guesses(document, path, model, guesses)
 
 
@@ -200,9 +206,10 @@ def model_text(model: Model, catalogue: Mapping[str, Effect] | None = None) -> s
         cutter, cutting = model.cutter, model.cutting
         lines += ["cutter:", f"  flutes: {cutter.flutes}", f"  diameter: {exact(cutter.diameter, 'mm')}",
                   f"  helix_angle: {exact(cutter.helix_angle, 'deg')}", *_pitch_lines(cutter),
-                  "cutting:", f"  direction: {cutting.direction}", f"  immersion: {exact(cutting.immersion, '1')}",
-                  f"  tangential_coefficient: {exact(cutting.tangential_coefficient, 'N/mm^2')}",
-                  f"  normal_coefficient: {exact(cutting.normal_coefficient, 'N/mm^2')}"]
+                  "cutting:", f"  direction: {cutting.direction}",
+                  f"  immersion: {said(model, 'immersion', cutting.immersion, '1')}",
+                  *(f"  {name}: {said(model, name, model.value(name), 'N/mm^2')}"
+                    for name in ("tangential_coefficient", "normal_coefficient"))]
     if model.not_determined:
         lines.append(f"not_determined: [{', '.join(model.not_determined)}]  # no record told these: they are guesses")
     if not model.effects:
@@ -211,14 +218,15 @@ def model_text(model: Model, catalogue: Mapping[str, Effect] | None = None) -> s
     lines.append("effects:")
     for name, values in model.effects.items():
         lines.append(f"  {name}:" if values else f"  {name}: {{}}")
-        lines += [f"    {key}: {exact(value, known[name].parameter(key).unit)}" for key, value in values.items()]
+        lines += [f"    {key}: {said(model, f'{name}.{key}', value, known[name].parameter(key).unit)}"
+                  for key, value in values.items()]
     return "\n".join(lines) + "\n"
 
 
 def effect_text(effect: Effect, values: Mapping[str, float]) -> str:
     """What a model file says of one effect, in one line, rounded for a reader."""
-    said = ", ".join(f"{name}: {format_quantity(value, effect.parameter(name).unit)}" for name, value in values.items())
-    return f"effects: {{{effect.name}: {{{said}}}}}"
+    told = ", ".join(f"{name}: {format_quantity(value, effect.parameter(name).unit)}" for name, value in values.items())
+    return f"effects: {{{effect.name}: {{{told}}}}}"
 
 
 def _pitch_lines(cutter: Cutter) -> list[str]:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator
 
 from testbed.machine import Carrier, Mode, Model, Structure, repeated_mode
+from testbed.spread_file import said
 from testbed.units import UnitProblem, format_quantity, parse_quantity
 from testbed.yaml_text import Document, Path_, Strict, above_zero, did_you_mean, in_unit, validate
 
@@ -114,28 +115,50 @@ def _mode(document: Document, path: Path_) -> Mode:
     mass = one.mass
     if mass is None:
         assert one.stiffness is not None  # one of the two is given
-        mass = one.stiffness / (2.0 * math.pi * one.natural_frequency) ** 2
+        mass = _mass(one.stiffness, one.natural_frequency)
     return Mode(mass, one.natural_frequency, one.damping_ratio, one.direction, one.on)
 
 
 def structure_lines(model: Model) -> list[str]:
     """The lines of a model file that read back to exactly this structure."""
-    if model.structure.planar:
-        return ["structure:", "  modes:", *map(_mode_line, model.structure.modes)]
+    spreads = dict(model.spreads)
+    if model.structure.planar or "stiffness" in spreads or "direction" in spreads:
+        return ["structure:", "  modes:", *(_mode_line(model, place) for place in range(len(model.structure.modes)))]
     values = _short_form(model.structure)
     if model.machine is not None:
         usual = _short_form(machine_structure(model.machine))
-        values = {name: value for name, value in values.items() if value != usual[name]}
+        values = {name: value for name, value in values.items() if value != usual[name] or name in spreads}
         if not values:
             return [f"structure: {model.machine}"]
     machine = [f"  machine: {model.machine}"] if model.machine is not None else []
-    return ["structure:", *machine, *(f"  {name}: {exact(value, _SHORT[name])}" for name, value in values.items())]
+    return ["structure:", *machine, *(f"  {name}: {said(model, name, value, _SHORT[name])}" for name, value in values.items())]
 
 
-def _mode_line(mode: Mode) -> str:
-    axis = next((name for name, angle in _AXES.items() if angle == mode.direction), None)
-    values = ", ".join(f"{name}: {exact(getattr(mode, name), unit)}" for name, unit in _SHORT.items())
-    return f"    - {{{values}, direction: {axis or exact(mode.direction, 'deg')}, on: {mode.on}}}"
+def _mode_line(model: Model, place: int) -> str:
+    mode, before, spreads = model.structure.modes[place], f"modes[{place}]." * model.structure.planar, dict(model.spreads)
+    values = {name: said(model, before + name, getattr(mode, name), unit) for name, unit in _SHORT.items()}
+    if f"{before}stiffness" in spreads:
+        del values["mass"]
+        values["stiffness"] = said(model, f"{before}stiffness", _stiffness(mode), "N/m")
+    axis = next((name for name, angle in _AXES.items() if angle == mode.direction), exact(mode.direction, "deg"))
+    turned = spreads.get(f"{before}direction")
+    values["direction"] = axis if turned is None else f"{axis} +- {exact(turned, 'deg')}"
+    return f"    - {{{', '.join(f'{name}: {value}' for name, value in values.items())}, on: {mode.on}}}"
+
+
+def _stiffness(mode: Mode) -> float:
+    """The stiffness (N/m) of which the mode's mass is made, to the last digit."""
+    below, above = mode.stiffness, mode.stiffness
+    for _ in range(8):
+        for one in (below, above):
+            if _mass(one, mode.natural_frequency) == mode.mass:
+                return one
+        below, above = math.nextafter(below, 0.0), math.nextafter(above, math.inf)
+    return mode.stiffness
+
+
+def _mass(stiffness: float, natural_frequency: float) -> float:
+    return stiffness / (2.0 * math.pi * natural_frequency) ** 2
 
 
 def exact(value: float, unit: str) -> str:

@@ -55,6 +55,7 @@ _EXAMPLES = ("um", "mm", "m/s", "m/s^2", "g", "N", "V", "rad", "deg", "Hz", "rpm
 _SI_FACTOR = r"(?:1|m|kg|s|N|rad|Hz|Pa|J|W|V|A|K)(?:\^-?\d+(?:\.\d+)?)?"
 _SI_UNIT = re.compile(rf"{_SI_FACTOR}(?: {_SI_FACTOR})*(?:/(?:{_SI_FACTOR}|\({_SI_FACTOR}(?: {_SI_FACTOR})*\)))?")
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.DOTALL)
+SPREAD_SIGN = re.compile(r"\+/?-|±")  # between a value and its standard deviation
 _COMMA = re.compile(r"\s*([+-]?)(\d*),(\d+(?:[eE][+-]?\d+)?)(?![\d.,])\s*(.*?)\s*", re.DOTALL)
 
 
@@ -142,6 +143,9 @@ def parse_quantity(value: object, si: str) -> float:
         raise UnitProblem("is empty", example)
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise UnitProblem(f"'{value}' is not a number with a unit", example)
+    if isinstance(value, str) and SPREAD_SIGN.search(value):
+        raise UnitProblem(f"'{value}' has a spread, which only values of a machine, its cutting and its effects have",
+                          "give the value alone")
     refuse_decimal_comma(value)
     match = _NUMBER.fullmatch(str(value))
     if match is None or not math.isfinite(float(match[1])):

@@ -267,17 +267,24 @@ def _with_next_test(
     result: Diagnosis, plant: Plant, records: Sequence[Observed], say: Callable[[str], None]
 ) -> Diagnosis:
     """The diagnosis with the cut that separates the tied effects, or the named one from a runner-up that came close."""
-    rivals = [one for one in result.candidates if one.fit is not None and len(one.effects) == len(result.best.effects)]
-    if result.verdict not in ("undecided", "missing_effect") or not result.effects or len(rivals) < 2:
+    rivals = rivals_of(result)[:2]
+    if len(rivals) < 2:
         return result
-    rivals.sort(key=lambda one: one.error_held_out)
-    if result.verdict == "undecided":
-        rivals = [one for one in rivals if one.effects[-1] in result.effects] or rivals
-    before = excess(result.baseline, result.noise_floor)
-    first, other = rivals[0], rivals[min(1, len(rivals) - 1)]
-    if first is other or excess(other.error_held_out, result.noise_floor) > CLOSE * before:
-        return result
+    first, other = rivals
     assert first.fit is not None and other.fit is not None
     say("looking for the cut that would tell more")
     found = next_test(plant, records, first.fit.state.model, other.fit.state.model)
     return replace(result, next_test=found, separates=(first.effects[-1], other.effects[-1]) if found else ())
+
+
+def rivals_of(result: Diagnosis) -> list[Candidate]:
+    """What the records leave open: the fits with each of the tied effects, or with the named one and with what came close, the
+    best first; all with as many effects. Empty where there is no such answer."""
+    rivals = [one for one in result.candidates if one.fit is not None and len(one.effects) == len(result.best.effects)]
+    if result.verdict not in ("undecided", "missing_effect") or not result.effects or not rivals:
+        return []
+    rivals.sort(key=lambda one: one.error_held_out)
+    if result.verdict == "undecided":
+        rivals = [one for one in rivals if one.effects[-1] in result.effects] or rivals
+    most = CLOSE * excess(result.baseline, result.noise_floor)
+    return [rivals[0], *(one for one in rivals[1:] if excess(one.error_held_out, result.noise_floor) <= most)]

@@ -23,7 +23,9 @@ SPEEDS, DEPTHS = 9, 5
 WIDER = 0.25  # of the measured range, by which the search goes beyond it
 STABLE = 0.95  # largest multiplier of a cut that is proposed
 COURSE = (6, 40, 14)  # revolutions of idling, cutting, ringing down
-TURN = 1e-3  # rad, for the slope by the mark angle
+TURN = 1e-3  # rad, for the slope by the mark angle;
+SWING = 1e-7  # m, by the state before the entry;
+SLIP = 1e-5  # of the speed, by that
 
 
 @dataclass(frozen=True)
@@ -74,21 +76,47 @@ def _largest(model: Model, like: Observed, speed: float, depth: float) -> float:
 
 def _difference(plant: Plant, like: Observed, first: Model, other: Model, speed: float, depth: float) -> float:
     """rms of the difference of two predictions over the noise, less what angle, offset and drift could absorb."""
+    found = seen(plant, like, (first, other), speed, depth)
+    if found is None:
+        return math.nan
+    _, scaled, unknown = found
+    gap = without(scaled[1] - scaled[0], unknown[:1])
+    return float(np.sqrt(np.mean(gap**2)))
+
+
+def proposed(like: Observed, speed: float, depth: float) -> Cut:
+    """The cut at a speed and depth, with all else as in a record."""
     assert like.cut is not None
     idle, turns, ringing = (part * like.flutes for part in COURSE)
-    cut = Cut(speed, depth, like.cut.feed_per_tooth, idle, turns, ringing)
-    period = 2 * math.pi / speed
-    count = int(sum(COURSE) * period * like.rate) - 2
-    late = TURN / speed
-    samplings = [Sampling(like.rate, count, start) for start in (0.5 / like.rate, 0.5 / like.rate, 0.5 / like.rate + late)]
-    predicted = plant.predict_cuts([first, other, first], [cut] * 3, samplings, like.channels)
+    return Cut(speed, depth, like.cut.feed_per_tooth, idle, turns, ringing)
+
+
+def seen(plant: Plant, like: Observed, models: Sequence[Model], speed: float, depth: float
+         ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:  # fmt: skip
+    """What a record's sensors would see of a cut by each of some models; None where a prediction diverged.
+
+    Returned: channels as they are (models, channels, samples); the same over the noise, less offset and drift (models, values);
+    slopes of those of the first model by what nobody knows of such a record (unknowns, values): first the angle of the mark,
+    then the state before the entry and, without marks, the speed.
+    """
+    cut, late = proposed(like, speed, depth), TURN / speed
+    count = int(sum(COURSE) * 2 * math.pi / speed * like.rate) - 2
+    start, slipped = 0.5 / like.rate, replace(cut, spindle_speed=speed * (1.0 + SLIP))
+    moved = replace(cut, initial_displacement=SWING), replace(cut, initial_velocity=SWING * like.main_frequency)
+    cuts = [cut] * (len(models) + 1) + [*moved, *([slipped] if like.first_mark is None else [])]
+    starts = [start] * len(models) + [start + late] + [start] * (len(cuts) - len(models) - 1)
+    predicted = plant.predict_cuts([*models, *[models[0]] * (len(cuts) - len(models))], cuts,
+                                   [Sampling(like.rate, count, one) for one in starts], like.channels)
     if not np.isfinite(predicted).all():
-        return math.nan
+        return None
     basis = drift_basis(count)
     scaled = predicted / like.noise[:, None]
-    scaled = scaled - (scaled @ basis) @ basis.T
-    gap, turned = (scaled[1] - scaled[0]).ravel(), (scaled[2] - scaled[0]).ravel()
-    size = float(turned @ turned)
-    if size > 0:
-        gap = gap - turned * float(turned @ gap) / size
-    return float(np.sqrt(np.mean(gap**2)))
+    scaled = (scaled - (scaled @ basis) @ basis.T).reshape(len(cuts), -1)
+    return predicted[: len(models)], scaled[: len(models)], scaled[len(models) :] - scaled[0]
+
+
+def without(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Values (..., values) less what slopes (unknowns, values) can take of them."""
+    size = np.sqrt(np.sum(known**2, axis=1))
+    basis = np.linalg.qr((known[size > 0] / size[size > 0, None]).T)[0]
+    return values - (values @ basis) @ basis.T

@@ -25,7 +25,7 @@ from testbed.problem import InputProblem, InputWarning, shortened
 FOLDER = Path(__file__).parent
 # The order of `testbed --help`, along a user's way; a command not named here comes after, by the alphabet.
 ORDER = ("demo", "init", "tap", "run", "identify", "score", "export", "chart", "multipliers", "inspect", "verify", "compare",
-         "diagnose", "add", "effects", "paper", "view", "doctor")
+         "diagnose", "add", "plan", "effects", "paper", "view", "doctor")
 
 
 _OUT_OF_MEMORY = "out of memory: close other programs, or give less at once, such as part of a record by from and to"

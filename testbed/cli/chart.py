@@ -19,6 +19,7 @@ from testbed.cli._options import (
     shared,
 )
 from testbed.cli._places import output_folder
+from testbed.cli._probable import RISK, Asked, chances, said_chances, unasked
 from testbed.problem import InputProblem
 
 MOST_CELLS = 4_000_000
@@ -31,16 +32,25 @@ PLANAR_PARTS = 4  # of a cell of a picture, along either axis: a cell of a machi
 @click.option("--speed", type=SPEED, required=True, help="Spindle speeds, rpm: FIRST:LAST:COUNT.")
 @click.option("--depth", type=DEPTH, required=True, help="Axial depths of cut, mm: FIRST:LAST:COUNT.")
 @click.option("--data", metavar="DATA", help="Tests to lay over it: an HDF5 data set or a campaign.yaml.")
+@click.option("--campaign", metavar="CAMPAIGN.yaml", help="Fit the model to these records first, and draw machines from the fit.")
+@click.option("--risk", type=RISK, default="5%", show_default=True, help="Chance of chatter that a recommended cut may have.")
+@click.option("--draws", type=click.IntRange(20, 100_000), default=300, show_default=True,
+              help="Machines drawn for the chance of stability.")
 @click.option("-o", "--output", default=".", show_default=True, metavar="DIR",
-              help="Folder for stability_chart.png and .svg.")
+              help="Folder for stability_chart.png and .svg, and probable_stability.png and .svg.")
 @effects_option
 @shared
-def command(model_file: str, speed: list[float], depth: list[float], data: str | None, output: str,
-            folders: tuple[str, ...], json_file: str | None, seed: int | None, quiet: bool) -> None:
+def command(model_file: str, speed: list[float], depth: list[float], data: str | None, campaign: str | None,
+            risk: float, draws: int, output: str, folders: tuple[str, ...], json_file: str | None, seed: int | None,
+            quiet: bool) -> None:
     """Where MODEL.yaml cuts steadily and where it chatters, over spindle speed and depth of cut.
 
     Every cell has an estimate of its error; what cannot be trusted stays blank. A model with effects is linearised in every
     cell, effects and all, which takes about 20 ms a cell.
+
+    Where the model has values with a deviation (`550 +- 50 N/mm^2`), or with --campaign, machines are drawn from what is known,
+    and every cell gets its chance of being stable: the share of those machines that are. No chance is given where the model
+    does not explain the campaign's records.
     """
     import numpy as np
 
@@ -56,8 +66,12 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     tests = _tests(model, data) if data else []
     folder = output_folder(output)
     speeds, depths = np.array(speed), np.array(depth)
-    chart = _with_effects(model, speeds, depths, catalogue, quiet) if model.effects else _linear(model, speeds, depths)
-    known, notes = chart.classes >= 0, [*guesses_note(model), *left_out, *filter(None, [feed_note(model)])]
+    sure = unasked(draws, risk)
+    if campaign or model.spreads:
+        sure = chances(Asked(model, model_file, campaign, catalogue, speeds, depths, draws, seed or 0, risk, quiet))
+    model = sure.model or model
+    chart = with_effects(model, speeds, depths, catalogue, quiet) if model.effects else _linear(model, speeds, depths)
+    known, notes = chart.classes >= 0, [*guesses_note(model), *left_out, *sure.notes, *filter(None, [feed_note(model)])]
     stable = f"{np.mean(chart.classes[known] == 0):.0%} stable" if known.any() else "none with multipliers to be trusted"
     answer.say(f"{len(speed)} x {len(depth)} cells, {stable}")
     if not known.all():
@@ -68,12 +82,18 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     limit = chart.stability_limit() if model.effects else sharpened_limit(chart, model)
     guessed = f"guessed: {', '.join(model.not_determined)}" if model.not_determined else ""
     drawn = plot_chart(_drawn(chart, model), tests, guessed, title=feed_note(model))
-    for path in save(drawn, folder / "stability_chart"):
+    pictures = save(drawn, folder / "stability_chart")
+    if sure.chance is not None:
+        from analysis.probable.plot import plot_chance
+
+        said_chances(answer, sure)
+        pictures += save(plot_chance(sure.chance, limit, sure.recommended, risk), folder / "probable_stability")
+    for path in pictures:
         answer.say(f"written: {path}")
     answer.finish({"spindle_speed": speeds, "axial_depth_of_cut": depths, "largest_multiplier": chart.largest,
                    "class": [[CLASSES[cell] if cell >= 0 else None for cell in row] for row in chart.classes.tolist()],
                    "error": chart.error, "stability_limit": limit, "stability_limit_lies": chart.limit_lies(),
-                   "tests": tests, "notes": notes})
+                   "tests": tests, "notes": notes} | sure.as_json())
 
 
 def _linear(model: Any, speeds: Any, depths: Any) -> Any:
@@ -92,7 +112,7 @@ def _drawn(chart: Any, model: Any) -> Any:
     return chart if model.effects else refined(chart, partial(_linear, model), most)
 
 
-def _with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: bool) -> Any:
+def with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: bool) -> Any:
     """The chart cell by cell. Over a period of several passes, the multiplier's modulus is given per tooth pass."""
     import numpy as np
 

@@ -75,7 +75,7 @@ def _write(found: Any, base: Any, output: str, catalogue: Any, taps_file: str) -
     """The model of the modes, with what a given model says of the cut. InputProblem where a mode's values make none."""
     from dataclasses import replace
 
-    from testbed.machine import Model, Structure
+    from testbed.machine import CUTTING, Model, Structure
     from testbed.model_file import write_model
 
     modes = [mode for mode in found.modes if mode.mass.determined]
@@ -86,7 +86,10 @@ def _write(found: Any, base: Any, output: str, catalogue: Any, taps_file: str) -
         structure = Structure.of([mode.mode() for mode in modes])
     except ValueError as problem:
         raise InputProblem(taps_file, f"the modes found make no machine ({problem})", "ask for fewer with --modes") from None
-    model = Model(structure) if base is None else replace(base, structure=structure, machine=None, not_determined=())
+    model = Model(structure)
+    if base is not None:
+        spreads = tuple(one for one in base.spreads if one[0].partition(".")[0] in {*base.effects, *CUTTING})
+        model = replace(base, structure=structure, machine=None, not_determined=(), spreads=spreads)
     names = ("natural_frequency", "damping_ratio", "mass", "direction")
     unknown = [f"modes[{place}].{name}" for place, mode in enumerate(modes) for name in names
                if not getattr(mode, name).determined]

@@ -1,0 +1,122 @@
+"""The cut to make next: what every cut is expected to tell, about parameters and about which explanation is right.
+
+With a normal distribution of what is known, and a record that goes with it as its slopes say, a cut tells
+1/2 log det(I + S S^T) of the parameters, S its slopes in units of the noise by steps of one standard deviation (Lindley 1956,
+Ann. Math. Statist. 27, 986). Of which of several explanations is right it tells at least -sum w_i log sum w_j exp(-B_ij), B the
+Bhattacharyya distance of what they foretell (Kolchinsky and Tracey 2017, Entropy 19, 361). Both are in nats.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.fit.observed import Observed
+from analysis.fit.prediction import Plant
+from analysis.probable.draws import Known
+from analysis.search.next_test import proposed, seen, without
+
+STEP = 0.1  # standard deviations, for slopes
+TELLS = 4.65  # standard errors apart: one record then names the wrong one of two in 1 of 100
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """One way in which the records may have come about: its name, what is then known; wider: times the noise that counts."""
+
+    name: str
+    known: Known
+    wider: float = 1.0
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A cut: spindle_speed (rad/s), axial_depth_of_cut (m), time in the cut (min).
+
+    information: expected, nats, of which `of_explanations` say which explanation is right. separates: names of those that it
+    would tell from another. difference: between the two furthest apart, in standard errors. expects: by explanation and channel
+    the peak to peak while it cuts.
+    """
+
+    spindle_speed: float
+    axial_depth_of_cut: float
+    minutes: float
+    information: float
+    of_explanations: float
+    stable_probability: float
+    separates: tuple[str, ...]
+    difference: float
+    expects: Mapping[str, Mapping[str, float]]
+
+    @property
+    def information_per_minute(self) -> float:
+        """What the cuts are ranked by."""
+        return self.information / self.minutes
+
+
+def plan(plant: Plant, like: Observed, explanations: Sequence[Explanation], cuts: Sequence[tuple[float, float, float]],
+         show: Callable[[int, int], None] = lambda done, total: None) -> list[Planned]:  # fmt: skip
+    """All cuts, given as (rad/s, m, chance of being stable), by what they tell a minute; those of no prediction are left out.
+
+    like: a record of a cut whose sensors, noise, feed and engagement the next one will have.
+    """
+    found = []
+    for number, (speed, depth, stable) in enumerate(cuts):
+        one = _told(plant, like, explanations, speed, depth, stable)
+        found += [one] if one is not None else []
+        show(number + 1, len(cuts))
+    return sorted(found, key=lambda one: -one.information_per_minute)
+
+
+def information(slopes: np.ndarray) -> float:
+    """1/2 log det(I + S S^T), nats, of slopes (k, values) in units of the noise by steps of one standard deviation."""
+    return 0.5 * float(np.linalg.slogdet(np.eye(len(slopes)) + slopes @ slopes.T)[1])
+
+
+def _told(plant: Plant, like: Observed, explanations: Sequence[Explanation], speed: float, depth: float,
+          stable: float) -> Planned | None:  # fmt: skip
+    middles, slopes, expects = [], [], {}
+    cut = proposed(like, speed, depth)
+    for one in explanations:
+        steps = _steps(one.known)
+        models = [one.known.model, *(one.known.at(one.known.middle + step) for step in steps)]
+        looked = seen(plant, like, models, speed, depth)
+        if looked is None:
+            return None
+        channels, scaled, unknown = looked
+        middles.append((scaled[0] / one.wider, unknown))
+        slopes.append(without(scaled[1:] - scaled[0], unknown) / (STEP * one.wider))
+        idle, last = (round(passes * cut.tooth_passing_period(like.flutes) * like.rate)
+                      for passes in (cut.idle_passes, cut.idle_passes + cut.passes))
+        expects[one.name] = dict(zip(like.channels, np.ptp(channels[0][:, idle:last], axis=1).tolist(), strict=True))
+    apart = _apart(middles, slopes)
+    weight = np.full(len(explanations), 1.0 / len(explanations))
+    which = max(0.0, -float(weight @ np.log(np.exp(-(apart**2) / 8.0) @ weight)))
+    told = float(weight @ np.array([information(one) for one in slopes])) + which
+    names = tuple(one.name for one, far in zip(explanations, apart.max(axis=1), strict=True) if far >= TELLS)
+    minutes = cut.passes * cut.tooth_passing_period(like.flutes) / 60.0
+    return Planned(speed, depth, minutes, told, which, stable, names, float(apart.max()), expects)
+
+
+def _steps(known: Known) -> np.ndarray:
+    """Small steps along the axes of what is known, to the side on which a machine is."""
+    steps = STEP * known.axes()
+    inside = known.possible(known.middle + steps)
+    return np.where(inside[:, None], steps, -steps)
+
+
+def _apart(middles: Sequence[tuple[np.ndarray, np.ndarray]], slopes: Sequence[np.ndarray]) -> np.ndarray:
+    """Distances (k, k) of what explanations foretell, in standard errors: less what nobody knows of the record could take, and
+    with what is not known of either's parameters."""
+    apart = np.zeros((len(middles),) * 2)
+    for i, (one, unknown) in enumerate(middles):
+        for j, (other, _) in enumerate(middles[:i]):
+            gap = without(one - other, unknown)
+            loose = np.vstack([slopes[i], slopes[j]]) / math.sqrt(2.0)
+            taken = loose @ gap
+            square = gap @ gap - taken @ np.linalg.solve(np.eye(len(loose)) + loose @ loose.T, taken)
+            apart[i, j] = apart[j, i] = math.sqrt(max(float(square), 0.0))
+    return apart

@@ -1,0 +1,96 @@
+"""What records tell of a machine, as machines can be drawn from it: the fit's covariance, widened as its intervals are.
+
+What the records do not tell is held where it was believed. Where the model file gives it a standard deviation, the fit is
+linearised with it unknown too, and the deviation joined as one more measurement: whatever else it pulls along moves with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.comparison.compare import Comparison
+from analysis.estimate import Estimate
+from analysis.fit.effect_start import all_free
+from analysis.fit.estimates import estimates
+from analysis.fit.evidence import effective_size
+from analysis.fit.fit_state import Free, WaveformFit
+from analysis.fit.length_cut import moved_by_lengths
+from analysis.fit.tooth_circles import at_least_strength
+from analysis.fit.waveform import Fitter
+from analysis.information import Z_95
+from analysis.probable.draws import OPEN, Known
+from testbed.effect import Effect
+from testbed.machine import Model
+
+FAINT = 1e-12  # of the largest eigenvalue of the scaled information: below, nothing is told
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a fit tells. given: parameters that no record told and no file gave a deviation, held as believed.
+
+    wider: times the noise, by which residuals that are large or correlated count.
+    """
+
+    known: Known
+    given: tuple[str, ...]
+    wider: float
+
+
+def why_no_chance(found: Comparison) -> str:
+    """In words, why no chance can be taken from a comparison; empty where one can."""
+    if found.says_nothing:
+        return "hardly anything but noise was measured"
+    if found.against:
+        return "; ".join(found.against)
+    if not found.adequate:
+        return ("the model leaves more than noise in the records, and what it lacks may bend its parameters beyond any "
+                "interval: testbed diagnose says whether an effect is missing")
+    return "" if found.fit.converged else "the fit did not converge"
+
+
+def posterior(fitter: Fitter, fit: WaveformFit, values: Mapping[str, Estimate], believed: Model,
+              catalogue: Mapping[str, Effect]) -> Told:  # fmt: skip
+    """What the records tell after a fit. values: its estimates, those that are held among them; believed: the model's file."""
+    fitter, fit = at_least_strength(fitter, fit, catalogue)
+    found, deviations = estimates(fitter, fit, catalogue), dict(believed.spreads)
+    own = {one.path for one in fitter.free}
+    held = [path for path in values if path not in own]
+    every = all_free(fitter.records, fit.state.model, catalogue)
+    joined = [one for one in every if one.path in held and one.path in deviations]
+    wider = math.sqrt(max(1.0, fit.variance) * max(1.0, sum(rest.size for rest in fit.residuals) / effective_size(fit)))
+    covariance = _joined(fitter, fit, joined, deviations, wider)
+    free = [*fitter.free, *joined]
+    for row in moved_by_lengths(fitter, fit)[:, : len(fitter.free)]:
+        way = np.append(row, np.zeros(len(joined)))
+        covariance += np.outer(way, way)
+    half = np.array([(found[one.path].high - found[one.path].low) / (2.0 * Z_95) if one.path in found else 0.0 for one in free])
+    more = np.maximum(1.0, half / np.sqrt(np.diag(covariance)))
+    known = Known(fit.state.model, tuple(one.path for one in free), covariance * np.outer(more, more),
+                  tuple(OPEN if one.periodic else one.bounds for one in free))
+    return Told(known, tuple(path for path in held if path not in deviations), wider)
+
+
+def _joined(fitter: Fitter, fit: WaveformFit, joined: list[Free], deviations: Mapping[str, float], wider: float) -> np.ndarray:
+    """Covariance (n, n) of the fit's parameters, and of those that join it with the deviation that was stated."""
+    count = len(fitter.free)
+    if not joined:
+        return wider**2 / max(1.0, fit.variance) * fit.covariance[:count, :count]
+    every = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, *joined])
+    information = np.zeros((len(every.names),) * 2)
+    for part in every.linearise_all(fit.state):
+        own, cross, _, shared, _ = part.products
+        information += shared - (cross.T @ np.linalg.pinv(own) @ cross if len(own) else 0.0)
+    information /= wider**2 * np.outer(every.steps, every.steps)
+    for one in joined:
+        place = every.names.index(one.path)
+        information[place, place] += deviations[one.path] ** -2
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(size, size))
+    covariance = (vectors / np.maximum(values, FAINT * values[-1])) @ vectors.T / np.outer(size, size)
+    places = [every.names.index(one.path) for one in (*fitter.free, *joined)]
+    return covariance[np.ix_(places, places)]
