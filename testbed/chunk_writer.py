@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator
-from functools import cache
 from importlib.util import find_spec
 from typing import Any, Literal, get_args
 
@@ -200,31 +199,9 @@ def _stored(plane: np.ndarray, last: bool) -> Iterator[bytes | memoryview]:
         yield plane[first:first + size].data
 
 
-_WORDS = 256  # in a block of the checksum: its sums, of 16-bit words times their places, fit into 32 bits
-
-
-@cache
-def _sums() -> Any:
-    """Compiled at the first call, not at the import: who reads a data set needs no compiler."""
-    from testbed.kernel_cache import kept
-
-    @kept(nogil=True)
-    def sums(words):
-        """Sum of 16-bit words, and of all its partial sums, each `_folded`."""
-        one, most, first, second = np.uint64(1), np.uint64(65535), np.uint64(0), np.uint64(0)
-        for begin in range(0, len(words), _WORDS):
-            part = words[begin:begin + _WORDS]
-            size, plain, weighted = len(part), np.uint32(0), np.uint32(0)
-            for place in range(size):
-                word = np.uint32(part[place])
-                plain = np.uint32(plain + word)
-                weighted = np.uint32(weighted + np.uint32(np.uint32(size - place) * word))
-            second, first = second + np.uint64(size) * first + np.uint64(weighted), first + np.uint64(plain)
-            second = (second - one) % most + one if second > np.uint64(0) else second
-            first = (first - one) % most + one if first > np.uint64(0) else first
-        return first, second
-
-    return sums
+_WORDS = 8192  # in a block of the checksum: all its sums are whole numbers below 2^53, so that a float holds them
+_BLOCKS = 16   # summed at once
+_WEIGHTS = np.stack([np.ones(_WORDS), np.arange(_WORDS, 0, -1, dtype=float)], axis=1)
 
 
 def fletcher32(data: bytes | np.ndarray) -> int:
@@ -234,7 +211,19 @@ def fletcher32(data: bytes | np.ndarray) -> int:
     """
     size = len(data)
     words = np.frombuffer(data, "<u2", size // 2)
-    first, second = map(int, _sums()(words))
+    first = second = 0
+    whole = len(words) // _WORDS * _WORDS
+    blocks = words[:whole].reshape(-1, _WORDS)
+    numbers = np.empty((min(_BLOCKS, len(blocks)), _WORDS))
+    for begin in range(0, len(blocks), _BLOCKS):
+        some = numbers[: len(blocks) - begin]
+        some[...] = blocks[begin:begin + _BLOCKS]
+        for plain, weighted in (some @ _WEIGHTS).tolist():
+            second += _WORDS * first + int(weighted)
+            first += int(plain)
+    rest = words[whole:].astype(float)
+    second += len(rest) * first + int(rest @ _WEIGHTS[_WORDS - len(rest):, 1])
+    first += int(rest.sum())
     if size % 2:
         first += int(data[size - 1])
         second += first

@@ -19,7 +19,6 @@ from multiprocessing.connection import wait as wait_for
 from typing import Any
 
 from testbed.batch import Job, compute, write_failed
-from testbed.chunk_writer import fletcher32
 from testbed.interruption import deaf, deaf_from_birth
 from testbed.memory_file import release
 from testbed.shards import Span, shard_path
@@ -93,7 +92,6 @@ def _serve(connection: Connection, job: Job, place: Any) -> None:
 
     try:
         gc.set_threshold(_SELDOM, *gc.get_threshold()[1:])
-        fletcher32(b"")  # what is compiled is loaded before the first run's time counts
         connection.send("ready")
         settled = False
         while (span := connection.recv()) is not None:
