@@ -323,6 +323,14 @@ def test_help_imports_nothing_heavy():
     assert "HEAVY []" in done.stdout and "Commands:" in done.stdout
 
 
+def test_commands_start_without_what_is_slow_and_wanted_by_few():
+    code = "import sys, analysis.search.diagnose, analysis.comparison.compare, analysis.multipliers.identify\n" \
+           "import analysis.tap.uncertain, analysis.report.story_page, analysis.force.latent_force\n" \
+           "print('SLOW', sorted({'scipy.stats', 'scipy.signal', 'mujoco', 'matplotlib'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert "SLOW []" in done.stdout
+
+
 def test_ctrl_c_keeps_what_is_finished_and_says_how_to_go_on(testbed):
     many = SCENARIO.replace("60 rev", "100 rev").replace("seed: 3\n", "seed: 3\nrepeats: 6000\n")
     Path("many.yaml").write_text(many)

@@ -13,6 +13,7 @@ import pytest
 import report_pages as pages
 from campaign_files import BELIEVED, TRUE
 from matplotlib.figure import Figure
+from scipy.stats import binomtest, spearmanr
 
 from analysis.comparison.compare import as_json as comparison_json
 from analysis.comparison.compare_plots import force_state_map
@@ -20,6 +21,7 @@ from analysis.comparison.constancy import TestFit, judged
 from analysis.comparison.residual_views import by_angle, by_frequency
 from analysis.estimate import Estimate
 from analysis.force.force_state import ForceState
+from analysis.report.chart import rank_correlation
 from analysis.report.compare_page import compare_page, verdict_of
 from analysis.report.constants import add_constancy
 from analysis.report.force_map import add_force_map, force_map_says
@@ -29,6 +31,7 @@ from analysis.report.page import Page, Panel, heat_colour
 from analysis.report.story_page import addition_page, diagnosis_page
 from analysis.search.diagnosis import as_json, unaided
 from analysis.search.diagnosis import verdict_of as verdict_over
+from analysis.search.false_alarms import FalseAlarms
 from testbed.cli.diagnose import _force_maps
 
 
@@ -327,3 +330,19 @@ def test_diagnose_maps_what_its_best_model_still_lacks():
 def test_heat_runs_from_green_to_red():
     calm, hot = (tuple(int(heat_colour(value)[k : k + 2], 16) for k in (1, 3, 5)) for value in (-1.0, 2.0))
     assert calm[1] > calm[0] and hot[0] > hot[1]
+
+
+def test_rank_correlation_is_that_of_scipy():
+    random = np.random.default_rng(61)
+    for size in (3, 5, 8, 30):
+        one, other = random.integers(0, 6, size) + np.arange(size) % 2, random.normal(size=size)
+        known = spearmanr(one, other)
+        assert rank_correlation(one, other) == pytest.approx((known.statistic, known.pvalue), rel=1e-9)
+    assert rank_correlation(np.arange(5.0), np.arange(5.0) ** 3) == pytest.approx((1.0, 0.0), abs=1e-12)
+
+
+def test_interval_of_a_rate_is_the_exact_one():
+    for count in (1, 7, 40):
+        for alarms in range(count + 1):
+            known = binomtest(alarms, count).proportion_ci(0.95, method="exact")
+            assert FalseAlarms(count, alarms, ()).interval == pytest.approx((known.low, known.high), abs=1e-10)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc, fdtrc
 
 from analysis.fit.held_out import RecordError
 from analysis.fit.nuisances import Nuisances
@@ -70,17 +70,17 @@ def _channel_tests(record: Observed, rest: np.ndarray, angle: float, own: Nuisan
     size = max(independent(correlation), LAGS + 2.0)
     idle = max((s.stop - s.start for s in record.segments if s.kind == "idle"), default=0.0) * record.rate
     ratio = float(rest @ rest) / len(rest)
-    p_rms = float(stats.f.sf(ratio / (1.0 + TRIVIAL) ** 2, size, max(idle, 100.0)))
+    p_rms = float(fdtrc(size, max(idle, 100.0), ratio / (1.0 + TRIVIAL) ** 2))
     lags = np.arange(1, LAGS + 1)
     ljung_box = size * (size + 2.0) * float(np.sum(correlation[1:LAGS + 1] ** 2 / np.maximum(size - lags, 1.0)))
     tests = [Adequacy(record.name, "rms", math.sqrt(ratio), p_rms),
-             Adequacy(record.name, "autocorrelation", ljung_box, float(stats.chi2.sf(ljung_box, LAGS)))]
+             Adequacy(record.name, "autocorrelation", ljung_box, float(chdtrc(LAGS, ljung_box)))]
     if record.cut is not None:
         place = (tooth_angle(record, angle, own) * record.flutes / (2 * math.pi) * SECTORS).astype(int) % SECTORS
         count = np.bincount(place, minlength=SECTORS)
         mean = np.bincount(place, rest, minlength=SECTORS) / np.maximum(count, 1)
         statistic = float(np.sum(count * mean**2)) * size / len(rest) / max(ratio, 1e-300)
-        tests.append(Adequacy(record.name, "tooth angle", statistic, float(stats.chi2.sf(statistic, SECTORS - 1))))
+        tests.append(Adequacy(record.name, "tooth angle", statistic, float(chdtrc(SECTORS - 1, statistic))))
     return tests
 
 

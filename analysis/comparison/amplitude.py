@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy import stats
 from scipy.optimize import least_squares
+from scipy.special import fdtrc, stdtr
 
 from analysis.comparison.adequacy import Adequacy, controlled
 from analysis.fit.observed import Observed
@@ -166,7 +166,7 @@ def _damping(seen: Course) -> tuple[str, np.ndarray, float]:
     found, squares = tried[kind]
     freedom = len(seen.time) - 3
     variance = max(1.0, squares / freedom)
-    p_value = float(stats.f.sf((without - squares) / variance, 1, freedom))
+    p_value = float(fdtrc(1, freedom, max((without - squares) / variance, 0.0)))
     return (kind, found, p_value) if p_value < LEVEL else ("viscous", plain, p_value)
 
 
@@ -195,7 +195,7 @@ def _bend(seen: Course, kind: str, parameters: np.ndarray) -> tuple[float, float
     variance = max(1.0, float(rest @ rest) / freedom)
     normal = (columns * weight[:, None]).T @ (columns * weight[:, None])
     error = math.sqrt(float(np.linalg.pinv(normal)[2, 2]) * variance)
-    p_value = float(2.0 * stats.t.sf(abs(values[2]) / max(error, 1e-300), freedom))
+    p_value = float(2.0 * stdtr(freedom, -abs(values[2]) / max(error, 1e-300)))
     return float(values[1]), float(values[2] / size), p_value
 
 

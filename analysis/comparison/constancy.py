@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc, stdtr
 
 from analysis.comparison.adequacy import Adequacy, controlled
 from analysis.estimate import Estimate
@@ -182,7 +182,7 @@ def judged(tests: Sequence[TestFit]) -> Constancy:
             continue
         mean = np.sum(values / errors**2) / np.sum(errors**-2.0)
         spread[parameter] = float(values.std(ddof=1) / abs(values.mean()))
-        scatter[parameter] = float(stats.chi2.sf(np.sum(((values - mean) / errors) ** 2), len(values) - 1))
+        scatter[parameter] = float(chdtrc(len(values) - 1, np.sum(((values - mean) / errors) ** 2)))
         for covariate in COVARIATES:
             x = np.array([test.conditions.get(covariate, math.nan) for test in cuts])
             known = np.isfinite(x)
@@ -224,5 +224,5 @@ def _slope(x: np.ndarray, values: np.ndarray, errors: np.ndarray) -> tuple[float
             low, high = (excess, high) if line(excess)[1] > freedom else (low, excess)
     found, _, weight = line(excess)
     error = math.sqrt(float(np.linalg.pinv((columns * weight[:, None]).T @ (columns * weight[:, None]))[1, 1]))
-    p_value = float(2.0 * stats.t.sf(abs(found[1]) / max(error, 1e-300), freedom))
+    p_value = float(2.0 * stdtr(freedom, -abs(found[1]) / max(error, 1e-300)))
     return float(found[1] / max(abs(found[0]), 1e-300)), p_value

@@ -10,7 +10,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from analysis.fit.fit_state import WaveformFit
 from analysis.fit.waveform import Fitter
@@ -31,7 +31,7 @@ def with_marks_doubted(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, Wavefo
                for place, (record, own) in enumerate(zip(fitter.records, fit.state.nuisances, strict=True))
                if record.cut is not None and record.clock_error is not None}
         squares = float(np.sum(np.square(list(off.values()))))
-        if len(off) < FEWEST or fit.variance > EXPLAINED or squares <= chi2.ppf(SURE, len(off) - 1):
+        if len(off) < FEWEST or fit.variance > EXPLAINED or squares <= chdtri(len(off) - 1, 1.0 - SURE):
             break
         wider = math.sqrt(squares / (len(off) - 1))
         records = [replace(record, clock_error=(wider * record.clock_error[0], record.clock_error[1]))

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.observed import Observed
@@ -196,4 +196,4 @@ def _agree(saved: float, variance: float, parameters: int) -> bool:
 
     They do where it explains them no better than noise alone lets it (likelihood ratio).
     """
-    return 2.0 * saved / max(1.0, variance) <= float(chi2.ppf(AGREE, parameters))
+    return 2.0 * saved / max(1.0, variance) <= float(chdtri(parameters, 1.0 - AGREE))

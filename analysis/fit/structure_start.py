@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import csd
 
 from analysis.fit.observed import Observed
 from analysis.records.free_decay import fit_free_decay, spectral_peak
@@ -54,6 +53,8 @@ def excited_start(records: Sequence[Observed], model: Model) -> Model:
     1 / H = k - m w^2 + i c w, fitted by least squares with the weights of Sanathanan and Koerner (1963, IEEE Trans.
     Autom. Control 8, 56) around the highest peak, from Welch's averaged spectra.
     """
+    from scipy.signal import csd  # slow to import, wanted by few
+
     driven = [record for record in records if record.force is not None and record.kind == "excited"]
     if not driven:
         return model

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.signal import lfilter
 
 from analysis.force.cut_variables import SUBSTEPS
 from testbed.machine import Model
@@ -13,6 +12,8 @@ from testbed.machine import Model
 
 def response(model: Model, force: np.ndarray, rate: float, kind: str) -> np.ndarray:
     """Response (samples,) from rest to a force over the cells (cells,), N; kind: displacement, velocity or acceleration."""
+    from scipy.signal import lfilter  # slow to import, wanted by few
+
     structure = model.structure
     rows = force.reshape(-1, SUBSTEPS)
     dt = 1.0 / rate

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm, solve_discrete_lyapunov
 from scipy.optimize import minimize
-from scipy.signal import lfilter
 
 from testbed.machine import Model
 
@@ -98,6 +97,8 @@ def tuned_prior(model: Model, residual: np.ndarray, channel: str, noise: float, 
     def limited(parameters: np.ndarray) -> np.ndarray:
         return np.exp(np.clip(parameters, (-12.0, shortest), (16.0, 4.0)))
 
+    from scipy.signal import lfilter  # slow to import, wanted by few
+
     def cost(parameters: np.ndarray, order: int) -> float:
         size, scale = limited(parameters)
         transition, disturbance = _transition(model, order, scale, omega / rate)
@@ -125,6 +126,8 @@ def tuned_prior(model: Model, residual: np.ndarray, channel: str, noise: float, 
 
 def _march(matrix: np.ndarray, pushes: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Rows m_k = matrix m_(k-1) + pushes_k (count, size) from m_(-1) = start, by eigenvectors where they are well apart."""
+    from scipy.signal import lfilter  # slow to import, wanted by few
+
     values, vectors = np.linalg.eig(matrix)
     if np.linalg.cond(vectors) < 1e7:
         modes, first = np.linalg.solve(vectors, pushes.T), np.linalg.solve(vectors, start.astype(complex))

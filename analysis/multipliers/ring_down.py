@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
-from scipy.signal import find_peaks
 
 from analysis.information import Z_95
 from testbed.recording import Recording
@@ -193,6 +192,8 @@ def _resonance_band(frequency: np.ndarray, response: np.ndarray) -> tuple[float,
     A resonance rises threefold above its surroundings on both sides; an accelerometer's drift divided by frequency
     squared, which falls steeply from zero, does not.
     """
+    from scipy.signal import find_peaks  # slow to import, wanted by few
+
     size = median_filter(np.abs(response), 5, mode="nearest")
     peaks, _ = find_peaks(np.log(size + 1e-300), prominence=math.log(3.0), width=5)
     if not peaks.size:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc
 
 from analysis.estimate import Estimate
 from analysis.fit.estimates import estimates, matters
@@ -75,7 +75,7 @@ def differing(found: Mapping[str, Mapping[str, Estimate]]) -> list[Differing]:
         value = np.array([one.value for one in values.values()])
         error = np.array([max(one.high - one.low, TRUSTED * abs(one.value)) / (2.0 * Z_95) for one in values.values()])
         mean = float(np.sum(value / error**2) / np.sum(error**-2.0))
-        chance = float(stats.chi2.sf(float(np.sum(((value - mean) / error) ** 2)), len(value) - 1))
+        chance = float(chdtrc(len(value) - 1, float(np.sum(((value - mean) / error) ** 2))))
         if chance < BY_CHANCE and float(value.std(ddof=1)) > matters(path) * abs(mean):
             told.append(Differing(path, values, chance))
     return sorted(told, key=lambda one: one.chance)

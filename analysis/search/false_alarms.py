@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy.special import betaincinv
 
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant, predict
@@ -30,8 +30,9 @@ class FalseAlarms:
     @property
     def interval(self) -> tuple[float, float]:
         """95 % interval of the rate, Clopper and Pearson (1934, Biometrika 26, 404)."""
-        found = stats.binomtest(self.alarms, self.count).proportion_ci(0.95, method="exact")
-        return float(found.low), float(found.high)
+        low = betaincinv(self.alarms, self.count - self.alarms + 1, 0.025) if self.alarms else 0.0
+        high = betaincinv(self.alarms + 1, self.count - self.alarms, 0.975) if self.alarms < self.count else 1.0
+        return float(low), float(high)
 
 
 def false_alarms(

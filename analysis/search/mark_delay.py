@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from analysis.fit.fit_state import WaveformFit
 from analysis.fit.observed import Observed
@@ -43,7 +43,7 @@ def delay_note(records: Sequence[Observed], fitter: Fitter, fit: WaveformFit) ->
         return []
     speed, angle, error = np.array(rows).T
     whole = _left(angle, error, np.ones((len(rows), 1)))[0]
-    if np.ptp(angle) < SEEN or whole <= chi2.ppf(SURE, len(rows) - 1):
+    if np.ptp(angle) < SEEN or whole <= chdtri(len(rows) - 1, 1.0 - SURE):
         return []
     left, (_, delay) = _left(angle, error, np.column_stack([np.ones_like(speed), speed]))
     if np.ptp(speed) < 0.02 * speed.mean() or left > MOST * whole:

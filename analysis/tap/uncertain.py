@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.stats import chi2, t
+from scipy.special import chdtri, stdtrit
 
 from analysis.estimate import Estimate
 from analysis.information import Z_95
@@ -31,8 +31,8 @@ def widths(fit: Fit) -> np.ndarray:
     found = Z_95**2 * noise
     for place in range(len(noise)):
         ratio = scatter[place, place] / max(noise[place, place], 1e-300)
-        if ratio > chi2.ppf(1.0 - _CHANCE, freedom) / freedom:
-            wide = float(t.ppf(0.975, freedom)) ** 2 * scatter[place, place] / max(found[place, place], 1e-300)
+        if ratio > chdtri(freedom, _CHANCE) / freedom:
+            wide = float(stdtrit(freedom, 0.975)) ** 2 * scatter[place, place] / max(found[place, place], 1e-300)
             found[place, :] *= math.sqrt(wide)
             found[:, place] *= math.sqrt(wide)
     return found

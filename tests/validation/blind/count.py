@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from scipy.stats import binomtest
-
+from analysis.search.false_alarms import FalseAlarms
 from tests.validation.blind.judge import RESULTS
 from tests.validation.claims import Claim, Section
 
@@ -32,8 +31,8 @@ def interval(count: int, of: int) -> str:
     """The exact 95 % interval (Clopper and Pearson 1934) of the probability behind `count` of `of`; empty without a trial."""
     if not of:
         return ""
-    found = binomtest(count, of).proportion_ci(0.95, method="exact")
-    return f"95 %: {100 * found.low:.0f} to {100 * found.high:.0f} %"
+    low, high = FalseAlarms(of, count, ()).interval
+    return f"95 %: {100 * low:.0f} to {100 * high:.0f} %"
 
 
 def _claim(what: str, target: str, part: Sequence[Any], whole: Sequence[Any], good: bool | None) -> Claim:
