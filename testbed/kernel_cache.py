@@ -189,12 +189,23 @@ class _Kept:
     disable = flush = enable
 
 
-def kept(function: Any = None, **options: Any) -> Any:
-    """As numba's njit(cache=True), into the one folder above. Every compiled function that Python calls is made by it."""
+def _apart(flags: Any) -> Any:
+    flags.noalias = True
+    return flags
+
+
+def kept(function: Any = None, *, noalias: bool = False, **options: Any) -> Any:
+    """As numba's njit(cache=True), into the one folder above. Every compiled function that Python calls is made by it.
+
+    noalias: no array that is written overlaps another argument, which lets loops run in vector registers. Numba has the flag
+    but no option for it: where a later one drops it, such loops are slower and give the same.
+    """
     from numba import njit
 
     if function is None:
-        return lambda function: kept(function, **options)
+        return lambda function: kept(function, noalias=noalias, **options)
     dispatcher = njit(function, **options)
+    if noalias:
+        dispatcher._compiler._customize_flags = _apart
     dispatcher._cache = _Kept(function)
     return dispatcher

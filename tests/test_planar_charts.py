@@ -10,9 +10,12 @@ from shell import Shell
 
 from analysis.linear.cells import largest_multipliers
 from analysis.linear.delay_equation import milling_equation
-from analysis.linear.planar_equation import planar_machine
+from analysis.linear.lane_maps import rough_multipliers
+from analysis.linear.lanes import LANES
+from analysis.linear.planar_equation import chip_stiffness, divide, planar_machine
 from analysis.linear.planar_multipliers import cut_multipliers
 from analysis.linear.planar_multipliers import planar_multipliers as of_machine
+from analysis.linear.spectral_elements import TABLES
 from analysis.linear.stability import feed_note, sharpened_limit, stability_chart
 from analysis.multipliers.run_labels import class_of_linear
 from testbed.cut import Cut
@@ -189,3 +192,24 @@ def test_the_commands_take_machines_in_x_and_y(tmp_path, monkeypatch, capsys):
     (tmp_path / "model.yaml").write_text(text + "effects: {process_damping: {coefficient: 1e5 N/m}}\n")
     for command in ("multipliers", "chart"):
         assert "process_damping" in testbed.refused(command, "model.yaml", "--speed", 9000, "--depth", 0.5)
+
+
+def test_maps_side_by_side_are_those_of_machines_in_x_and_y():
+    model, depths = machine(B2, 2, "up-milling", .5, 1319.4, 788.8), np.array([0.5, 2.0, 3.0, 6.0]) * 1e-3
+    planar, speed = planar_machine(model), 12_000 * RPM
+    places, cut = planar.corners(depths[0])
+    starts, lengths, points = divide(places, cut, planar.frequencies.max() * 1.5 / speed, math.inf, 4, False)
+    assert points[-1] == 0 and (points[:-1] > 0).all()  # free flight at the end alone
+    stiffness, h = np.empty((1, points.sum(), 2, 2)), np.empty((2, 2))
+    angles = [start + length * node for start, length, count in zip(starts, lengths, points, strict=True)
+              for node in TABLES[0][count, :count]]
+    for place, angle in enumerate(angles):
+        chip_stiffness(angle, planar.delays[0], 0.0, planar.law, h)
+        stiffness[0, place] = planar.axes.T @ h @ planar.axes
+    cells = np.full(4, 1 / speed), np.zeros(4), np.zeros(4, dtype=int), depths
+    found = np.empty(4, dtype=complex)
+    rough_multipliers((np.ascontiguousarray(planar.shapes), planar.frequencies, planar.dampings), cells,
+                      (lengths[None, :-1], lengths[-1:], stiffness), points[:-1], TABLES, LANES, found)
+    known = [of_machine(planar, Cut(speed, depth))[0][0] for depth in depths]
+    assert np.abs(known).max() > 1.0
+    assert np.abs(np.abs(found) - np.abs(known)).max() < 1e-5

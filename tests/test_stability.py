@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from analysis.linear import cells
 from analysis.linear.chart_border import refined
 from analysis.linear.chart_plot import ChartTest, plot_chart, plot_multipliers, plot_once_per_period, save
 from analysis.linear.collocation import collocation_multipliers
@@ -45,6 +46,25 @@ def test_every_verdict_of_the_fast_chart_is_that_of_the_full_eigenvalues(kind):
     np.testing.assert_array_equal(fast.classes, full.classes)
     close = np.abs(full.spectral_radius - 1.0) < 0.1
     assert np.abs(fast.spectral_radius - full.spectral_radius)[close].max() < 1e-6
+
+
+@pytest.mark.parametrize(("kind", "added"), [((), 0.0), ((2, 0.5, 0.3), 0.0), ((3, 0.0, 0.25, "down-milling"), 4.0)])
+def test_cells_side_by_side_have_the_multipliers_of_cells_one_by_one(kind, added, monkeypatch):
+    damping = added * np.linspace(0.0, 1.0, 20)  # another one in every column
+    together = stability_chart(machine(*kind), SPEEDS[::10], DEPTHS[::20], added_damping=damping)
+    monkeypatch.setattr(cells, "IN_LANES", 0)
+    alone = stability_chart(machine(*kind), SPEEDS[::10], DEPTHS[::20], added_damping=damping)
+    assert not np.array_equal(together.largest, alone.largest)  # two roads
+    np.testing.assert_array_equal(together.classes, alone.classes)
+    assert np.abs(together.largest - alone.largest).max() < 2e-6
+    settled = np.maximum(together.error, alone.error) < 1e-6
+    assert settled.any() and np.abs(together.largest - alone.largest)[settled].max() < 1e-9
+
+
+def test_a_cell_does_not_depend_on_its_neighbours():
+    chart = stability_chart(machine(), SPEEDS[::40], DEPTHS[::40])
+    own = [[stability_chart(machine(), [speed], [depth]).largest[0, 0] for speed in SPEEDS[::40]] for depth in DEPTHS[::40]]
+    np.testing.assert_array_equal(chart.largest, own)
 
 
 def test_chart_finds_the_published_outcomes_and_agrees_with_collocation():

@@ -14,6 +14,9 @@ import numpy as np
 from analysis.linear.characteristic import corrected
 from analysis.linear.delay_equation import DelayEquation, milling_equation
 from analysis.linear.dominant import DENSE, largest_of
+from analysis.linear.lane_correction import corrected_multipliers
+from analysis.linear.lane_maps import rough_multipliers
+from analysis.linear.lanes import LANES
 from analysis.linear.planar_multipliers import planar_largest
 from analysis.linear.spectral_elements import (
     FINER,
@@ -35,42 +38,44 @@ LADDER = math.log(1.1)  # swings within this ratio share their elements
 BLANK = 1e-4  # of the largest multiplier over max(1, modulus): a cell with a larger error is left blank
 PATIENCE = 2  # points more at which cells are given the full eigenvalue problem: two multipliers may be almost one
 _FEW = 200  # cells that are not worth a thread
+IN_LANES = DENSE  # unknowns up to which many cells are computed side by side
 _MOST = 5_000  # cells together, about a second: an interruption waits for them
 
 
 @kept
-def _scaled(unit, added, cutting, damping, stiffness, drag, spring, delayed):
+def _scaled(unit, added, scale, cutting, damping, stiffness, drag, spring, delayed):
     """Coefficients of one cell at its points, in units of time `unit` (s)."""
     for i in range(cutting.size):
-        delayed[i] = unit * unit * cutting[i]
+        delayed[i] = unit * unit * (scale * cutting[i])
         spring[i] = unit * unit * stiffness + delayed[i]
         drag[i] = unit * (damping + added)
 
 
 @kept(nogil=True)
-def _fill(delays, rows, added, lengths, points, cutting, finer_points, finer_cutting, constants, checked, tables, scratch,
-          largest, error):
-    """The largest multipliers of some cells (C,) that share their elements, and the errors that they had before a correction.
+def _one_by_one(cells, lengths, points, finer_points, cut, checked, tables, largest):
+    """The largest multipliers of some cells (C,) that share their elements; returned: the errors before a correction.
 
-    delays, rows, added: of each cell the delay (s), the row of `cutting`, and further damping (1/s) in the cut. lengths (E,) of
-    the elements in units of delay / 2 pi; cutting (R, points of all elements): b K_s, 1/s^2. constants: damping (1/s),
-    stiffness (1/s^2), free flight over the delay.
+    cells: of each cell the delay (s), further damping (1/s) in the cut, and the scale of `cutting`. lengths (E,) of the
+    elements in units of delay / 2 pi. cut: damping (1/s), stiffness (1/s^2), free flight over the delay; b K_s of scale 1 at
+    the points of all elements, and the same at finer points, 1/s^2.
     """
-    damping, stiffness, free = constants
-    drag, spring, delayed = np.empty((3, cutting.shape[1]))
-    finer_drag, finer_spring, finer_delayed = np.empty((3, finer_cutting.shape[1]))
-    most = finer_points.max()
+    damping, stiffness, free, cutting, finer_cutting = cut
+    delays, added, scales = cells
+    drag, spring, delayed = np.empty((3, cutting.size))
+    finer_drag, finer_spring, finer_delayed = np.empty((3, finer_cutting.size))
+    most, error, scratch = finer_points.max(), np.empty(delays.size), np.empty((3, DENSE + 3, DENSE))
     work = np.empty((most, most + 2), dtype=np.complex128)
     for cell in range(delays.size):
-        unit, row = delays[cell] / (2.0 * math.pi), rows[cell]
-        _scaled(unit, added[cell], cutting[row], damping, stiffness, drag, spring, delayed)
+        unit = delays[cell] / (2.0 * math.pi)
+        _scaled(unit, added[cell], scales[cell], cutting, damping, stiffness, drag, spring, delayed)
         maps = element_maps(lengths, points, drag, spring, delayed, *tables)
         flight = transition_matrix(unit * damping, unit * unit * stiffness, 2.0 * math.pi * free)
         rough = largest_of(points, maps, flight, scratch, checked)
-        _scaled(unit, added[cell], finer_cutting[row], damping, stiffness, finer_drag, finer_spring, finer_delayed)
+        _scaled(unit, added[cell], scales[cell], finer_cutting, damping, stiffness, finer_drag, finer_spring, finer_delayed)
         value, error[cell] = corrected(rough, lengths, finer_points, finer_drag, finer_spring, finer_delayed, flight, tables,
                                        work)
         largest[cell] = value if rough.imag > 0.0 else complex(value.real, 0.0)
+    return error
 
 
 class _Cells:
@@ -78,56 +83,89 @@ class _Cells:
 
     def __init__(self, model: Model, speeds: np.ndarray, depths: np.ndarray, added: np.ndarray, checked: bool) -> None:
         self.added, self.checked = added, checked
-        self.depths, self.rows = np.unique(depths, return_inverse=True)
-        # straight flutes: one shape for all depths, of which the coefficient is a multiple
-        self.straight = model.cutter is not None and model.cutter.helix_angle == 0.0
-        shapes = np.ones(1) if self.straight else self.depths
+        if model.cutter is not None and model.cutter.helix_angle == 0.0:  # one shape for all depths, which are its scale
+            shapes, self.shapes, self.scales = np.ones(1), np.zeros(depths.size, dtype=np.int64), depths
+        else:
+            shapes, self.shapes = np.unique(depths, return_inverse=True)
+            self.scales = np.ones(depths.size)
         self.equations = [milling_equation(model, Cut(spindle_speed=1.0, axial_depth_of_cut=depth)) for depth in shapes]
-        self.delays = self.equations[0].delay / speeds
+        first = self.equations[0]
+        self.delays = first.delay / speeds
         strongest = np.array([np.abs(equation.periodic_stiffness(sampled(equation))).max() for equation in self.equations])
-        rates = swing_rate(self.equations[0].damping, self.equations[0].stiffness,
-                           2.0 * (self.depths * strongest if self.straight else strongest), float(np.max(added, initial=0.0)))
-        self.levels = np.ceil(np.log(rates[self.rows] * self.delays) / LADDER).astype(int)
+        rates = swing_rate(first.damping, first.stiffness, 2.0 * self.scales * strongest[self.shapes],
+                           float(np.max(added, initial=0.0)))
+        self.levels = np.ceil(np.log(rates * self.delays) / LADDER).astype(int)
+        natural = math.sqrt(first.stiffness)
+        self.machine = np.ones((1, 1)), np.array([natural]), np.array([0.5 * first.damping / natural])
 
     def groups(self) -> list[np.ndarray]:
-        """Cells that share their elements, at most so many together that every thread has some."""
-        key = self._shapes * 10_000 + self.levels - self.levels.min(initial=0)
-        order = np.argsort(key, kind="stable")
+        """Cells that share their elements, of one speed in turn, at most so many together that every thread has some."""
+        key = self.shapes * 10_000 + self._alike()
+        order = np.argsort(self.delays, kind="stable")
+        order = order[np.argsort(key[order], kind="stable")]
         size = min(_MOST, max(_FEW, -(-order.size // (4 * WORKERS))))
         parts = np.split(order, np.flatnonzero(np.diff(key[order])) + 1)
         return [part[begin:begin + size] for part in parts for begin in range(0, part.size, size)]
 
-    @property
-    def _shapes(self) -> np.ndarray:
-        return np.zeros_like(self.rows) if self.straight else self.rows
+    def _alike(self) -> np.ndarray:
+        """Levels from 0; of one shape for all depths, equal ones where the elements are."""
+        levels = self.levels - self.levels.min(initial=0)
+        if len(self.equations) > 1:
+            return levels
+        found: dict[bytes, int] = {}
+        alike = np.arange(levels.max(initial=0) + 1)
+        for level in np.unique(levels):
+            elements = self._elements(self.equations[0], level + self.levels.min(initial=0))
+            if elements is not None:
+                alike[level] = found.setdefault(elements.edges.tobytes() + elements.points.tobytes(), level)
+        return alike[levels]
+
+    @staticmethod
+    def _elements(equation: DelayEquation, level: int) -> Elements | None:
+        """None: more oscillations than can be resolved."""
+        try:
+            return divided(np.array(equation.breaks) / equation.delay, math.exp(LADDER * level))
+        except ArithmeticError:
+            return None
 
     def settled(self, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Largest multipliers of a group, their order raised until they stand, and their errors."""
-        equation = self.equations[self._shapes[some[0]]]
+        equation = self.equations[self.shapes[some[0]]]
         largest, error = np.full(some.size, np.nan + 0j), np.full(some.size, np.nan)
-        try:
-            elements = divided(np.array(equation.breaks) / equation.delay, math.exp(LADDER * self.levels[some[0]]))
-        except ArithmeticError:  # more oscillations than can be resolved
+        elements = self._elements(equation, self.levels[some[0]])
+        if elements is None:
             return largest, error
         left = np.arange(some.size)
         for more in FINER:
-            largest[left], error[left] = self._fill(equation, elements.more(more), elements.more(more + 1), some[left],
-                                                        self.checked or more >= PATIENCE)
+            largest[left], error[left] = self._filled(equation, elements.more(more), elements.more(more + 1), some[left],
+                                                      self.checked or more >= PATIENCE)
             left = left[error[left] > TOLERANCE * np.maximum(1.0, np.abs(largest[left]))]
             if not left.size:
                 break
         largest[~(error <= BLANK * np.maximum(1.0, np.abs(largest)))] = np.nan
         return largest, error
 
-    def _fill(self, equation: DelayEquation, elements: Elements, finer: Elements, some: np.ndarray,
-              checked: bool) -> tuple[np.ndarray, np.ndarray]:
-        values = [equation.periodic_stiffness(one.times() * equation.delay) for one in (elements, finer)]
-        depths, rows = np.unique(self.rows[some], return_inverse=True)
-        scale = self.depths[depths][:, None] if self.straight else np.ones((1, 1))
-        largest, error = np.empty(some.size, dtype=complex), np.empty(some.size)
-        _fill(self.delays[some], rows, self.added[some], elements.lengths, elements.points, scale * values[0], finer.points,
-              scale * values[1], (equation.damping, equation.stiffness, equation.free_flight / equation.delay), checked,
-              TABLES, np.empty((3, DENSE + 3, DENSE)), largest, error)
+    def _filled(self, equation: DelayEquation, elements: Elements, finer: Elements, some: np.ndarray,
+                checked: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Largest multipliers and their errors: in lanes, and where those cannot tell one by one."""
+        cutting, finer_cutting = (equation.periodic_stiffness(one.times() * equation.delay) for one in (elements, finer))
+        free = equation.free_flight / equation.delay
+        largest, error = np.empty(some.size, dtype=complex), np.full(some.size, np.nan)
+        if not checked and elements.unknowns <= IN_LANES:
+            cells = (self.delays[some] / (2.0 * math.pi), self.added[some], np.zeros(some.size, dtype=np.int64),
+                     self.scales[some])
+            shape = elements.lengths[None, :], np.array([2.0 * math.pi * free])
+            cut, finer_cut = (*shape, cutting.reshape(1, -1, 1, 1)), (*shape, finer_cutting.reshape(1, -1, 1, 1))
+            rough_multipliers(self.machine, cells, cut, elements.points, TABLES, LANES, largest)
+            corrected_multipliers(self.machine, cells, finer_cut, finer.points, TABLES, LANES, largest, error)
+        alone = np.flatnonzero(np.isnan(error))
+        if alone.size:
+            cell, values = some[alone], np.empty(alone.size, dtype=complex)
+            error[alone] = _one_by_one((self.delays[cell], self.added[cell], self.scales[cell]), elements.lengths,
+                                       elements.points, finer.points,
+                                       (equation.damping, equation.stiffness, free, cutting, finer_cutting), checked, TABLES,
+                                       values)
+            largest[alone] = values
         return largest, error
 
 

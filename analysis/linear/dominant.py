@@ -64,13 +64,31 @@ def full(matrix):
     return complex(best.real, imaginary if imaginary > 1e-9 * abs(best) else 0.0)
 
 
+@kept(fastmath={"contract"})
+def told(sums):
+    """The largest eigenvalue by a column u0 of a power of a matrix, and u1, u2, what the matrix makes of it and of that; and
+    whether it can be vouched for.
+
+    sums: u0 u0, u0 u1, u1 u1, u0 u2, u1 u2, u2 u2; s and p of u2 = s u1 - p u0 by least squares, and its misfit. Two guards. If
+    one Rayleigh quotient already has no residual, one real multiplier dominates and the fit would be singular. Otherwise the
+    misfit shows what a third multiplier still contributes.
+    """
+    a00, a01, a11, c, s, p = sums[0], sums[1], sums[2], sums[5], sums[6], sums[7]
+    if a00 == 0.0 or c == 0.0:
+        return complex(0.0, 0.0), False
+    if a00 * a11 - a01 * a01 < MISFIT * a00 * a11:
+        return complex(a01 / a00, 0.0), True
+    discriminant = 0.25 * s * s - p
+    if discriminant < 0.0:
+        value = complex(0.5 * s, math.sqrt(-discriminant))
+    else:
+        value = complex(0.5 * s + math.copysign(math.sqrt(discriminant), s), 0.0)
+    return value, sums[8] < MISFIT * c and abs(discriminant) > 1e-6 * abs(p)
+
+
 @kept(fastmath=True)
 def _pair(matrix, power, u0, u1, u2):
-    """The largest eigenvalue from the largest column of a power of the matrix, and whether it can be vouched for.
-
-    Two guards. If one Rayleigh quotient already has no residual, one real multiplier dominates and a pair fit would
-    be singular. Otherwise u2 = s u1 - p u0 is fitted; its misfit shows what a third multiplier still contributes.
-    """
+    """`told` by the largest column of a power of the matrix."""
     n = matrix.shape[0]
     best, column = -1.0, 0
     for j in range(n):
@@ -83,30 +101,21 @@ def _pair(matrix, power, u0, u1, u2):
         u0[i] = power[i, column]
     _times(matrix, u0, u1)
     _times(matrix, u1, u2)
-    a00, a01, a11, b0, b1, c = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    sums = np.zeros(9)
     for i in range(n):
-        a00 += u0[i] * u0[i]
-        a01 += u0[i] * u1[i]
-        a11 += u1[i] * u1[i]
-        b0 += u0[i] * u2[i]
-        b1 += u1[i] * u2[i]
-        c += u2[i] * u2[i]
-    if a00 == 0.0 or c == 0.0:
-        return complex(0.0, 0.0), False
-    determinant = a00 * a11 - a01 * a01
-    if determinant < MISFIT * a00 * a11:
-        return complex(a01 / a00, 0.0), True
-    s = (a00 * b1 - a01 * b0) / determinant
-    p = -(a11 * b0 - a01 * b1) / determinant
-    misfit = 0.0
-    for i in range(n):
-        misfit += (u2[i] - s * u1[i] + p * u0[i]) ** 2
-    discriminant = 0.25 * s * s - p
-    if discriminant < 0.0:
-        value = complex(0.5 * s, math.sqrt(-discriminant))
-    else:
-        value = complex(0.5 * s + math.copysign(math.sqrt(discriminant), s), 0.0)
-    return value, misfit < MISFIT * c and abs(discriminant) > 1e-6 * abs(p)
+        sums[0] += u0[i] * u0[i]
+        sums[1] += u0[i] * u1[i]
+        sums[2] += u1[i] * u1[i]
+        sums[3] += u0[i] * u2[i]
+        sums[4] += u1[i] * u2[i]
+        sums[5] += u2[i] * u2[i]
+    determinant = sums[0] * sums[2] - sums[1] * sums[1]
+    if determinant > 0.0:
+        sums[6] = (sums[0] * sums[4] - sums[1] * sums[3]) / determinant
+        sums[7] = (sums[1] * sums[4] - sums[2] * sums[3]) / determinant
+        for i in range(n):
+            sums[8] += (u2[i] - sums[6] * u1[i] + sums[7] * u0[i]) ** 2
+    return told(sums)
 
 
 @kept

@@ -111,7 +111,7 @@ def cut_at(machine, cut, elements, tables):
 
 
 @kept
-def _mode(h, p, natural, ratio, tables, work, answer, free, ends, carry):
+def mode_answers(h, p, natural, ratio, tables, work, answer, free, ends, carry):
     """One mode in one element: `answer` (p, p) of its displacements at the points to a force there, `free` (p, 2) to its start;
     its end is `carry` (2, 2) times its start and `ends` (2, p) times the force."""
     c, b, once, twice = tables[0][p], tables[1][p], tables[2][p], tables[3][p]
@@ -149,7 +149,7 @@ def _mode(h, p, natural, ratio, tables, work, answer, free, ends, carry):
 
 
 @kept
-def _flight(length, natural, ratio, carry):
+def mode_flight(length, natural, ratio, carry):
     """A mode's free flight, exactly."""
     moved = transition_matrix(2.0 * ratio * natural, natural * natural, length)
     carry[0, 0], carry[0, 1] = moved[0, 0], moved[0, 1] * natural
@@ -208,9 +208,9 @@ def period_map(machine, cut, elements, tables):
         p = points[e]
         for j in range(m):
             if p == 0:
-                _flight(lengths[e], naturals[j], ratios[j], carry[e, j])
+                mode_flight(lengths[e], naturals[j], ratios[j], carry[e, j])
             else:
-                _mode(lengths[e], p, naturals[j], ratios[j], tables, one, answer[j], free[j], ends[e, j], carry[e, j])
+                mode_answers(lengths[e], p, naturals[j], ratios[j], tables, one, answer[j], free[j], ends[e, j], carry[e, j])
         if p:
             _couple(p, shapes, g, first[point:point + p + 1], answer, free, work, local[e])
         point += p
