@@ -83,7 +83,8 @@ class _Cells:
 
     def __init__(self, model: Model, speeds: np.ndarray, depths: np.ndarray, added: np.ndarray, checked: bool) -> None:
         self.added, self.checked = added, checked
-        if model.cutter is not None and model.cutter.helix_angle == 0.0:  # one shape for all depths, which are its scale
+        self.straight = model.cutter is not None and model.cutter.helix_angle == 0.0
+        if self.straight:  # one shape for all depths, which are its scale
             shapes, self.shapes, self.scales = np.ones(1), np.zeros(depths.size, dtype=np.int64), depths
         else:
             shapes, self.shapes = np.unique(depths, return_inverse=True)
@@ -147,11 +148,11 @@ class _Cells:
 
     def _filled(self, equation: DelayEquation, elements: Elements, finer: Elements, some: np.ndarray,
                 checked: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Largest multipliers and their errors: in lanes, and where those cannot tell one by one."""
+        """Largest multipliers and their errors: of straight flutes in lanes, and where those cannot tell one by one."""
         cutting, finer_cutting = (equation.periodic_stiffness(one.times() * equation.delay) for one in (elements, finer))
         free = equation.free_flight / equation.delay
         largest, error = np.empty(some.size, dtype=complex), np.full(some.size, np.nan)
-        if not checked and elements.unknowns <= IN_LANES:
+        if self.straight and not checked and elements.unknowns <= IN_LANES:  # else too few cells share a structure
             cells = (self.delays[some] / (2.0 * math.pi), self.added[some], np.zeros(some.size, dtype=np.int64),
                      self.scales[some])
             shape = elements.lengths[None, :], np.array([2.0 * math.pi * free])
