@@ -14,6 +14,9 @@ import numpy as np
 REMEMBERED = 0.05  # s of the motion before a record that its sensor is taken to have followed: one that lags remembers
 
 
+States = tuple[tuple[str, float], ...]  # (path, value) of states a run begins with
+
+
 @dataclass(frozen=True)
 class Cut:
     """Operating conditions and the course of one test (SI).
@@ -22,9 +25,10 @@ class Cut:
     `idle_passes` before the entry, `passes` in the cut, `ring_down_passes` after the exit; entry and exit fall on
     the start of a pass. Teeth are counted from time 0, so that the tooth that cuts first is number `idle_passes` modulo
     the flutes. initial_displacement (m) and initial_velocity (m/s) are the structure's state at time 0, or at `held_until` (s),
-    at most the time of the entry, before which nothing is known of it: of its first mode's coordinate, where it has several,
-    and the others then stand still. Where teeth are of unequal pitch a tooth pass is a mean pitch: the first tooth enters where
-    the cut begins, and after any number of passes the cut ends, wherever the teeth are.
+    at most the time of the entry, before which nothing is known of it: of its first mode's coordinate, where it has several;
+    states: (path, value) of the others', `modes[1].displacement` and `modes[1].velocity`, where they do not stand still.
+    Where teeth are of unequal pitch a tooth pass is a mean pitch: the first tooth enters where the cut begins, and after any
+    number of passes the cut ends, wherever the teeth are.
     length_cut_before (m) is the feed length the tool has already cut. late_entry and early_exit are shares of a tooth pass
     by which the cut starts after the start of its first pass, and ends before the end of its last.
     swung_front: whether the first teeth meet what the structure's swing would have left on the idle pass before, as in a delay
@@ -44,6 +48,7 @@ class Cut:
     early_exit: float = 0.0
     held_until: float = 0.0
     swung_front: bool = False
+    states: States = ()
 
     def __post_init__(self) -> None:
         for name in ("spindle_speed", "feed_per_tooth"):
@@ -72,19 +77,20 @@ class Cut:
         return self.idle_passes + self.passes + self.ring_down_passes
 
 
-_NAMES = tuple(one.name for one in fields(Cut))
+_NAMES = tuple(one.name for one in fields(Cut) if one.name != "states")
 _values = attrgetter(*_NAMES)
 
 
 class Cuts(Sequence[Cut]):
     """Cuts side by side, without an object for each.
 
-    column: by the names of Cut's fields, the values of all of them as floats, shape (cuts,).
+    column: by the names of Cut's fields, the values of all of them as floats, shape (cuts,). states: those of each cut, or
+    empty where none has any.
     """
 
-    def __init__(self, table: np.ndarray) -> None:
-        """table: the columns one under another, shape (fields, cuts), in the order of Cut's fields."""
-        self.table = table
+    def __init__(self, table: np.ndarray, states: Sequence[States] = ()) -> None:
+        """table: the columns one under another, shape (fields, cuts), in the order of Cut's fields, `states` left out."""
+        self.table, self.states = table, tuple(states)
         self.column = SimpleNamespace(**dict(zip(_NAMES, table, strict=True)))
 
     @classmethod
@@ -92,7 +98,8 @@ class Cuts(Sequence[Cut]):
         """The same cuts in columns."""
         if isinstance(cuts, Cuts):
             return cuts
-        return cls(np.array([_values(cut) for cut in cuts], float).reshape(len(cuts), len(_NAMES)).T)
+        table = np.array([_values(cut) for cut in cuts], float).reshape(len(cuts), len(_NAMES)).T
+        return cls(table, [cut.states for cut in cuts] if any(cut.states for cut in cuts) else ())
 
     @classmethod
     def alike(cls, count: int, **columns: Any) -> Cuts:
@@ -111,12 +118,13 @@ class Cuts(Sequence[Cut]):
 
     def __getitem__(self, index):
         if isinstance(index, slice):
-            return Cuts(self.table[:, index])
-        return Cut(**{name: _KINDS.get(name, float)(value) for name, value in zip(_NAMES, self.table[:, index], strict=True)})
+            return Cuts(self.table[:, index], self.states[index])
+        values = {name: _KINDS.get(name, float)(value) for name, value in zip(_NAMES, self.table[:, index], strict=True)}
+        return Cut(**values, states=self.states[index] if self.states else ())
 
     def some(self, places: Sequence[int] | np.ndarray) -> Cuts:
         """Those at these places."""
-        return Cuts(self.table[:, places])
+        return Cuts(self.table[:, places], [self.states[place] for place in places] if self.states else ())
 
     @property
     def total_passes(self) -> np.ndarray:

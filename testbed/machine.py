@@ -89,6 +89,12 @@ class Mode:
         """Unit vector (x, y) along which the mode moves; exact along x and y."""
         return unit_vector(self.direction)
 
+    def seen(self, on: Carrier, axis: int) -> float:
+        """What a sensor along x (axis 0) or y (1), on the workpiece or the tool, gives of the mode's coordinate."""
+        if on != self.on:
+            return 0.0
+        return -self.shape[axis] if on == "tool" else self.shape[axis]
+
 
 def repeated_mode(modes: Sequence[Mode]) -> int | None:
     """Place of the first mode that stands before it already: same carrier, frequency and direction; None where none does."""
@@ -115,6 +121,12 @@ class Structure(Mode):
     def modes(self) -> tuple[Mode, ...]:
         """All modes, the first one first."""
         return (Mode(self.mass, self.natural_frequency, self.damping_ratio, self.direction, self.on), *self.further)
+
+    @property
+    def frequency_range(self) -> tuple[float, float]:
+        """The lowest and the highest natural frequency of its modes, Hz."""
+        frequencies = [mode.natural_frequency for mode in self.modes]
+        return min(frequencies), max(frequencies)
 
     @property
     def planar(self) -> bool:
@@ -200,8 +212,15 @@ class Cutting:
 _STRUCTURE = ("mass", "natural_frequency", "damping_ratio")
 _MODE_PATH = re.compile(r"modes\[(\d+)\]\.(\w+)")
 CUTTING = ("immersion", "tangential_coefficient", "normal_coefficient")
-BASE_UNITS = {"mass": "kg", "natural_frequency": "Hz", "damping_ratio": "1", "immersion": "1",
+BASE_UNITS = {"mass": "kg", "natural_frequency": "Hz", "damping_ratio": "1", "direction": "rad", "immersion": "1",
               "tangential_coefficient": "N/m^2", "normal_coefficient": "N/m^2"}
+
+
+def base_parameter(path: str) -> str | None:
+    """Which parameter of the machine itself a path names: `mass` for `mass` and for `modes[1].mass`; None for an effect's."""
+    found = _MODE_PATH.fullmatch(path)
+    name = path if found is None else found[2]
+    return name if name in BASE_UNITS else None
 
 
 def _frozen(effects: Mapping[str, Mapping[str, float]]) -> Mapping[str, Mapping[str, float]]:
@@ -264,7 +283,8 @@ class Model:
     @property
     def limits(self) -> Mapping[str, tuple[float, float]]:
         """Where machines are, by parameter (SI): outside of that, a value says that something else is wrong."""
-        found = {"damping_ratio": (LEAST_DAMPING_RATIO, MOST_DAMPING_RATIO)}
+        found = {self.mode_path(place, "damping_ratio"): (LEAST_DAMPING_RATIO, MOST_DAMPING_RATIO)
+                 for place in range(len(self.structure.modes))}
         if self.cutting is not None:
             size = max(self.cutting.tangential_coefficient, LEAST_TANGENTIAL_N_PER_M2)
             found |= {"tangential_coefficient": (LEAST_TANGENTIAL_N_PER_M2, MOST_TANGENTIAL_N_PER_M2),
@@ -282,9 +302,13 @@ class Model:
         cutting = {name: BASE_UNITS[name] for name in CUTTING if self.cutting is not None}
         if not self.structure.planar:
             return {name: BASE_UNITS[name] for name in _STRUCTURE} | cutting
-        units = {**{name: BASE_UNITS[name] for name in _STRUCTURE}, "direction": "rad"}
-        modes = {f"modes[{place}].{name}": unit for place in range(len(self.structure.modes)) for name, unit in units.items()}
+        modes = {self.mode_path(place, name): BASE_UNITS[name] for place in range(len(self.structure.modes))
+                 for name in (*_STRUCTURE, "direction")}
         return modes | cutting
+
+    def mode_path(self, place: int, name: str) -> str:
+        """The path of a mode's parameter: `modes[0].mass`, and of the one mode along the feed `mass` alone."""
+        return f"modes[{place}].{name}" if self.structure.planar else name
 
     def value(self, path: str) -> float:
         """A parameter by its path: `natural_frequency` or, where there are several, `modes[0].natural_frequency`;

@@ -211,7 +211,8 @@ def model_text(model: Model, catalogue: Mapping[str, Effect] | None = None) -> s
                   *(f"  {name}: {said(model, name, model.value(name), 'N/mm^2')}"
                     for name in ("tangential_coefficient", "normal_coefficient"))]
     if model.not_determined:
-        lines.append(f"not_determined: [{', '.join(model.not_determined)}]  # no record told these: they are guesses")
+        told = ", ".join(f'"{path}"' if "[" in path else path for path in model.not_determined)
+        lines.append(f"not_determined: [{told}]  # no record told these: they are guesses")
     if not model.effects:
         return "\n".join(lines) + "\n"
     known = known_effects() if catalogue is None else catalogue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,27 @@ def motion_channel(name: str, on: Carrier = "workpiece") -> str:
     if on == "tool":
         return f"tool_{quantity}_{axis or 'x'}"
     return quantity if axis in ("", "x") else name
+
+
+class Sensor(NamedTuple):
+    """Where a sensor of motion sits, along which axis (0 for x, 1 for y), and how often the displacement is derived in it."""
+
+    on: Carrier
+    axis: int
+    order: int
+
+
+def sensor_of(channel: str) -> Sensor | None:
+    """The sensor of a channel by its name, an engine's or a record's; None where it is no motion."""
+    on: Carrier = "tool" if channel.startswith("tool_") else "workpiece"
+    name = channel.removeprefix("tool_")
+    quantity, _, axis = name.partition("_")
+    return Sensor(on, int(axis == "y"), DERIVATIVES[quantity]) if name in MOTIONS else None
+
+
+def quantity_of(channel: str) -> str:
+    """What a channel measures, whatever its axis and place: `acceleration` of `tool_acceleration_y`, `force` of `force_x`."""
+    return channel.removeprefix("tool_").split("_")[0]
 
 
 @dataclass(frozen=True)
@@ -85,6 +106,17 @@ class Recording:
             return self
         return replace(self, channels={new: self.channels[name] for new, name in kept.items()},
                        units={new: self.units[name] for new, name in kept.items()}, on_tool=())
+
+    def in_the_plane(self) -> Recording:
+        """The same with every channel of motion by the engines' name, which says where its sensor sits; of two that sit alike
+        (`displacement_x` and `displacement_x_2`) the first."""
+        names: dict[str, str] = {}
+        for name in self.channels:
+            head, _, number = name.rpartition("_")
+            plain = head if head in MOTIONS and number.isdigit() else name
+            names.setdefault(motion_channel(plain, "tool" if name in self.on_tool else "workpiece"), name)
+        return replace(self, channels={new: self.channels[name] for new, name in names.items()},
+                       units={new: self.units[name] for new, name in names.items()}, on_tool=())
 
     @property
     def time(self) -> np.ndarray:

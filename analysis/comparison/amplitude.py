@@ -25,6 +25,7 @@ from scipy.special import fdtrc, stdtr
 from analysis.comparison.adequacy import Adequacy, controlled
 from analysis.fit.observed import Observed
 from analysis.records.free_decay import fit_free_decay, spectral_peak
+from testbed.recording import quantity_of
 
 CYCLES = (6, 4, 3, 2)  # of a window, the shorter ones for decays that end soon
 LEAST = 6  # windows that a verdict needs
@@ -272,7 +273,7 @@ def free_decays(records: Sequence[Observed]) -> tuple[AmplitudeDependence, ...]:
     found = []
     for record in records:
         channel = record.channels[0]
-        if channel.startswith("force") or record.kind == "excited":
+        if channel.startswith("force") or record.kind == "excited" or record.modes > 1:  # of several, no amplitude is one's
             continue
         for segment in record.segments:
             if segment.kind != "ring-down":
@@ -284,7 +285,7 @@ def free_decays(records: Sequence[Observed]) -> tuple[AmplitudeDependence, ...]:
             try:
                 found.append(
                     amplitude_dependence(
-                        record.data[0, first:last], record.rate, record.name, channel, units.get(channel.split("_")[0], "")
+                        record.data[0, first:last], record.rate, record.name, channel, units.get(quantity_of(channel), "")
                     )
                 )
             except (ValueError, np.linalg.LinAlgError):  # too short or too quiet to say anything

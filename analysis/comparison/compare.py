@@ -18,7 +18,7 @@ from analysis.comparison.adequacy import Adequacy, adequacy_tests, controlled
 from analysis.estimate import Estimate
 from analysis.fit.doubted_marks import with_marks_doubted
 from analysis.fit.estimates import at_bound
-from analysis.fit.fit_state import WaveformFit
+from analysis.fit.fit_state import Free, WaveformFit
 from analysis.fit.held_guesses import with_guesses_held
 from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled, pooled_doubt, record_error
 from analysis.fit.model_fit import model_fit
@@ -117,10 +117,11 @@ def mark_angle(fit: WaveformFit, pitch: float) -> float:
     return (-fit.state.angle) % pitch
 
 
-def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> Comparison:
-    """Refit the model to all records with every nuisance and say where, and by how much, it fails."""
+def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
+            free: Sequence[Free] | None = None) -> Comparison:
+    """Refit the model to all records with every nuisance and say where, and by how much, it fails. free: see `model_fit`."""
     records = at_modelled_speed(records, model.effects, catalogue)
-    fitter, fit = with_marks_doubted(*model_fit(plant, records, model, catalogue))
+    fitter, fit = with_marks_doubted(*model_fit(plant, records, model, catalogue, free))
     held = with_guesses_held(fitter, fit, model, catalogue)
     fitter, fit = held.fitter, held.fit
     errors, held_out = held_out_errors(fitter, fit), holds_out(records)
@@ -132,7 +133,8 @@ def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
     shared = {}
     if fitter.fits_angle:
         place = fit.names.index("mark_angle")
-        shared = {"mark_angle": mark_angle(fit, model.cutter.pitch if model.cutter else 2 * math.pi),
+        alike = model.cutter.pitch if model.cutter and not model.cutter.pitch_angles else 2 * math.pi
+        shared = {"mark_angle": mark_angle(fit, alike),
                   "mark_angle_interval": Z_95 * float(fit.covariance[place, place]) ** 0.5}
     against = against_adequacy(fitter, fit, model, catalogue, overall / noise, pooled_doubt(errors))
     return Comparison(overall, noise, tuple(rows), shared, held.values, tuple(controlled(tests)),
@@ -184,6 +186,7 @@ def _nuisances(plant: Plant, record: Observed, model: Model, angle: float, own: 
         found["drift"] = dict(zip(record.channels, ((slow[:, -1] - slow[:, 0]) / duration).tolist(), strict=True))
     if record.kind != "excited":
         found |= {"initial_displacement": own.displacement, "initial_velocity": own.velocity}
+        found |= {"initial_states": dict(own.states)} if record.modes > 1 else {}
     if record.cut is None:
         return found
     speed = 2 * math.pi / record.period * own.speed

@@ -237,9 +237,11 @@ def spectrum(figure: Any, found: Comparison, units: Mapping[str, str]) -> None:
     frequencies, amplitude = amplitude_spectrum(found.errors[index].residual[0] * factor, record.rate)
     axis.semilogy(*envelope(frequencies[1:], np.maximum(amplitude[1:], 1e-300)), linewidth=0.6, color="#333333",
                   label="residual")
-    natural = found.fit.state.model.structure.natural_frequency
-    highest = min(frequencies[-1], 8 * natural)
-    axis.axvline(natural, color="#1f77b4", linewidth=1, label="natural frequency")
+    structure = found.fit.state.model.structure
+    slowest, fastest = structure.frequency_range
+    highest = min(frequencies[-1], max(8 * slowest, 2 * fastest))
+    for place, mode in enumerate(structure.modes):
+        axis.axvline(mode.natural_frequency, color="#1f77b4", linewidth=1, label="natural frequency" if place == 0 else None)
     if record.cut is not None:
         tooth = record.flutes / record.period
         for order in range(1, int(highest / tooth) + 1):

@@ -16,7 +16,7 @@ from analysis.fit.observed import Observed
 from analysis.linear.stability import StabilityChart, stability_chart
 from analysis.records.lines import amplitude_spectrum
 from testbed.machine import Model
-from testbed.recording import CHANNEL_UNITS
+from testbed.recording import CHANNEL_UNITS, ENGINE_UNITS, quantity_of
 
 SPEED_CELLS, DEPTH_CELLS = 401, 121  # of the chart; the lobes of period doubling are narrow in speed
 SECTORS = 72  # of a tooth's turn
@@ -34,7 +34,7 @@ def shown_unit(unit: str) -> tuple[float, str]:
 
 def drawn_unit(channel: str, units: Mapping[str, str]) -> tuple[float, str]:
     """(factor, name) of the unit in which a channel is drawn. units: SI or own; a channel not in it is calibrated."""
-    return shown_unit(units.get(channel, CHANNEL_UNITS.get(channel.split("_")[0], "")))
+    return shown_unit(units.get(channel, ENGINE_UNITS.get(channel, CHANNEL_UNITS.get(quantity_of(channel), ""))))
 
 
 def drawn_units(decays: Sequence[AmplitudeDependence], units: Mapping[str, str]) -> tuple[list[float], list[str], str]:
@@ -129,8 +129,9 @@ class SpectrumView:
     """Amplitude spectrum of one channel's residual, the lines it could have, and what share of its power is at each.
 
     frequency (Hz) up to a few natural frequencies, amplitude of the residual and of what was measured (channel's unit);
-    tooth, spindle, natural: Hz, 0 where there is none. shares: of the residual's power at tooth-passing harmonics, other
-    turns of the spindle, about the natural frequency, and elsewhere; ratio: rms of the residual over the noise.
+    tooth, spindle: Hz, 0 where there is none; natural: of the modes that the channel's sensor may see, Hz. shares: of the
+    residual's power at tooth-passing harmonics, other turns of the spindle, about those, and elsewhere; ratio: rms of the
+    residual over the noise.
     """
 
     name: str
@@ -140,25 +141,29 @@ class SpectrumView:
     measured: np.ndarray
     tooth: float
     spindle: float
-    natural: float
+    natural: tuple[float, ...]
     shares: Mapping[str, float]
     ratio: float
 
 
 def by_frequency(record: Observed, error: RecordError, state: State, index: int, reach: float = 10.0) -> list[SpectrumView]:
     """A view for each channel, up to `reach` natural frequencies or ten tooth passages, whichever is more."""
-    natural = state.model.structure.natural_frequency
+    slowest, fastest = state.model.structure.frequency_range
     spindle = state.nuisances[index].speed / record.period if record.cut is not None else 0.0
     tooth = spindle * record.flutes
-    top = min(record.rate / 2, max(reach * natural, 10.0 * tooth))
+    top = min(record.rate / 2, max(reach * slowest, 2.0 * fastest, 10.0 * tooth))
     views = []
-    for channel, data, rest, noise in zip(record.channels, record.data, error.residual, record.noise, strict=True):
+    rows = zip(record.channels, record.sensors, record.data, error.residual, record.noise, strict=True)
+    for channel, sensor, data, rest, noise in rows:
         frequency, amplitude = _spectrum(record, rest)
         power, width = amplitude**2, NEAR * record.rate / record.samples
-        own = natural if not channel.startswith("force") else 0.0
+        modes = state.model.structure.modes
+        own = tuple(mode.natural_frequency for mode in modes if sensor is not None and mode.on == sensor.on)
         is_tooth = _on(frequency, tooth, width)
         is_spindle = _on(frequency, spindle, width) & ~is_tooth
-        is_natural = (np.abs(frequency - own) < max(NATURAL_BAND * own, width)) & ~is_tooth & ~is_spindle & (own > 0)
+        is_natural = np.zeros(len(frequency), dtype=bool)
+        for one in own:
+            is_natural |= (np.abs(frequency - one) < max(NATURAL_BAND * one, width)) & ~is_tooth & ~is_spindle
         total = max(float(power.sum()), 1e-300)
         shares = {
             "tooth passing": float(power[is_tooth].sum()) / total,

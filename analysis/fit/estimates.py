@@ -15,7 +15,7 @@ from analysis.fit.tooth_circles import at_least_strength, directed, unknown_dire
 from analysis.fit.waveform import Fitter
 from analysis.information import Z_95
 from testbed.effect import Effect
-from testbed.machine import BASE_UNITS
+from testbed.machine import BASE_UNITS, base_parameter
 
 AT_BOUND = 1e-6  # of a bound: what is closer lies at it
 NO_INTERVAL = 1e-9  # of a value: a narrower interval is none
@@ -50,15 +50,16 @@ def said_not_determined(paths: Sequence[str]) -> str:
 
 def matters(parameter: str) -> float:
     """Relative change of a parameter of the machine from which it counts."""
-    return MATTERS.get(parameter, 0.01)
+    return MATTERS.get(base_parameter(parameter) or parameter, 0.01)
 
 
 def unit_of(path: str, catalogue: Mapping[str, Effect]) -> str:
     """SI unit of a fitted parameter by its path."""
     if path == "mark_angle":
         return "rad"
+    own = base_parameter(path)
     effect, _, parameter = path.partition(".")
-    return catalogue[effect].parameter(parameter).unit if parameter else BASE_UNITS[path]
+    return BASE_UNITS[own] if own else catalogue[effect].parameter(parameter).unit
 
 
 def speed_factors(fitter: Fitter, fit: WaveformFit) -> list[float]:

@@ -14,7 +14,6 @@ from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
 from analysis.fit.waveform import Fitter
-from testbed.recording import DERIVATIVES
 
 SEEN = 0.1  # standard deviations of the noise: a smaller swing at the entry tells nothing of the front
 WORTH = 10.0  # in mean square residuals, by which the cost must fall
@@ -66,13 +65,17 @@ def _swung(records: Sequence[Observed]) -> bool:
 
 def _rings(record: Observed, own: Nuisances, state: State) -> bool:
     """Whether the swing with which a record begins is larger than its noise when the first tooth enters."""
-    if record.cut is None or record.starts_in_cut or record.channels[0] not in DERIVATIVES:
+    sensor = record.sensors[0]
+    if record.cut is None or record.starts_in_cut or sensor is None:
         return False
-    structure = state.model.structure
-    omega = structure.natural_frequency_rad
-    waits = record.pass_start(own.entry, state.angle, own) - record.start
-    swing = math.hypot(own.displacement, own.velocity / omega) * math.exp(-structure.damping_ratio * omega * max(waits, 0.0))
-    return swing * omega ** DERIVATIVES[record.channels[0]] > SEEN * float(record.noise[0])
+    waits, begun = record.pass_start(own.entry, state.angle, own) - record.start, dict(own.states)
+    first, swings = [(own.displacement, own.velocity)], []
+    first += [(begun.get(position, 0.0), begun.get(rate, 0.0)) for position, rate in record.further_states]
+    for mode, (displacement, velocity) in zip(state.model.structure.modes, first, strict=True):
+        omega = mode.natural_frequency_rad
+        swing = math.hypot(displacement, velocity / omega) * math.exp(-mode.damping_ratio * omega * max(waits, 0.0))
+        swings.append(swing * omega**sensor.order)
+    return max(swings) > SEEN * float(record.noise[0])
 
 
 def front_note(records: Sequence[Observed], used: Sequence[Observed]) -> list[str]:

@@ -49,12 +49,12 @@ def first_nuisances(observed: Observed, angle: float) -> Nuisances:
 def last_tooth(observed: Observed, ring_down: float) -> float:
     """Time (s) at which a tooth last cut, near the segment found as ring-down.
 
-    In free vibration x(t) + x(t + T/2) is the offset alone, whatever the amplitude; under the teeth it is not. So the last
-    revolution in which that sum is as large as in steady cutting still cut, though the frequency may move with amplitude.
+    In free vibration of one mode x(t) + x(t + T/2) is the offset alone, whatever the amplitude; under the teeth it is not. So
+    the last revolution in which that sum is as large as in steady cutting still cut, though the frequency may move with it.
     """
     first = round((ring_down - observed.start) * observed.rate)
     tail = observed.data[0, first:] - observed.data[0, first:].mean()
-    if len(tail) < 64 or observed.channels[0].startswith("force"):
+    if len(tail) < 64 or observed.channels[0].startswith("force") or observed.modes > 1:
         return ring_down
     half = round(0.5 / spectral_peak(tail))
     values = observed.data[0] - observed.drift @ (observed.drift.T @ observed.data[0])

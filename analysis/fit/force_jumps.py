@@ -14,8 +14,8 @@ import numpy as np
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
+from analysis.fit.prediction import from_first_tooth
 from analysis.fit.waveform import Fitter
-from testbed.recording import DERIVATIVES
 
 BESIDE = 1.5  # samples to either side of a jump that are left out
 FEWEST = 0.5  # share of a record's samples that must be left; else all are believed
@@ -36,7 +36,7 @@ def at_its_jumps(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]
 
 def _without_jumps(record: Observed, state: State, own: Nuisances) -> Observed:
     """The record with the samples believed that are not at a jump; itself where they are the ones believed so far."""
-    if record.cut is None or not any(name.startswith("force") or DERIVATIVES[name] == 2 for name in record.channels):
+    if record.cut is None or not any(sensor is None or sensor.order == 2 for sensor in record.sensors):
         return record
     believed = np.ones(record.samples, dtype=bool) if record.filled is None else ~record.filled
     places = (_jumps(record, state, own) - record.start) * record.rate
@@ -53,7 +53,8 @@ def _without_jumps(record: Observed, state: State, own: Nuisances) -> Observed:
 
 def _jumps(record: Observed, state: State, own: Nuisances) -> np.ndarray:
     """Times (s) at which a tooth enters the work or leaves it, or is in it when the cut begins or ends."""
-    cut, sampling = record.timeline(state.angle, own)
+    model, late = from_first_tooth(state.model, own)
+    cut, sampling = record.timeline(state.angle, own, late)
     durations = record.pass_durations(cut, sampling)
     if durations is None:
         durations = np.full(cut.total_passes, cut.tooth_passing_period(record.flutes))
@@ -61,6 +62,10 @@ def _jumps(record: Observed, state: State, own: Nuisances) -> np.ndarray:
     passes = slice(cut.idle_passes, cut.idle_passes + cut.passes)
     entries = starts[:-1][passes]
     first, last = durations[passes][[0, -1]]
+    pitches = model.cutter.pitch_angles if model.cutter is not None else ()
+    if pitches:
+        ahead = np.cumsum((0.0, *pitches[1:])) * record.flutes / (2.0 * np.pi) - np.arange(record.flutes)
+        entries = entries + np.resize(ahead, len(entries)) * durations[passes]
     begun, ended = entries[0] + own.late_entry * first, entries[-1] + (1.0 - own.early_exit) * last
     ends = [time for time, missing in ((begun, own.late_entry), (ended, own.early_exit)) if missing > 0.0]
     return np.concatenate([entries, entries + state.passes_in_arc(record) * durations[passes], ends])

@@ -7,15 +7,17 @@ believed, then the base's, then strengths, one after the other while the records
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from analysis.estimate import Estimate
 from analysis.fit.estimates import estimates, unit_of
 from analysis.fit.fit_state import WaveformFit
+from analysis.fit.starts import free_parameters
 from analysis.fit.waveform import Fitter
 from testbed.effect import Effect
-from testbed.machine import Model
+from testbed.machine import Model, base_parameter
 
 AS_WELL = 2.0  # by which minus the log likelihood may be larger with a parameter held: two standard errors of it
 ITERATIONS = 15
@@ -25,7 +27,8 @@ ITERATIONS = 15
 class Held:
     """A fit with what its records do not tell held.
 
-    values: every parameter's estimate; guesses: paths of those that are not determined; held: of those of them that were held.
+    values: every parameter's estimate; guesses: paths of those that are not determined; held: of those of them that were held,
+    of a structure in the plane before the fit, too.
     """
 
     fitter: Fitter
@@ -47,7 +50,10 @@ def with_guesses_held(fitter: Fitter, fit: WaveformFit, believed: Model, catalog
 
     believed: the model before the fit; of an effect that it lacks, what the effect's file begins with is believed.
     """
-    held: list[str] = []
+    known = {one.path for one in fitter.free}
+    before = [one.path for one in free_parameters(fitter.records, believed)
+              if believed.structure.planar and one.path not in known]
+    held = list(before)
     found = estimates(fitter, fit, catalogue)
     free = {one.path for one in fitter.free}
     tried: set[str] = set()
@@ -65,8 +71,15 @@ def with_guesses_held(fitter: Fitter, fit: WaveformFit, believed: Model, catalog
     values = dict(found)
     for path in held:
         value = fit.state.model.value(path)
-        values[path] = Estimate(value, *_bounds(path, value, catalogue), unit_of(path, catalogue), bounded=False)
+        ends = (-math.inf, math.inf) if path in before else _bounds(path, value, catalogue)
+        values[path] = Estimate(value, *ends, unit_of(path, catalogue), bounded=False)
+    values = {path: values[path] for path in [*_in_order(believed, values), *values]}
     return Held(fitter, fit, values, tuple(path for path, one in values.items() if not one.determined), tuple(held))
+
+
+def _in_order(model: Model, values: Mapping[str, Estimate]) -> list[str]:
+    """Paths of the base parameters among the values, as the model has them."""
+    return [path for path in model.base_parameters if path in values] if model.structure.planar else []
 
 
 def _is_guess(path: str, one: Estimate, catalogue: Mapping[str, Effect]) -> bool:
@@ -76,16 +89,16 @@ def _is_guess(path: str, one: Estimate, catalogue: Mapping[str, Effect]) -> bool
 
 def _turn(path: str, catalogue: Mapping[str, Effect]) -> int:
     """When a parameter is held: first what shapes an effect, last its strength."""
-    effect, _, parameter = path.partition(".")
-    if not parameter:
+    if base_parameter(path):
         return 1
+    effect, _, parameter = path.partition(".")
     return 2 if catalogue[effect].parameter(parameter).vanishes else 0
 
 
 def _believed_values(path: str, found: float, believed: Model, catalogue: Mapping[str, Effect]) -> list[float]:
     """Where a parameter may be held: as believed, or there with its sign turned."""
     effect, _, parameter = path.partition(".")
-    if not parameter or effect in believed.effects:
+    if base_parameter(path) or effect in believed.effects:
         value = believed.value(path)
     else:
         known = catalogue[effect].parameter(parameter)
@@ -97,4 +110,4 @@ def _believed_values(path: str, found: float, believed: Model, catalogue: Mappin
 
 def _bounds(path: str, value: float, catalogue: Mapping[str, Effect]) -> tuple[float, float]:
     effect, _, parameter = path.partition(".")
-    return catalogue[effect].parameter(parameter).bounds if parameter else (value, value)
+    return (value, value) if base_parameter(path) else catalogue[effect].parameter(parameter).bounds

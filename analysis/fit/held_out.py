@@ -15,6 +15,7 @@ from scipy.special import chdtri
 from analysis.fit.fit_state import State, WaveformFit
 from analysis.fit.observed import Observed
 from analysis.fit.waveform import Fitter
+from testbed.recording import quantity_of
 
 SUSPECT = 2.0  # squared error over that in sample, from which a record left out is looked at with a fit of its own
 NOTABLE = 1.2  # the same, from which it matters whether the others agree with the joint fit
@@ -67,7 +68,7 @@ def record_error(record: Observed, residual: np.ndarray) -> RecordError:
     rest = record.on_samples(residual) * record.scale[:, None]
     data = record.data if record.believed is None else record.data[:, record.believed]
     size = data - data.mean(axis=1, keepdims=True)
-    quantities = sorted({"force" if name.startswith("force") else name.split("_")[0] for name in record.channels})
+    quantities = sorted({quantity_of(name) for name in record.channels})
     scale = np.ones(len(record.channels)) if len(quantities) == 1 else 1.0 / np.maximum(size.std(axis=1), 1e-300)
     squares = float(np.sum((rest * scale[:, None]) ** 2))
     total = float(np.sum((size * scale[:, None]) ** 2))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from analysis.fit.effect_start import all_free, grown
+from analysis.fit.effect_start import grown
 from analysis.fit.fine_steps import kinked
 from analysis.fit.fit_state import Free, WaveformFit
 from analysis.fit.force_jumps import at_its_jumps
@@ -19,6 +19,7 @@ from analysis.fit.starts import arrived, at_a_bound, base_fit, with_courses, wit
 from analysis.fit.structure_start import structure_start
 from analysis.fit.swing_start import swung_fit
 from analysis.fit.taken import asked_again
+from analysis.fit.told import what_is_told
 from analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -36,7 +37,7 @@ def model_fit(
     goal: float = math.inf,
     known: float = math.nan,
 ) -> tuple[Fitter, WaveformFit]:
-    """The model refitted with every nuisance; without `free`, all that these records can speak of is unknown.
+    """The model refitted with every nuisance; without `free`, all that these records can speak of is unknown, see `told`.
 
     Laws with kinks have valleys beside the deepest, into which even the true scale may slip on the way from a wrong opening:
     theirs are looked for. So have free decays alone, whose phases run apart: those are fitted from their openings on.
@@ -44,8 +45,8 @@ def model_fit(
     Where an effect asks for the length cut and no record states one, the fitter's records have that which explains them better,
     see `length_cut`; so with what the first teeth meet and with the feed, see `taken`.
     """
-    if free is None and model.effects:
-        free = all_free(records, model, catalogue)
+    if free is None and (model.effects or model.structure.planar):
+        free = what_is_told(plant, records, model, catalogue).free
     found = _fitted(plant, records, model, catalogue, free, goal, known)
     if not (found[1].cost > goal or arrived(found[1], known)) and (beyond := _with_arc_beyond(found[1], model, catalogue)):
         found = min(found, _fitted(plant, records, beyond, catalogue, free, math.inf, known), key=lambda one: one[1].cost)
@@ -94,9 +95,12 @@ def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
 
 
 def _cuts_like_no_tool(fit: WaveformFit) -> bool:
-    """Whether a fit that leaves more than noise has a normal force that pulls, or is larger than the tangential one."""
-    cutting = fit.state.model.cutting
-    if cutting is None or fit.variance < EXPLAINED:
+    """Whether a fit has a normal force that pulls, or is larger than the tangential one.
+
+    Of one mode along the feed and equal teeth, only a fit that leaves more than noise: that is left of too few parameters.
+    """
+    model, cutting = fit.state.model, fit.state.model.cutting
+    if cutting is None or fit.variance < EXPLAINED and not model.planar:
         return False
     return not 0.0 <= cutting.normal_coefficient <= cutting.tangential_coefficient
 

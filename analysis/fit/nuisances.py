@@ -20,7 +20,8 @@ class Nuisances:
     cut. angle (rad): a record's own share of the tooth angle.
     length (m): by how much more the tool had cut before than the record's cut says; of one that begins while it cuts.
     shifts: (path, shift) of the effects' parameters that every record has for itself, added to the model's value.
-    states: (path, value) of the effects' own states at the first sample, where they are not at rest.
+    states: (path, value) of the effects' own states at the first sample, where they are not at rest, and of modes beyond the
+    first, `modes[1].displacement` and `modes[1].velocity`.
     """
 
     displacement: float = 0.0

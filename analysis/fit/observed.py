@@ -25,9 +25,10 @@ from analysis.records.passing_speed import heard_speed
 from analysis.records.ring_downs import blow_times, said_blows, used_samples
 from analysis.records.segments import Segment, find_segments
 from analysis.records.spindle_clock import along_marks, check_speed, clock_error, clock_of, digital, samples_to_rise, smoothed
+from analysis.records.white_noise import white_noise
 from testbed.cut import Cut, Sampling
-from testbed.machine import Cutter, Model
-from testbed.recording import DERIVATIVES
+from testbed.machine import Carrier, Cutter, Model
+from testbed.recording import DERIVATIVES, Recording, Sensor, sensor_of
 
 OPENING = 12  # revolutions from the entry that an opening holds at the least
 UNRESOLVED = 1e-4  # of a channel's rms: the engines' own error, which in data without noise would be a missing effect
@@ -49,7 +50,8 @@ class Observed:
     it was written so ("tooth"), is what a table leaves that travels as stated ("travel"), or was taken so ("table", from what
     was written by feed_ratio); a table leaves less where the spindle turns faster than the period says. swung_front: see Cut.
     turned: names of channels that moved against the force, whose sign is turned here. every: of the samples measured, every
-    so manieth is here; rate is that of those.
+    so manieth is here; rate is that of those. modes: how many modes the structure has, which may all move as it begins.
+    pushed: what the force of an excited record acts on, and its direction (x, y).
     """
 
     name: str
@@ -85,6 +87,8 @@ class Observed:
     length_summed: bool = False
     turned: tuple[str, ...] = ()
     every: int = 1
+    modes: int = 1
+    pushed: tuple[Carrier, tuple[float, float]] = ("workpiece", (1.0, 0.0))
 
     @property
     def forces_only(self) -> bool:
@@ -102,12 +106,22 @@ class Observed:
         return self.data.shape[1]
 
     @cached_property
+    def sensors(self) -> tuple[Sensor | None, ...]:
+        """Of every channel, where its sensor sits; None for a force."""
+        return tuple(sensor_of(name) for name in self.channels)
+
+    @property
+    def further_states(self) -> tuple[tuple[str, str], ...]:
+        """Paths of displacement and velocity of every mode but the first, with which the record may begin."""
+        return tuple((f"modes[{one}].displacement", f"modes[{one}].velocity") for one in range(1, self.modes))
+
+    @cached_property
     def motion(self) -> tuple[int, int, float] | None:
         """(place of the first channel of motion, how often the displacement is differentiated in it, its main rad/s)."""
-        for place, name in enumerate(self.channels):
-            if name in DERIVATIVES:
+        for place, sensor in enumerate(self.sensors):
+            if sensor is not None:
                 values = self.data[place] - self.data[place].mean()
-                return place, DERIVATIVES[name], 2 * math.pi * max(spectral_peak(values), 1.0 / self.samples) * self.rate
+                return place, sensor.order, 2 * math.pi * max(spectral_peak(values), 1.0 / self.samples) * self.rate
         return None
 
     @cached_property
@@ -257,12 +271,12 @@ class Observed:
         kept = tuple(s for s in self.segments if s.start < stop and s.kind in ("idle", "entry", "steady"))
         return replace(self.part(0, count), segments=kept)
 
-    def timeline(self, angle: float, nuisances: Nuisances) -> tuple[Cut, Sampling]:
-        """The cut and the sampling that simulate this record."""
+    def timeline(self, angle: float, nuisances: Nuisances, late: float = 0.0) -> tuple[Cut, Sampling]:
+        """The cut and the sampling that simulate this record. late: passes by which all begin later, as its first tooth."""
         assert self.cut is not None
         pitch = self.period / nuisances.speed / self.flutes
         index = self.first_simulated
-        first = self.pass_start(index, angle, nuisances)
+        first = self.pass_start(index + late, angle, nuisances)
         end = self.start + self.samples / self.rate
         total = math.ceil((end - self.pass_start(index, 0.0, Nuisances())) / pitch) + self.flutes
         idle = min(max(0, nuisances.entry - index), total)
@@ -281,6 +295,7 @@ class Observed:
             early_exit=nuisances.early_exit,
             held_until=(idle * pitch if nuisances.swings else 0.0) if self.starts_in_cut else max(self.start - first, 0.0),
             swung_front=self.swung_front and not self.starts_in_cut,
+            states=nuisances.states,
         )
         return cut, Sampling(self.rate, self.samples, self.start - first)
 
@@ -293,25 +308,25 @@ class Observed:
         return np.diff(along_marks(self.marks, (nominal - self.first_mark) / self.period, self.period))
 
 
-_ORDER = (*DERIVATIVES, "force_x", "force_y")
+_FORCES = ("force_x", "force_y")
 
 
 def observe(record: Any, model: Model) -> Observed:
     """Make a campaign's record (testbed.campaign.Record) ready. ValueError where it holds nothing that can be predicted."""
-    recording = record.recording
-    excited = record.kind == "excited"
-    recording = recording.along_feed()
-    names = tuple(name for name in recording.channels if name in _ORDER and not (excited and name.startswith("force")))
-    if record.kind == "ring-down":
-        names = tuple(name for name in names if not name.startswith("force"))
+    planar = model.structure.planar
+    recording = record.recording.in_the_plane() if planar else record.recording.along_feed()
+    names = _predicted(recording, record.kind, planar)
     if not names:
-        raise ValueError(f"record {record.name} has no channel of the workpiece along x: fits predict no other so far")
-    segments = find_segments(recording, kind=record.kind)
+        where = "of motion along x or y" if planar else "of the workpiece along x"
+        raise ValueError(f"record {record.name} has no channel {where}: this model predicts no other")
+    excited = record.kind == "excited"
+    segments = find_segments(recording, kind=record.kind, channel=names[0] if planar else None)
     data = np.array([recording.channels[name] for name in names], dtype=float)
     blows = blow_times(recording) if record.kind == "ring-down" else ()
     if blows:
         raise ValueError(f"{said_blows(blows)} are no single free decay: give from and to")
-    first, last = used_samples(recording, record.kind, segments, names[0], model.structure.natural_frequency)
+    slowest, fastest = model.structure.frequency_range
+    first, last = used_samples(recording, record.kind, segments, names[0], slowest)
     data = data[:, first:last]
     floors = [noise_floor(recording, segments, name) for name in names]
     noise = np.array([max(floor.rms, UNRESOLVED * float(np.std(row)), 1e-300) for floor, row in zip(floors, data, strict=True)])
@@ -321,8 +336,7 @@ def observe(record: Any, model: Model) -> Observed:
     if record.kind != "cut":
         condition = (record.kind, record.name)
     filled = np.isin(np.arange(first, last), recording.filled) if len(recording.filled) else np.zeros(0, dtype=bool)
-    frequency = model.structure.natural_frequency
-    terms = drift_terms(data.shape[1] / recording.sampling_rate, frequency)
+    terms = drift_terms(data.shape[1] / recording.sampling_rate, slowest)
     base = Observed(
         record.name, record.kind, names, data,
         recording.sampling_rate,
@@ -334,17 +348,40 @@ def observe(record: Any, model: Model) -> Observed:
         noise_doubt=floors[0].doubt,
         believed=~filled if filled.any() else None,
         filled=filled if filled.any() else None,
+        modes=len(model.structure.modes),
     )
     if excited:
         drive = next(name for name in record.excitations)
         force = windowed(np.asarray(recording.channels[drive], dtype=float))[first:last]
-        return _with_the_force(replace(base, force=force, drift=drift_basis(data.shape[1], terms)), force)
+        driven = replace(base, force=force, drift=drift_basis(data.shape[1], terms))
+        return _with_the_force(replace(driven, pushed=_pushed(driven, drive)) if planar else driven, force)
     if record.kind == "ring-down":
-        return _thinned(replace(base, force=np.zeros(data.shape[1])), terms, frequency)
+        return _thinned(replace(base, force=np.zeros(data.shape[1])), terms, fastest)
     ready = _with_clock(base, record, (model.cutter or Cutter()).flutes)
     # of a cut by forces alone nothing in the record shows the dynamometer's zero, and the mean force speaks of the edge: the
     # zero is believed
-    return _thinned(ready, 0 if ready.starts_in_cut and ready.forces_only else terms, frequency)
+    return _thinned(ready, 0 if ready.starts_in_cut and ready.forces_only else terms, fastest)
+
+
+def _predicted(recording: Recording, kind: str, planar: bool) -> tuple[str, ...]:
+    """Names of the channels of a record that a model predicts; in the plane the clearest comes first, which begins a search."""
+    known = (lambda name: sensor_of(name) is not None) if planar else DERIVATIVES.__contains__
+    names = [name for name in recording.channels if known(name) or (kind == "cut" and name in _FORCES)]
+    return tuple(sorted(names, key=lambda name: (name in _FORCES, -_clearness(recording.channels[name]))) if planar else names)
+
+
+def _clearness(values: np.ndarray) -> float:
+    """How far a channel moves over what in it is no smooth motion."""
+    return float(np.std(values)) / max(white_noise(np.asarray(values, dtype=float)), 1e-300)
+
+
+def _pushed(record: Observed, drive: str) -> tuple[Carrier, tuple[float, float]]:
+    """What a measured force drives, and along which axis. ValueError where the record does not say."""
+    places = {sensor.on for sensor in record.sensors if sensor is not None}
+    if len(places) > 1:
+        raise ValueError(f"record {record.name} shows motion of workpiece and tool, and its force may act on either: "
+                         "give the channels of the one that was driven")
+    return places.pop(), (0.0, 1.0) if drive.endswith("_y") else (1.0, 0.0)
 
 
 def _thinned(record: Observed, terms: int, frequency: float) -> Observed:
@@ -361,8 +398,9 @@ def _thinned(record: Observed, terms: int, frequency: float) -> Observed:
 
 def _with_the_force(record: Observed, force: np.ndarray) -> Observed:
     """The driven record with those channels turned that move against the force."""
-    rows = zip(record.channels, record.data, record.noise, strict=True)
-    turned = [moves_against(force, values, record.rate, DERIVATIVES[name], float(noise)) for name, values, noise in rows]
+    rows = zip(record.sensors, record.data, record.noise, strict=True)
+    turned = [sensor is not None and record.pushed[1][sensor.axis] == 1.0
+              and moves_against(force, values, record.rate, sensor.order, float(noise)) for sensor, values, noise in rows]
     names = tuple(name for name, one in zip(record.channels, turned, strict=True) if one)
     return replace(record, data=np.where(np.array(turned)[:, None], -record.data, record.data), turned=names)
 

@@ -79,7 +79,7 @@ def angles_tried(record: Observed, model: Model) -> int:
     """How many tooth angles of a pitch are tried, so that every valley between two swings of the structure holds some."""
     if record.forces_only:
         return ANGLES
-    swings = model.structure.natural_frequency * record.period / record.flutes
+    swings = model.structure.frequency_range[1] * record.period / record.flutes
     return max(ANGLES, math.ceil(PER_SWING * min(swings, MOST_SWINGS)))
 
 

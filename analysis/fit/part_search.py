@@ -147,7 +147,7 @@ def _movable(fitter: Fitter, index: int, state: State, own: Nuisances) -> tuple[
 def _parts(fitter: Fitter, index: int, state: State, least: int) -> int:
     """Into how many parts an arc is divided: so many at least, or as its swings ask for."""
     record = fitter.records[index]
-    swings = state.model.structure.natural_frequency * record.period / record.flutes * state.share_in_arc(record)
+    swings = state.model.structure.frequency_range[1] * record.period / record.flutes * state.share_in_arc(record)
     return max(least, math.ceil(PER_SWING[least] * min(swings, MOST_SWINGS)))
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.fit.first_passes import first_nuisances
-from analysis.fit.first_state import first_state
+from analysis.fit.first_state import begun_as_seen
 from analysis.fit.fit_state import State, WaveformFit, together
 from analysis.fit.nuisances import Nuisances, other_teeth, turned_by
 from analysis.fit.observed import Observed
@@ -43,8 +43,9 @@ def settle_passes(fitter: Fitter, state: State, reach: int = 1, places: Sequence
         if record.cut is None:
             return nuisances
         if record.first_mark is None:
-            swing = 2 * math.pi / (record.period * state.model.structure.natural_frequency)
-            turns = [replace(nuisances, angle=nuisances.angle + turn) for turn in (*TURNS, -swing, swing)]
+            swings = [2 * math.pi / (record.period * mode.natural_frequency) for mode in state.model.structure.modes]
+            beside = [sign * swing for swing in swings for sign in (-1.0, 1.0)]
+            turns = [replace(nuisances, angle=nuisances.angle + turn) for turn in (*TURNS, *beside)]
             nuisances = _best(fitter, index, state, [*turns, *other_teeth(nuisances, record.flutes)])
         elif record.slots > 1:
             others = other_teeth(nuisances, record.flutes, record.flutes // record.slots)
@@ -75,9 +76,8 @@ def begun_otherwise(fitter: Fitter, state: State) -> tuple[State, bool]:
         record = fitter.records[index]
         if record.cut is None or record.starts_in_cut:
             return nuisances
-        displacement, velocity = first_state(record, state.model.structure.natural_frequency_rad)
-        still = replace(nuisances, displacement=0.0, velocity=0.0)
-        return _best(fitter, index, state, [nuisances, still, replace(still, displacement=displacement, velocity=velocity)])
+        still = replace(nuisances, displacement=0.0, velocity=0.0, states=())
+        return _best(fitter, index, state, [nuisances, still, begun_as_seen(record, still, state.model.structure)])
 
     best = threaded(one, range(len(fitter.records)))
     return replace(state, nuisances=best), best != state.nuisances
@@ -137,20 +137,24 @@ def _recent_entries(record: Observed, own: Nuisances, model: Model) -> list[Nuis
     """The nuisances of a record that starts in its cut with every entry of which a vibration may not have died away."""
     if record.cut is None or not record.starts_in_cut or record.forces_only:
         return []
-    memory = DIED_AWAY / (max(model.structure.damping_ratio, UNDAMPED) * model.structure.natural_frequency_rad)
+    memory = DIED_AWAY / min(max(one.damping_ratio, UNDAMPED) * one.natural_frequency_rad for one in model.structure.modes)
     since = max(record.first_simulated + 1, record.first_pass - math.ceil(memory / record.period * record.flutes))
     return _tried(own, "entry", range(since, record.first_pass + 2 * record.flutes + 1))
 
 
 def _swung(single: Fitter, state: State, own: Nuisances) -> Nuisances:
     """The nuisances of one record with the state at its simulation's beginning that explains it best, to first order."""
-    size = SMALL * single.records[0].motion_size
-    unit = np.array([size, size * state.model.structure.natural_frequency_rad])
-    still = replace(own, displacement=0.0, velocity=0.0)
-    tried = [still, replace(still, displacement=unit[0]), replace(still, velocity=unit[1])]
+    size, paths = SMALL * single.records[0].motion_size, [path for pair in single.records[0].further_states for path in pair]
+    unit = np.array([step for mode in state.model.structure.modes for step in (size, size * mode.natural_frequency_rad)])
+    still = replace(own, displacement=0.0, velocity=0.0, states=())
+
+    def begun(first: np.ndarray) -> Nuisances:
+        further = tuple(zip(paths, map(float, first[2:]), strict=True))
+        return replace(still, displacement=float(first[0]), velocity=float(first[1]), states=further)
+
+    tried = [still, *map(begun, np.diag(unit))]
     rest = single.residuals_of(0, [(state.model, state.angle, one) for one in tried])
-    moved = unit * np.linalg.lstsq((rest[1:] - rest[0]).T, -rest[0], rcond=None)[0]
-    return replace(still, displacement=float(moved[0]), velocity=float(moved[1]))
+    return begun(unit * np.linalg.lstsq((rest[1:] - rest[0]).T, -rest[0], rcond=None)[0])
 
 
 def entered(records: Sequence[Observed], state: State) -> list[Observed]:

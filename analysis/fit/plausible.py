@@ -14,7 +14,7 @@ from analysis.fit.estimates import at_bound, estimates, speed_factors
 from analysis.fit.fit_state import WaveformFit
 from analysis.fit.waveform import Fitter
 from testbed.effect import Effect
-from testbed.machine import BASE_UNITS, Model
+from testbed.machine import BASE_UNITS, Model, base_parameter
 from testbed.units import format_quantity
 
 USUAL = {"N/m^2": "N/mm^2"}
@@ -35,7 +35,8 @@ def unlike_a_machine(model: Model, found: Mapping[str, Estimate] | None = None) 
         value, one = model.value(path), None if found is None else found.get(path)
         if least <= value <= most or found is not None and (one is None or one.low <= most and one.high >= least):
             continue
-        unit = USUAL.get(BASE_UNITS[path], BASE_UNITS[path])
+        unit = BASE_UNITS[base_parameter(path) or path]
+        unit = USUAL.get(unit, unit)
         told, end = (format_quantity(number, unit, 3) for number in (value, least if value < least else most))
         said.append(f"{path} came out at {told}, where no machine has {'less' if value < least else 'more'} than {end}")
     return said
@@ -93,7 +94,7 @@ def against_adequacy(fitter: Fitter, fit: WaveformFit, believed: Model, catalogu
         said.append(f"the error is {ratio:.3g} of the noise floor: what was taken for noise is none, so that nothing can be "
                     "said of what is left")
     found = estimates(fitter, fit, catalogue)
-    stuck = [path for path in at_bound(fitter.free, found) if "." not in path]
+    stuck = [path for path in at_bound(fitter.free, found) if base_parameter(path)]
     odd = unlike_a_machine(fit.state.model, found)
     said += [f"{', '.join(stuck)} ended where the range searched ends"] if stuck and not odd else []
     said += odd

@@ -11,7 +11,7 @@ import numpy as np
 from analysis.fit.entry_passes import entries_together
 from analysis.fit.first_front import with_front_found
 from analysis.fit.first_passes import FirstPasses, first_nuisances
-from analysis.fit.first_state import first_state
+from analysis.fit.first_state import begun_as_seen
 from analysis.fit.fit_state import Free, State, WaveformFit
 from analysis.fit.held_out import own_refit
 from analysis.fit.nuisances import Nuisances
@@ -25,7 +25,7 @@ from analysis.fit.shown_range import frequency_bounds, mass_bounds
 from analysis.fit.structure_start import decay_start, structure_start
 from analysis.fit.waveform import Fitter
 from analysis.threads import threaded
-from testbed.machine import Model
+from testbed.machine import Model, base_parameter
 
 FURTHER = 60  # iterations more of a fit that has not converged
 COEFFICIENTS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
@@ -39,6 +39,7 @@ LOST = 2.0  # where another has more than this: a law that is a little wrong lea
 LATE = 4.0  # standard errors of a mean square, by which a record that starts in its cut is off
 FEWEST = 3  # such records, that the course of others may be found again by them
 UNEVEN = 1.5  # mean square residual of the worst record over the median's, from which the worst are doubted
+DIRECTION_STEP = 0.1  # rad: a natural step of a mode's direction
 _DAMPING_BOUNDS = (1e-6, 0.9)
 
 
@@ -47,19 +48,23 @@ def free_parameters(records: Sequence[Observed], model: Model) -> list[Free]:
 
     A displacement under a cut knows stiffness and cutting coefficients only relative to the mass, which stays as believed;
     a measured force that drives the structure makes the mass known. A dynamometer's forces say nothing of the structure.
+    Of a structure that moves in the plane, all that any records could tell: see `told` for what these do.
     """
     kinds = {record.kind for record in records}
     moving = not all(record.forces_only for record in records)
     free = []
     if moving:
-        structure = model.structure
-        free += [
-            Free("natural_frequency", 0.01 * structure.natural_frequency,
-                 frequency_bounds(records, structure.natural_frequency)),
-            Free("damping_ratio", max(0.2 * structure.damping_ratio, 1e-4), _DAMPING_BOUNDS),
-        ]
-    if "excited" in kinds:
-        free.append(Free("mass", 0.05 * model.structure.mass, mass_bounds(records, model.structure.mass)))
+        for place, mode in enumerate(model.structure.modes):
+            free += [
+                Free(model.mode_path(place, "natural_frequency"), 0.01 * mode.natural_frequency,
+                     frequency_bounds(records, mode.natural_frequency)),
+                Free(model.mode_path(place, "damping_ratio"), max(0.2 * mode.damping_ratio, 1e-4), _DAMPING_BOUNDS),
+            ]
+            if model.structure.planar:
+                free.append(Free(model.mode_path(place, "direction"), DIRECTION_STEP, (-math.pi, math.pi), periodic=True))
+    if "excited" in kinds or moving and model.structure.planar:
+        free += [Free(model.mode_path(place, "mass"), 0.05 * mode.mass, mass_bounds(records, mode.mass))
+                 for place, mode in enumerate(model.structure.modes)]
     if "cut" in kinds and model.cutting is not None:
         size = max(abs(model.cutting.tangential_coefficient), abs(model.cutting.normal_coefficient))
         free += [
@@ -71,7 +76,7 @@ def free_parameters(records: Sequence[Observed], model: Model) -> list[Free]:
 
 def at_a_bound(free: Sequence[Free], model: Model) -> bool:
     """Whether a parameter of the machine itself ended where no machine is: a fit made up for something by it."""
-    return any("." not in one.path and model.value(one.path) in one.bounds for one in free)
+    return any(base_parameter(one.path) and model.value(one.path) in one.bounds for one in free)
 
 
 def softened(record: Observed) -> Observed:
@@ -83,14 +88,15 @@ def softened(record: Observed) -> Observed:
 def _scan(plant: Plant, passes: Sequence[FirstPasses], model: Model) -> tuple[float, float, tuple[Nuisances, ...]]:
     """(cost, mark angle, nuisances) of the best tooth angle, with entry and exit as the segments show them."""
     cuts = [first for first in passes if first.observed.cut is not None]
-    pitch = 2 * math.pi / max([first.observed.flutes for first in cuts], default=1)
-    count = max(angles_tried(first.observed, model) for first in cuts)
-    angles = np.arange(count) * pitch / count
-    states = {id(first): first_state(first.observed, model.structure.natural_frequency_rad) for first in cuts}
+    teeth = max([first.observed.flutes for first in cuts], default=1)
+    alike = 1 if model.cutter is not None and model.cutter.pitch_angles else teeth  # what of a turn looks like all of it
+    count = max(angles_tried(first.observed, model) for first in cuts) * teeth // alike
+    angles = np.arange(count) * (2 * math.pi / alike) / count
+    seen = {id(first): begun_as_seen(first.observed, Nuisances(), model.structure) for first in cuts}
 
     def begun(first: FirstPasses, angle: float) -> Nuisances:
-        displacement, velocity = states[id(first)]
-        return replace(first.at(angle), displacement=displacement, velocity=velocity)
+        one = seen[id(first)]
+        return replace(first.at(angle), displacement=one.displacement, velocity=one.velocity, states=one.states)
 
     def one(first: FirstPasses) -> np.ndarray:
         record = first.observed

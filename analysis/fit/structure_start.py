@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.fit.modes_start import modes_start
 from analysis.fit.observed import Observed
 from analysis.records.free_decay import fit_free_decay, spectral_peak
 from testbed.machine import Model
@@ -66,7 +67,7 @@ def excited_start(records: Sequence[Observed], model: Model) -> Model:
     omega = 2 * math.pi * frequency[2:]
     response = cross[2:] / np.maximum(power[2:].real, 1e-300)
     loud = power[2:].real > 1e-4 * power[2:].real.max()
-    order = {"displacement": 0, "velocity": 1, "acceleration": 2}[record.channels[0].split("_")[0]]
+    order = record.sensors[0].order if record.sensors[0] else 0
     receptance = response / (1j * omega) ** order
     strength = np.where(loud, np.abs(response), 0.0)
     peak = int(np.argmax(strength))
@@ -92,4 +93,6 @@ def excited_start(records: Sequence[Observed], model: Model) -> Model:
 
 def structure_start(records: Sequence[Observed], model: Model) -> Model:
     """The model with the structure as free decays and driven records show it, before any fit."""
+    if model.structure.planar:
+        return modes_start(records, model)
     return excited_start(records, decay_start(records, model))

@@ -113,7 +113,7 @@ class Fitter:
         if not record.starts_in_cut or nuisances.swings:  # still swinging at a recent entry
             size, omega = record.motion_size, record.main_frequency
             own += [{"displacement": size}, {"velocity": size * omega}]
-            pairs = self.swinging if record.cut is None else ()
+            pairs = (*record.further_states, *(self.swinging if record.cut is None else ()))
             own += [change for position, rate in pairs for change in ({position: size}, {rate: size * omega})]
         if record.cut is not None and record.first_mark is None:
             own += [{"angle": 0.1}, {"speed": 1e-3}]
@@ -124,7 +124,7 @@ class Fitter:
     def _nudged(self, nuisances: Nuisances, change: Mapping[str, float], amount: float, arc: float) -> Nuisances:
         values: dict[str, Any] = {}
         for key, size in change.items():
-            if any(key in pair for pair in self.swinging):
+            if key.startswith("modes[") or any(key in pair for pair in self.swinging):
                 nuisances = begun_with(nuisances, key, amount * size)
             elif "." in key:
                 nuisances = turned_by(nuisances, key, amount * size)
@@ -329,7 +329,8 @@ class Fitter:
             for change, amount in zip(self._own_steps(record, nuisances), move, strict=True):
                 nuisances = self._nudged(nuisances, change, float(amount), arc)
             if record.starts_in_cut and nuisances.entry <= record.first_simulated:  # nothing is seen of it, nothing holds it
-                nuisances = replace(nuisances, entry=record.first_simulated, late_entry=0.0, displacement=0.0, velocity=0.0)
+                nuisances = replace(nuisances, entry=record.first_simulated, late_entry=0.0, displacement=0.0, velocity=0.0,
+                                    states=())
             changed.append(nuisances)
         return replace(state, nuisances=tuple(changed))
 

@@ -19,6 +19,7 @@ from analysis.report.waveforms import LEFT, Look
 
 View = TypeVar("View", AngleView, SpectrumView)
 KINDS = ("idle", "entry", "steady", "exit", "ring-down")
+MULTIPLES = 30  # of a frequency that are drawn
 SPECTRUM_BUDGET = 40_000  # points of all spectra of one page
 CALM, HOT = 1.1, 10.0  # residual over noise at which a cell is palest and reddest
 
@@ -209,6 +210,11 @@ def _where(share: str) -> str:
     }[share]
 
 
+def _multiples(base: float) -> tuple[float, ...]:
+    """A frequency and its multiples, as many as are drawn; none of 0."""
+    return tuple(order * base for order in range(1, MULTIPLES + 1)) if base > 0.0 else ()
+
+
 def _spectrum_panel(view: SpectrumView, look: Look, points: int) -> Panel:
     step = view.frequency[1] - view.frequency[0]
     values = np.maximum(view.amplitude[1:] * look.factor, 1e-300)
@@ -222,15 +228,16 @@ def _spectrum_panel(view: SpectrumView, look: Look, points: int) -> Panel:
         line | {"name": "residual", "y": y, "line": {"color": LEFT, "width": 1}},
     ]
     top = float(view.frequency[-1])
+    turns = () if view.spindle == view.tooth else _multiples(view.spindle)
     lines = (
-        ("once per revolution and its multiples", view.spindle, "#8b6fc0", "dot", 30),
-        ("tooth passing and harmonics", view.tooth, "#2a9d6f", "dash", 30),
-        ("natural frequency", view.natural, "#3b82c4", "solid", 1),
+        ("once per revolution and its multiples", turns, "#8b6fc0", "dot"),
+        ("tooth passing and harmonics", _multiples(view.tooth), "#2a9d6f", "dash"),
+        ("natural frequency" if len(view.natural) < 2 else "natural frequencies", view.natural, "#3b82c4", "solid"),
     )
-    for name, base, colour, dash, most in lines:
-        if base <= 0 or name.startswith("once") and view.spindle == view.tooth:
+    for name, drawn, colour, dash in lines:
+        if not drawn:
             continue
-        places = [order * base for order in range(1, most + 1) if order * base <= top]
+        places = [one for one in drawn if one <= top]
         xs = [value for place in places for value in (place, place, None)]
         ys = [value for _ in places for value in (low, high, None)]
         traces.insert(

@@ -22,7 +22,6 @@ from analysis.fit.waveform import Fitter
 from analysis.search.diagnosis import ADEQUATE, Candidate
 from testbed.effect import Effect
 from testbed.machine import DIRECTIONS, Model
-from testbed.recording import DERIVATIVES
 
 MUCH = 3.0  # error over noise floor from which the other way is tried
 FAR_BETTER = 0.5  # times the error, that it must leave
@@ -52,7 +51,7 @@ def _ways(records: Sequence[Observed], model: Model) -> Iterator[_Way]:
         cutting = replace(model.cutting, direction=other)
         yield _Way(f"as {other}", f"the model says {model.cutting.direction}: if that was not so, mend its direction", records,
                    replace(model, cutting=cutting))
-    if any(name in DERIVATIVES for record in records for name in record.channels):
+    if any(sensor is not None for record in records for sensor in record.sensors):
         remedy = "positive is what makes the chip thicker; if the sensor counts the other way, give its channel scale: -1"
         yield _Way("with the sign of the motion turned", remedy, [_turned(record) for record in records], model)
 
@@ -96,5 +95,5 @@ def _opening(plant: Plant, records: Sequence[Observed], model: Model, catalogue:
 
 
 def _turned(record: Observed) -> Observed:
-    sign = np.array([-1.0 if name in DERIVATIVES else 1.0 for name in record.channels])
+    sign = np.array([1.0 if sensor is None else -1.0 for sensor in record.sensors])
     return replace(record, data=sign[:, None] * record.data)

@@ -104,19 +104,20 @@ def progress(title: str, quiet: bool = False, counted: str = "") -> Iterator[Cal
         yield show
 
 
-def shown(value: float, unit: str, digits: int = 5) -> str:
-    """A quantity for people: an SI value in the unit that is usual for it."""
+def shown(value: float, unit: str, digits: int = 5, path: str = "") -> str:
+    """A quantity for people: an SI value in the unit that is usual for it, or for a parameter of that path."""
     from testbed.units import format_quantity
 
-    usual = {"rad/s": "rpm", "N/m^2": "N/mm^2"}.get(unit, unit)
+    usual = {"rad/s": "rpm", "N/m^2": "N/mm^2"}.get(unit, "deg" if path.endswith(".direction") else unit)
     return "-" if not math.isfinite(value) else format_quantity(value, usual, digits)
 
 
-def interval_shown(one: Any) -> tuple[str, str, str]:
-    """Value, low and high of an estimate for people, with as many digits as tell the ends apart."""
+def interval_shown(one: Any, path: str = "") -> tuple[str, str, str]:
+    """Value, low and high of an estimate for people, with as many digits as tell the ends apart. path: of the parameter."""
     width = one.high - one.low
     if not one.determined:
-        return shown(one.value, one.unit), NOT_DETERMINED, NOT_DETERMINED
+        return shown(one.value, one.unit, path=path), NOT_DETERMINED, NOT_DETERMINED
     digits = 5 if width <= 0.0 or one.value == 0.0 else math.ceil(math.log10(abs(one.value) / width)) + 2
-    value, low, high = (shown(number, one.unit, min(max(digits, 5), MOST_DIGITS)) for number in (one.value, one.low, one.high))
+    digits = min(max(digits, 5), MOST_DIGITS)
+    value, low, high = (shown(number, one.unit, digits, path) for number in (one.value, one.low, one.high))
     return value, low, high

@@ -46,14 +46,15 @@ def observed_records(records: Sequence[Any], model: Any, path: object, model_fil
     return ready
 
 
-def read_both(campaign: str, model_file: str, catalogue: Any) -> tuple[Any, list[Any], tuple[Any, ...]]:
-    """(model, records ready for a fit, records as read) of a command's two files."""
+def read_both(campaign: str, model_file: str, catalogue: Any, planar: bool = False) -> tuple[Any, list[Any], tuple[Any, ...]]:
+    """(model, records ready for a fit, records as read) of a command's two files; planar: it takes a machine in x and y."""
     from analysis.fit.spindle_speed import at_modelled_speed
     from testbed.cli._options import refuse_planar
     from testbed.model_file import read_model
 
     model = read_model(model_file, catalogue)
-    refuse_planar(model, model_file)
+    if not planar:
+        refuse_planar(model, model_file)
     records = load_records(campaign)
     observed = observed_records(records, model, campaign, Path(model_file))
     return model, at_modelled_speed(observed, model.effects, catalogue), records
@@ -86,7 +87,7 @@ def doubts(records: Sequence[Any], model: Any) -> list[str]:
         if record.kind != "cut":  # whose spindle may stand still
             notes = [note for note in notes if not note.startswith("tachometer")]
         notes += notes_of(record.recording, record.kind)
-        notes += rate_notes(record.recording.sampling_rate, model.structure.natural_frequency)
+        notes += rate_notes(record.recording.sampling_rate, model.structure.frequency_range[1])
         if record.kind == "cut" and not len(record.recording.marks):
             seen = report(record.recording, record.name, "cut", ())
             notes += [f"{note}: mend the campaign if the signal is right" for note in seen.notes if "spindle speed" in note]
@@ -99,6 +100,8 @@ def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
     """A line where cuts were measured by their motion alone, which tells forces only relative to the mass."""
     from testbed.recording import DERIVATIVES
 
+    if model.structure.planar:  # see analysis.fit.told
+        return []
     moving = any(record.kind == "cut" and any(name in DERIVATIVES for name in record.recording.channels) for record in records)
     if not moving or any(record.kind == "excited" for record in records):
         return []
@@ -130,8 +133,9 @@ def notes_on(records: Sequence[Any], model: Any) -> list[str]:
 
 
 def channel_units(records: Sequence[Any]) -> dict[str, str]:
-    """The unit of every channel of the records, SI or its own."""
-    return {name: unit for record in records for name, unit in record.recording.units.items()}
+    """The unit of every channel of the records, SI or its own, by its own name and by the engines'."""
+    seen = [recording for record in records for recording in (record.recording, record.recording.in_the_plane())]
+    return {name: unit for recording in seen for name, unit in recording.units.items()}
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
@@ -16,6 +16,7 @@ MOTIONS = ("displacement", "velocity", "acceleration")
 FAR_OFF = 0.2  # relative difference from which a decay is another mode's, or the belief is wrong,
 FEWEST_ALIKE, MOST_OF = 2, 0.6  # if so many decays, and such a share of them, ring within
 RING_ALIKE = 0.05  # of one frequency; what multipliers find beyond that of where the structure rings contradicts it
+NOT_MEASURED = "measured multipliers are those of one mode along the feed"
 CONTRADICTED = "nothing is identified: the free decays ring"
 RATIO_DOUBT = 0.2  # standard error of the logarithm of the coefficients' ratio that a model is believed to have
 
@@ -135,6 +136,7 @@ class Identified:
     """What an identification found: model, parameter path -> value, low, high, unit; the tests; quality.
 
     at_bound: parameters that ended at an end of the range searched. notes: in words, what was taken otherwise than stated.
+    said: what was said before the fit.
     """
 
     model: Any
@@ -143,6 +145,7 @@ class Identified:
     quality: Mapping[str, Any]
     at_bound: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    said: tuple[str, ...] = ()
 
 
 def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, seed: int, *,
@@ -196,8 +199,30 @@ def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path
     return tuple(rows)
 
 
-def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catalogue: Any, model_file: object) -> Identified:
-    """Fit the whole waveform of every record with the simulator, the parameters of the model's effects too."""
+def _multipliers_of(model: Any, fitter: Any, fit: Any, catalogue: Any) -> tuple[dict[str, Any], ...]:
+    """The same of a machine in x and y: the model's own alone, since one channel holds several modes at once."""
+    from analysis.fit.estimates import speed_factors
+    from testbed.cli.multipliers import multipliers
+
+    rows, cuts = [], [record for record in fitter.records if record.cut is not None]
+    for record, factor in zip(cuts, speed_factors(fitter, fit), strict=True):
+        cut = replace(record.cut, spindle_speed=record.cut.spindle_speed * factor)
+        try:
+            found = multipliers(model, cut, catalogue, record.name)
+            values, per = found["multipliers"], "revolution" if found["period_passes"] > 1 else "tooth"
+        except InputProblem:
+            values, per = (), ""
+        rows.append({"name": record.name, "spindle_speed": cut.spindle_speed, "axial_depth_of_cut": cut.axial_depth_of_cut,
+                     "measured": (), "model": values, "used": True, "reason": NOT_MEASURED, "per": per})
+    return tuple(rows)
+
+
+def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catalogue: Any, model_file: object,
+                         say: Callable[[str], object] = lambda note: None) -> Identified:
+    """Fit the whole waveform of every record with the simulator, the parameters of the model's effects too.
+
+    say: is told, before the fit, what the records' channels do not tell.
+    """
     from analysis.fit.doubted_marks import with_marks_doubted
     from analysis.fit.estimates import at_bound, clock_note
     from analysis.fit.held_guesses import with_guesses_held
@@ -206,14 +231,22 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     from analysis.fit.plausible import remarks_on
     from analysis.fit.spindle_speed import at_modelled_speed
     from analysis.fit.taken import taken_notes
+    from analysis.fit.told import what_is_told
 
-    observed = at_modelled_speed(observed_records(records, model, path, model_file), model.effects, catalogue)
-    fitter, fit = with_marks_doubted(*model_fit(plant_of(catalogue), observed, model, catalogue))  # as testbed compare does
+    observed, plant = observed_records(records, model, path, model_file), plant_of(catalogue)
+    observed = at_modelled_speed(observed, model.effects, catalogue)
+    told = what_is_told(plant, observed, model, catalogue)
+    for note in told.notes:
+        say(note)
+    free = told.free if model.structure.planar else None
+    fitter, fit = with_marks_doubted(*model_fit(plant, observed, model, catalogue, free))  # as testbed compare does
     held = with_guesses_held(fitter, fit, model, catalogue)
     fitter, fit, found = held.fitter, held.fit, held.values
     chi_square = fit.squares / max(1, sum(residual.size for residual in fit.residuals) - len(fit.names))
     noise = pooled(errors_in_fit(fitter, fit))[1]
-    rows = _multipliers_beside(fit.state.model, records, catalogue, path)
+    rows = _multipliers_of(fit.state.model, fitter, fit, catalogue) if model.planar else \
+        _multipliers_beside(fit.state.model, records, catalogue, path)
     quality = {"chi_square": chi_square, "converged": fit.converged, "noise_floor": noise}
     return Identified(held.model, found, rows, quality, at_bound(fitter.free, found),
-                      (*taken_notes(observed, fitter.records), *clock_note(fitter, fit), *remarks_on(model, held.model)))
+                      (*taken_notes(observed, fitter.records), *clock_note(fitter, fit), *remarks_on(model, held.model)),
+                      tuple(told.notes))

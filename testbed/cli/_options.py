@@ -130,16 +130,21 @@ def cutting_model(path: str, catalogue: Any = None, otherwise: str = "") -> Any:
     from testbed.model_file import read_model
 
     model = read_model(path, catalogue)
-    if model.cutter is None:
-        raise InputProblem(path, "has no cutter and cutting", f"add both: this command is about a cut{otherwise}")
+    check_cutting(model, path, otherwise)
     return model
 
 
-def refuse_planar(model: Any, place: str) -> None:
-    """InputProblem where a model has more than the one mode along the feed that a fit can take so far."""
+def check_cutting(model: Any, path: str, otherwise: str = "") -> None:
+    """InputProblem, with what to do `otherwise`, where a model has no cutter."""
+    if model.cutter is None:
+        raise InputProblem(path, "has no cutter and cutting", f"add both: this command is about a cut{otherwise}")
+
+
+def refuse_planar(model: Any, place: str, instead: str = "this command takes one mode along x so far; run, chart, "
+                  "multipliers, identify and compare take any") -> None:
+    """InputProblem where a model has more than the one mode along the feed, with what to do instead."""
     if model.planar:
-        raise InputProblem(place, "has modes beyond one of the workpiece along x, or a pitch for each tooth",
-                           "fits take one mode along x so far; run, chart and multipliers take any")
+        raise InputProblem(place, "has modes beyond one of the workpiece along x, or a pitch for each tooth", instead)
 
 
 def refuse_planar_effects(model: Any, place: str) -> None:

@@ -32,6 +32,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     from analysis.fit.plausible import remarks_on
     from analysis.fit.switched import switch_note
     from analysis.fit.taken import taken_notes
+    from analysis.fit.told import what_is_told
     from analysis.search.mark_delay import delay_note
     from analysis.search.other_way import other_way_note
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
@@ -39,9 +40,12 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     answer = Answer(json_file, quiet)
     pictures = output_folder(output) if output else None
     catalogue = catalogue_of(folders)
-    model, records, read = read_both(campaign, model_file, catalogue)
+    model, records, read = read_both(campaign, model_file, catalogue, planar=True)
+    told = what_is_told(plant_of(catalogue), records, model, catalogue)
+    for note in told.notes:  # before the fit
+        answer.say(note)
     with sign_of_life("fitting the believed model to all records", quiet):
-        found = compare(plant_of(catalogue), records, model, catalogue)
+        found = compare(plant_of(catalogue), records, model, catalogue, told.free if model.structure.planar else None)
         turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
     unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
     notes = [*notes_on(read, model), *turned, *unlike, *taken_notes(records, found.fitter.records),
@@ -60,7 +64,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
         with sign_of_life("fitting test by test, drawing", quiet):
             tested, units = constancy(found.fitter, found.fit, catalogue), channel_units(read)
             states = []
-            if not found.adequate:  # of noise there is no map
+            if not found.adequate and not model.planar:  # of noise there is no map, and in x and y one is not enough
                 states = force_states(plant_of(catalogue), found.fitter, found.fit, found.errors, catalogue)
             paths = save(found, pictures, tested, states, map_units(units), units)
             page = compare_page(found, model, catalogue, units, tested=tested,
@@ -68,7 +72,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
                                 notes=[f"{campaign} against {model_file}", *notes])
             report = page.write(pictures / "report.html")
         answer.say(f"{len(paths)} pictures are in {pictures}; open {report}")
-    answer.finish(as_json(found) | {"notes": notes})
+    answer.finish(as_json(found) | {"notes": [*told.notes, *notes]})
 
 
 def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
@@ -89,7 +93,8 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
     _segments(answer, found)
     answer.say()
     answer.table(("parameter", "believed", "found", "low", "high"),
-                 [(path, shown(before.value(path), one.unit), *interval_shown(one)) for path, one in found.parameters.items()])
+                 [(path, shown(before.value(path), one.unit, path=path), *interval_shown(one, path))
+                  for path, one in found.parameters.items()])
     if found.at_bound:
         answer.say(said_at_bound(found.at_bound))
     _nuisances(answer, found)

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from testbed.cli._answer import Answer, interval_shown, shown
-from testbed.cli._options import catalogue_of, cutting_model, effects_option, model_option, refuse_planar, shared
+from testbed.cli._options import catalogue_of, check_cutting, effects_option, model_option, refuse_planar, shared
 from testbed.cli._places import check_place
 from testbed.problem import InputProblem
 
@@ -23,16 +23,18 @@ DOUBTED, MISSED = 5.0, 30.0  # misfits per degree of freedom from which a fit by
 @model_option
 @click.option("-o", "--output", metavar="NEW.yaml",
               help="Write the model with the values found; an older model there is replaced.")
-@click.option("--method", type=click.Choice(["multipliers", "waveform"]), default="multipliers", show_default=True,
-              help="Fit the characteristic multipliers of the entry transients, or every sample of every record.")
+@click.option("--method", type=click.Choice(["multipliers", "waveform"]),
+              help="Fit the characteristic multipliers of the entry transients (the default for one mode along the feed), or "
+                   "every sample of every record (the default for a machine in x and y).")
 @effects_option
 @shared
-def command(data: str, model_file: str, output: str | None, method: str, folders: tuple[str, ...],
+def command(data: str, model_file: str, output: str | None, method: str | None, folders: tuple[str, ...],
             json_file: str | None, seed: int | None, quiet: bool) -> None:
     """Estimate the machine of DATA (an HDF5 data set or a campaign.yaml), starting from MODEL.yaml.
 
     The multipliers of a cut are those of the linear machine: they know nothing of effects. --method waveform simulates
-    the model with its effects, and fits their parameters too. Intervals are 95 %.
+    the model with its effects, and fits their parameters too. Intervals are 95 %. Of a machine in x and y it finds every mode's
+    frequency, damping, direction and mass, as far as the channels tell them; what they do not tell is said before the fit.
     """
     from analysis.fit.plausible import unlike_a_machine
     from analysis.search.diagnosis import FAINT_REST, SILENT
@@ -44,40 +46,47 @@ def command(data: str, model_file: str, output: str | None, method: str, folders
     answer = Answer(json_file, quiet)
     check_place(output)
     catalogue = catalogue_of(folders)
+    model = read_model(model_file, catalogue)
+    method = method or ("waveform" if model.planar else "multipliers")
     multipliers = method == "multipliers"
-    otherwise = "; for free decays and driven records there is --method waveform"
-    model = cutting_model(model_file, catalogue, otherwise) if multipliers else read_model(model_file, catalogue)
-    refuse_planar(model, model_file)
+    if multipliers:
+        refuse_planar(model, model_file, "measured multipliers are those of one mode along x: take --method waveform")
+        check_cutting(model, model_file, "; for free decays and driven records there is --method waveform")
     records = load_records(data)
     try:
         found = identify_by_multipliers(model, records, data, seed or 0) if multipliers else \
-            identify_by_waveform(model, records, data, catalogue, model_file)
+            identify_by_waveform(model, records, data, catalogue, model_file, answer.say)
     except InputProblem:
         raise
     except (ValueError, ArithmeticError) as problem:
         raise InputProblem(data, str(problem), "add tests with a clear entry transient, or try --method waveform"
                            if multipliers else "check the records with testbed inspect") from None
-    notes = [*([] if multipliers else uncalibrated(records)), *doubts(records, model),  # multipliers have no unit
+    after = [*([] if multipliers else uncalibrated(records)), *doubts(records, model),  # multipliers have no unit
              *of_the_parts(records), *of_the_mass(records, model), *found.notes]
     if multipliers and found.quality["chi_square"] > DOUBTED:
-        notes.append(_of_the_misfit(found))
+        after.append(_of_the_misfit(found))
     if found.at_bound:
-        notes.append(_of_the_bounds(found, multipliers))
+        after.append(_of_the_bounds(found, multipliers))
     if multipliers:
-        notes += [*_left_out(found), *_speeds_found(records, found), _of_the_ratio(found)]
+        after += [*_left_out(found), *_speeds_found(records, found), _of_the_ratio(found)]
     elif found.quality["noise_floor"] > SILENT:
-        notes.append("hardly anything but noise was measured: these records say nothing of the machine, whatever the intervals")
+        after.append("hardly anything but noise was measured: these records say nothing of the machine, whatever the intervals")
     elif found.quality["chi_square"] > FAINT_REST**2:  # as testbed compare and testbed diagnose have it
-        notes.append(f"the model leaves {found.quality['chi_square'] ** 0.5:.2g} times the noise: what it lacks may bend its "
-                     "parameters beyond their intervals; testbed diagnose says whether an effect is missing")
-    for note in notes:
+        after.append(f"the model leaves {found.quality['chi_square'] ** 0.5:.2g} times the noise: what it lacks may bend its "
+                     "parameters beyond their intervals" + _to_diagnose(model))
+    for note in after:
         answer.say(note)
     _say(answer, found)
     if output is not None:
         write_model(found.model, output, catalogue, unlike_a_machine(found.model))
         answer.say(f"written: {output}")
     answer.finish({"method": method, "parameters": {name: one.as_json() for name, one in found.parameters.items()},
-                   "tests": found.tests, **found.quality, "at_bound": found.at_bound, "notes": notes})
+                   "tests": found.tests, **found.quality, "at_bound": found.at_bound, "notes": [*found.said, *after]})
+
+
+def _to_diagnose(model: Any) -> str:
+    """Where to ask which effect is missing, of a model that can be asked about."""
+    return "" if model.planar else "; testbed diagnose says whether an effect is missing"
 
 
 def _of_the_misfit(found: Any) -> str:
@@ -144,9 +153,14 @@ def _missed_by(test: Any) -> float:
 
 def _say(answer: Answer, found: Any) -> None:
     answer.table(("parameter", "value", "low", "high"),
-                 [(name, *interval_shown(one))
+                 [(name, *interval_shown(one, name))
                   for name, one in found.parameters.items()])
-    if found.tests:
+    if found.model.planar and found.tests:
+        answer.say()
+        answer.table(("test", "speed", "depth", "largest multiplier of the model", "modulus", "per"),
+                     [_planar_row(test) for test in found.tests])
+        answer.say(f"of these tests the model's multipliers alone are told: {found.tests[0]['reason']}")
+    elif found.tests:
         answer.say()
         answer.table(("test", "speed", "depth", "measured", "model", "used"), [_row(test) for test in found.tests])
         for test in found.tests:
@@ -154,6 +168,13 @@ def _say(answer: Answer, found: Any) -> None:
                 answer.say(f"{test['name']} was left out: {test['reason']}")
     converged = "" if found.quality["converged"] else "; the fit did not converge"
     answer.say(f"misfit per degree of freedom {found.quality['chi_square']:.3g}{converged}")
+
+
+def _planar_row(test: Any) -> tuple[str, ...]:
+    largest = max(test["model"], key=abs, default=None)
+    told = ("-", "-") if largest is None else (f"{largest:+.4f}", f"{abs(largest):.4f}")
+    depth = f"{test['axial_depth_of_cut'] * 1e3:.4g} mm"
+    return (test["name"], shown(test["spindle_speed"], "rad/s"), depth, *told, test["per"])
 
 
 def _row(test: Any) -> tuple[str, ...]:

@@ -34,12 +34,15 @@ def decay_freely(A, P, G, O, Y, clock, W, D, E, out):
 
 
 @inner
-def march(A, P, G, O, plain, Y, Y1, D, W, K, H, E, force, rate, substeps, limit, out):
-    """Step from sample to sample under a force along the feed; True if it stayed below `limit`. The others are scratch."""
+def march(A, P, G, O, plain, Y, Y1, D, W, K, H, E, force, ahead, across, rate, substeps, limit, out):
+    """Step from sample to sample under a force; True if it stayed below `limit`. The others are scratch.
+
+    ahead, across: of the force, what acts along x and along y.
+    """
     more = O.shape[0] > 1 or plain.shape[0] > 0
     h = 1.0 / (rate * substeps)
     set_half_and_whole(O, h, H, E)
-    derivative(A, P, G, Y, D, force[0], 0.0, 0.0)
+    derivative(A, P, G, Y, D, ahead * force[0], across * force[0], 0.0)
     for sample in range(out.shape[1]):
         put_motion(A, P, Y, D, out, sample)
         for sub in range(substeps):
@@ -48,11 +51,12 @@ def march(A, P, G, O, plain, Y, Y1, D, W, K, H, E, force, rate, substeps, limit,
             increment(O, plain, more, Y, D, h, h, K, 0)
             for stage in range(1, 4):
                 stage_state(O, plain, more, H, E, Y, K, stage, W)
-                derivative(A, P, G, W, D, end if stage == 3 else middle, 0.0, 0.0)
+                now = end if stage == 3 else middle
+                derivative(A, P, G, W, D, ahead * now, across * now, 0.0)
                 increment(O, plain, more, W, D, h, h, K, stage)
             end_state(O, plain, more, H, E, Y, K, Y1)
             copy(Y1, Y)
-            derivative(A, P, G, Y, D, end, 0.0, 0.0)  # that at the start of the next step
+            derivative(A, P, G, Y, D, ahead * end, across * end, 0.0)  # that at the start of the next step
             if not bounded(P, Y, limit):
                 fill_columns(out, sample + 1, np.nan)
                 return False
@@ -60,8 +64,10 @@ def march(A, P, G, O, plain, Y, Y1, D, W, K, H, E, force, rate, substeps, limit,
 
 
 @holding
-def drive_one(A, P, G, I, O, Y, force, rate, substeps, limit, out):
-    """March over the samples of `force` (N); fill out (channels, samples) from state Y at the first one.
+def drive_one(A, P, G, I, O, Y, force, ahead, across, rate, substeps, limit, out):
+    """March over the samples of `force` (N), of which `ahead` acts along x and `across` along y.
+
+    Fills out (channels, samples) from state Y at the first one.
 
     Returns True if the motion stayed below `limit`; behind the point where it did not, the samples are NaN.
     """
@@ -69,13 +75,13 @@ def drive_one(A, P, G, I, O, Y, force, rate, substeps, limit, out):
     if I[EXACT_FLIGHT] and bounded(P, Y, limit) and not np.any(force):
         decay_freely(A, P, G, O, Y, np.array([0.0, rate]), work[0], work[1], maps[0], out)
         return True
-    return march(A, P, G, O, I[PLAIN : PLAIN + I[PLAIN_COUNT]], Y, work[0], work[1], work[2], K, maps[0], maps[1], force, rate,
-                 substeps, limit, out)
+    return march(A, P, G, O, I[PLAIN : PLAIN + I[PLAIN_COUNT]], Y, work[0], work[1], work[2], K, maps[0], maps[1], force, ahead,
+                 across, rate, substeps, limit, out)
 
 
 @kept(nogil=True)
-def drive_batch(A, P, G, I, O, Y, force, rate, substeps, limit, out, within):
-    """drive_one over the first axis of the arrays (rate and substeps are shared)."""
+def drive_batch(A, P, G, I, O, Y, force, ahead, across, rate, substeps, limit, out, within):
+    """drive_one over the first axis of the arrays (what is no array is shared)."""
     for run in range(G.shape[0]):
-        within[run] = drive_one(A[run], P[run], G[run], I[run], O[run, : I[run, CARRIED]], Y[run], force[run], rate,
-                                 substeps, limit, out[run])  # fmt: skip
+        within[run] = drive_one(A[run], P[run], G[run], I[run], O[run, : I[run, CARRIED]], Y[run], force[run], ahead,
+                                 across, rate, substeps, limit, out[run])  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,6 +23,7 @@ from testbed.machine import Cutter, Cutting, Mode, Model, Structure
 from testbed.problem import InputProblem
 
 _PYTHON_HOOKS = ("measure",)
+_MODE_STATE = re.compile(r"modes\[([1-9]\d*)\]\.(displacement|velocity)")
 _REPLACED = [hook for hook, what in HOOKS.items() if what.joins == "replace"]
 
 
@@ -62,9 +64,14 @@ def layout_of(catalogue: Mapping[str, Effect]) -> Layout:
 
 
 def state_place(catalogue: Mapping[str, Effect], path: str) -> int:
-    """The place in Y of an effect's own state, by its path `effect.state`. KeyError where there is none."""
+    """The place in Y of a state by its path: an effect's own, `effect.state`, or that of a mode beyond the first,
+    `modes[1].displacement` or `.velocity`. KeyError where there is none."""
+    known = layout_of(catalogue).state
+    mode = _MODE_STATE.fullmatch(path)
+    if mode:
+        return 1 + len(known) + 2 * int(mode[1]) + int(mode[2] == "velocity")  # see plane_kernel.mode_place
     effect, _, state = path.partition(".")
-    return layout_of(catalogue).state[effect, state]
+    return known[effect, state]
 
 
 def _geometry(cutter: Cutter, cutting: Cutting, structure: Structure, slices: int, lag: float, corners: np.ndarray,

@@ -267,6 +267,8 @@ def simulate(model: Model, cut: Cut, sampling: Sampling, *, channels: Sequence[s
         raise ValueError("this engine's cuts begin and end with a tooth pass")
     if cut.held_until:
         raise ValueError("this engine's structure moves from time 0 on")
+    if cut.states:
+        raise ValueError("this engine's further modes stand still at time 0")
     unknown = set(channels) - set(CHANNELS)
     if unknown:
         raise ValueError(f"no channel {', '.join(sorted(unknown))}; known: {', '.join(CHANNELS)}")

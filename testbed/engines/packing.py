@@ -23,6 +23,7 @@ from testbed.engines.model_arrays import (
     OfModel,
     of_lag,
     of_model,
+    state_place,
 )
 from testbed.machine import Model
 
@@ -193,6 +194,9 @@ def pack_many(
     further = max(len(one.model.structure.further) for one in of)
     Y = np.zeros((len(which), 3 + len(of[0].layout.state) + 2 * further))
     Y[:, 0], Y[:, 1] = cut.initial_displacement, cut.initial_velocity
+    for run, states in enumerate(given.states):
+        for path, value in states:
+            Y[run, state_place(catalogue, path)] = value
     O = [np.zeros((one.layout.oscillators + further, 3)) for one in of]  # noqa: E741
     for rows, one in zip(O, of, strict=True):
         rows[: len(one.motion.oscillators)] = one.motion.oscillators

@@ -20,6 +20,7 @@ from testbed.engines.model_arrays import kind_of, state_place
 from testbed.engines.packing import pack_many
 from testbed.engines.stiffening import fastest_frequency
 from testbed.machine import Model
+from testbed.recording import sensor_of
 
 LARGEST = 3.0  # a swing is followed back no further than to where it was exp(3) times what it is at the first sample
 MOST_SUBSTEPS = 200  # steps within one sample, beyond which a driven structure is not followed
@@ -105,14 +106,16 @@ def predict_driven(
     limit: float = math.inf,
     refinement: int = 1,
     own: Sequence[Mapping[str, float]] = (),
+    along: tuple[float, float] = (1.0, 0.0),
 ) -> np.ndarray:
-    """Predicted channels of a structure under a sampled force along the feed (N), from states (x, v) at the first sample.
+    """Predicted channels of a structure under a sampled force (N) from states (x, v) at the first sample.
 
-    Of a structure that moves in the plane the states are the first mode's; the models are then all of that kind.
+    Of a structure that moves in the plane the states are the first mode's; the models are then all of that kind. along: the
+    direction (x, y) of the force, by which it acts on every mode as a cutting force does.
 
     Shape (runs, channels, samples); zeros for `force` make it a free decay; NaN where a step would have to be absurdly short.
-    refinement: how many times as many steps as the engine would choose. own: of each run, the effects' own states at the first
-    sample by their paths (`second_mode.deflection`), where they are not 0.
+    refinement: how many times as many steps as the engine would choose. own: of each run, the states of effects and of further
+    modes at the first sample by their paths (`second_mode.deflection`, `modes[1].velocity`), where they are not 0.
     """
     effects = known_effects() if catalogue is None else catalogue
     fastest = max(fastest_frequency(model, effects) for model in models)
@@ -134,6 +137,7 @@ def predict_driven(
         O,
         Y,
         np.tile(force, (len(models), 1)),  # a view would be of another type, and the kernel compiled once more
+        *along,
         rate,
         substeps,
         limit,
@@ -161,14 +165,21 @@ def _sensed(
 
 
 def _swing_before(model: Model, cut: Cut, rate: float) -> dict[str, np.ndarray]:
-    """Samples of the free vibration that leads to the state with which an underdamped structure is let go."""
-    omega, x, v = model.structure.natural_frequency_rad, cut.initial_displacement, cut.initial_velocity
-    decay = model.structure.damping_ratio * omega
-    time = -np.arange(math.floor(LARGEST / max(decay, LARGEST / REMEMBERED) * rate), 0, -1) / rate
-    damped = math.sqrt(omega**2 - decay**2)
-    cosine, sine = np.cos(damped * time), np.sin(damped * time) / damped
-    displacement = np.exp(-decay * time) * (x * cosine + (v + decay * x) * sine)
-    velocity = np.exp(-decay * time) * (v * cosine - (omega**2 * x + decay * v) * sine)
-    seen = model.structure.shape[0] if model.structure.on == "workpiece" else 0.0
-    return {"displacement": seen * displacement, "velocity": seen * velocity,
-            "acceleration": seen * (-2.0 * decay * velocity - omega**2 * displacement)}  # fmt: skip
+    """Samples, by channel, of the free vibration that leads to the state with which an underdamped structure is let go."""
+    modes = model.structure.modes
+    fastest = max(mode.damping_ratio * mode.natural_frequency_rad for mode in modes)
+    time = -np.arange(math.floor(LARGEST / max(fastest, LARGEST / REMEMBERED) * rate), 0, -1) / rate
+    begun = {"modes[0].displacement": cut.initial_displacement, "modes[0].velocity": cut.initial_velocity, **dict(cut.states)}
+    sensors = {name: sensor for name in fast.CHANNELS if (sensor := sensor_of(name)) is not None}
+    found = {name: np.zeros(len(time)) for name in sensors}
+    for place, mode in enumerate(modes):
+        x, v = (begun.get(f"modes[{place}].{name}", 0.0) for name in ("displacement", "velocity"))
+        omega, decay = mode.natural_frequency_rad, mode.damping_ratio * mode.natural_frequency_rad
+        damped = math.sqrt(omega**2 - decay**2)
+        cosine, sine = np.cos(damped * time), np.sin(damped * time) / damped
+        displacement = np.exp(-decay * time) * (x * cosine + (v + decay * x) * sine)
+        velocity = np.exp(-decay * time) * (v * cosine - (omega**2 * x + decay * v) * sine)
+        motion = displacement, velocity, -2.0 * decay * velocity - omega**2 * displacement
+        for name, sensor in sensors.items():
+            found[name] += mode.seen(sensor.on, sensor.axis) * motion[sensor.order]
+    return found
