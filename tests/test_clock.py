@@ -36,6 +36,8 @@ def test_the_interval_of_a_frequency_holds_the_truth_where_the_clock_may_be_off(
     found, true = estimates(fitter, fit, KNOWN)["natural_frequency"], TRUE.structure.natural_frequency
     assert found.value == pytest.approx(true * off, rel=5e-4)
     assert found.low <= true <= found.high and found.high - found.low < 0.012 * true
+    for name in ("tangential_coefficient", "normal_coefficient"):  # forces by the mass, which is held, go by its square
+        assert (one := estimates(fitter, fit, KNOWN)[name]).low <= TRUE.value(name) <= one.high
     assert clock_factor(fitter, fit) == pytest.approx(off, rel=1e-3)
     assert "sampling rate may be off" in clock_note(fitter, fit)[0]
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.fft import next_fast_len
 from synthetic_cut import FREQUENCY, RHO, Truth, milling_record
 
-from analysis.records.hum import hum_lag
+from analysis.records.hum import hum_lag, without_hum
 from analysis.records.lines import amplitude_spectrum, comb_speed, find_peaks, follow_line, spectral_lines
 from analysis.records.noise import noise_floor, samples_of
 from analysis.records.orders import turns_of
@@ -300,3 +300,15 @@ def test_a_long_record_is_looked_at_piece_by_piece_as_a_short_one_is(monkeypatch
     assert len(amplitude_spectrum(values, 6400.0)[0]) == next_fast_len(4 * count, real=True) // 2 + 1
     found = find_peaks(values, 6400.0, 1)
     assert np.allclose(found, lines, rtol=0.02) and abs(found[0][0] - 147.3) < 0.01
+
+
+def test_hum_is_taken_out_where_its_period_lies_between_samples() -> None:
+    """At 14404 Hz a period of the mains is 288.08 samples: the next whole number leaves much more of the harmonics."""
+    time = np.arange(20000) / 14404.0
+    hum = sum(np.cos(2 * np.pi * 50.0 * order * time + order) / order for order in (1, 3, 5, 7))
+    lag = hum_lag(hum, 14404.0, 542.7)
+    assert lag == pytest.approx(288.08)
+    left, whole = without_hum(hum, lag), without_hum(hum, 288)
+    assert len(left) == len(hum) and left.std() < 1e-4 * hum.std() < 0.1 * whole.std()
+    late = np.where(np.arange(20000) < 9000, 0.0, np.cos(2 * np.pi * 173.0 * time))
+    assert not without_hum(hum + late, lag)[:9000].std() > 1e-4  # nothing is seen before it came

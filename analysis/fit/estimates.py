@@ -21,6 +21,7 @@ AT_BOUND = 1e-6  # of a bound: what is closer lies at it
 NO_INTERVAL = 1e-9  # of a value: a narrower interval is none
 LEAST_SLIP = 1e-3  # of the speed: two cuts or more that are off alike by more may be timed by a clock that is off
 SLIPS_ALIKE = 0.2  # of that factor, up to which the cuts' own differ
+BY_THE_CLOCK = {"Hz": 1.0, "N": 2.0, "N/m": 2.0, "N/m^2": 2.0, "N/m^3": 2.0}  # by unit: powers of its rate, the mass held
 MATTERS = {"natural_frequency": 2e-4, "damping_ratio": 0.03}  # relative change that counts; of the others 0.01
 DIRECTED = 1.5  # rad: half an interval of an angle from which the direction is unknown
 
@@ -83,7 +84,7 @@ def clock_note(fitter: Fitter, fit: WaveformFit) -> list[str]:
     """A line where a common factor of all speeds leaves open what time is."""
     factor = clock_factor(fitter, fit)
     said = (f"all cuts turn at {factor:.5g} times the stated speed: the spindle may slip, or the sampling rate may be off; the "
-            "intervals of frequencies hold both")
+            "intervals of frequencies and of coefficients hold both")
     return [said] if factor != 1.0 else []
 
 
@@ -92,7 +93,8 @@ def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect])
 
     The interval is that of the linearised fit, widened for residuals that are larger than the noise and correlated, for what
     no record shows of the lengths cut, and to hold what other states that explain as much would give, within what is possible.
-    Where all cuts turn at one factor beside the stated speed, frequencies are held to be off by as much, too.
+    Where all cuts turn at one factor beside the stated speed, frequencies are held to be off by as much, too, and what is a
+    force by the mass by its square.
     A strength whose direction is unknown is at least what it is along the direction found; of one that may be nothing, or that
     two teeth alone show, the direction may be any.
     """
@@ -107,7 +109,7 @@ def estimates(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect])
         value, (least, most) = fit.state.model.value(one.path), one.bounds
         unit = unit_of(one.path, catalogue)
         others = [state.model.value(one.path) for state in fit.alike]
-        others += [value * clock ** -(1.0 + SLIPS_ALIKE)] if unit == "Hz" else []
+        others += [value * clock ** -(BY_THE_CLOCK.get(unit, 0.0) * (1.0 + SLIPS_ALIKE))]
         low, high = min([value, *others]) - float(half), max([value, *others]) + float(half)
         if one.path in adrift.values():
             high = most

@@ -28,10 +28,13 @@ from analysis.records.spindle_clock import along_marks, check_speed, clock_error
 from analysis.records.white_noise import white_noise
 from testbed.cut import Cut, Sampling
 from testbed.machine import Carrier, Cutter, Model
+from testbed.readers.checks import clipped_samples
 from testbed.recording import DERIVATIVES, Recording, Sensor, sensor_of
 
 OPENING = 12  # revolutions from the entry that an opening holds at the least
 UNRESOLVED = 1e-4  # of a channel's rms: the engines' own error, which in data without noise would be a missing effect
+MOST_CLIPPED = 0.5  # share of a record's samples
+BESIDE, FEWEST_BESIDE = 0.15, 2  # of the samples clipped in a row, and how many at the least, to either side
 WARM_UP = 60  # revolutions simulated before a record that starts in the cut
 
 
@@ -44,8 +47,9 @@ class Observed:
     tooth angle (rad) and relative speed, from the scatter of its marks. segments and conditions as read. force (samples,)
     drives an excited record. length_summed: whether the length cut before is that of the records before, as nobody stated it.
     heard: whether it has a say in the fit. noise_doubt: standard error of the first channel's noise over itself. believed
-    (samples,): those that count; all, where None. filled (samples,): those never measured, which never count. measured: the
-    record at the speed its marks show, left out here. slots: of how many slots of the spindle, all alike, the marks may be any.
+    (samples,): those that count; all, where None. filled (samples,): those never measured, or clipped, which never count.
+    measured: the record at the speed its marks show, left out here. slots: of how many slots of the spindle, all alike, the
+    marks may be any.
     steady_marks: times (s) of all marks, where they show a constant speed. feed_basis: what the cut's feed a tooth comes from:
     it was written so ("tooth"), is what a table leaves that travels as stated ("travel"), or was taken so ("table", from what
     was written by feed_ratio); a table leaves less where the spindle turns faster than the period says. swung_front: see Cut.
@@ -308,6 +312,22 @@ class Observed:
         return np.diff(along_marks(self.marks, (nominal - self.first_mark) / self.period, self.period))
 
 
+def _clipped(data: np.ndarray) -> np.ndarray:
+    """Samples (samples,) of channels (channels, samples) whose value lies beyond what one of them could measure, or nearly.
+
+    Those beside them count as well: kept only where their noise left them below the limit, they would bend a fit. None where
+    most of a record is clipped: then the limit is no recorder's.
+    """
+    stuck = np.any([clipped_samples(row) for row in data], axis=0)
+    if not stuck.any() or stuck.mean() > MOST_CLIPPED:
+        return np.zeros(len(stuck), dtype=bool)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], stuck.astype(np.int8), [0]))))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        beside = max(FEWEST_BESIDE, round(BESIDE * (last - first)))
+        stuck[max(first - beside, 0) : last + beside] = True
+    return np.asarray(stuck)
+
+
 _FORCES = ("force_x", "force_y")
 
 
@@ -335,7 +355,7 @@ def observe(record: Any, model: Model) -> Observed:
     condition = (record.kind, *(round(float(conditions[key]), 9) for key in known if key in conditions))
     if record.kind != "cut":
         condition = (record.kind, record.name)
-    filled = np.isin(np.arange(first, last), recording.filled) if len(recording.filled) else np.zeros(0, dtype=bool)
+    filled = np.isin(np.arange(first, last), recording.filled) | _clipped(data)
     terms = drift_terms(data.shape[1] / recording.sampling_rate, slowest)
     base = Observed(
         record.name, record.kind, names, data,

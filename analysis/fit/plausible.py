@@ -58,7 +58,7 @@ def said_moved(factor: float) -> str:
     """In words, what else moves both coefficients by a factor."""
     return (f"both cutting coefficients came out {factor:.3g} times as believed: so they would if the depth of cut in all "
             f"records was {factor:.3g} times the stated one, the mass {1.0 / factor:.3g} times, or the coefficients' unit "
-            "another, and these records cannot tell which")
+            "another; depth and coefficients enter as their product, so that no records tell which, at whatever depths")
 
 
 def speeds_off(fitter: Fitter, fit: WaveformFit) -> float:

@@ -10,7 +10,11 @@ What repeats with the spindle is taken out of the last revolutions of the cut. A
 
 What repeats with the spindle, but not with the teeth, is runout, a flip of an even number of teeth, or chatter that has
 locked to the spindle. It is runout where it is small, or made of those orders alone that a cutter beside its axis makes, or
-stood right behind the entry; chatter where teeth leave the work; else the kind, or the verdict too, stays open.
+stood right behind the entry; chatter where it was not there behind the entry and grew, and where teeth leave the work; else the
+verdict stays open.
+
+The kind is told by how the motion grew while it was small, else by the place of its line. Near to an odd half of the tooth
+passing a large motion may be either: then no kind is told.
 """
 
 from __future__ import annotations
@@ -23,7 +27,7 @@ from typing import Any, Literal
 import numpy as np
 
 from analysis.records.cut_end import BEFORE, STANDS, CutEnd, Line
-from analysis.records.cut_span import cut_span
+from analysis.records.growth import growth, is_flip
 from analysis.records.once_a_turn import Pattern, pattern_of
 from analysis.records.orders import PADDED, turns_of
 from analysis.records.passing_speed import cut_speeds
@@ -44,9 +48,16 @@ LOUD_UNMEASURED = 1.0  # of the loudest order, in a motion that cannot be measur
 LOUD_ORDER, DOUBTED_ORDER = 0.7, 0.4  # of the feed: what repeats with the spindle only
 LOUD_ECCENTRIC = 1.0  # of the feed: the same where a cutter beside its axis can make it, then doubted from LOUD_ORDER on
 LOUD_FORCE, DOUBTED_FORCE = 1.5, 0.6  # of the teeth's: the same in a force, where runout itself shows and not what it moves
+ONE_TOOTH = 1.0  # times the root of the other teeth: what a force makes where one tooth alone cuts, the most of a runout
+PECULIAR, LOUD_PECULIAR, DOUBTED_PECULIAR = 4.0, 0.3, 0.2  # of the orders beside the teeth's, that neither a cutter beside its
+# axis nor teeth of any lengths make, but one rhythm does; and how large such a pattern is
 DOUBTED_UNMEASURED = 1.0  # of the teeth's: odd halves of the tooth passing in a motion that cannot be measured
 RAISED = 4.0  # times its median: the spectrum's floor where a motion has no lines,
 LOUD_IRREGULAR, LEAST_IRREGULAR = 0.5, 0.05  # as loud as a line; where integrated, of what repeats in the channel, too
+GREW = 0.3  # in the measure of each channel: what repeats with the spindle only and was not there behind the entry
+REGULAR = 0.7  # of what does not repeat, that is made by a line which tells the kind
+NEAR_HALF = 0.1  # of the tooth passing from an odd half of it, within which a large motion tells no kind
+LEAVES = 1.0  # of the feed, in motion from tooth to tooth: teeth leave the work
 HANN_NOISE = 1.5  # bins, that noise counts for under a Hann window
 ECCENTRIC, NEARLY_ECCENTRIC = 0.6, 0.4  # of the orders beside the teeth's, that others have at the most where runout made them
 _MOTION = {("displacement", "m"): 0, ("velocity", "m/s"): 1, ("acceleration", "m/s^2"): 2}
@@ -89,12 +100,12 @@ def judge_cut(recording: Recording, segments: Sequence[Segment]) -> Chatter:
 def _of_channel(recording: Recording, segments: Sequence[Segment], name: str, quantity: str) -> tuple[float, Chatter]:
     """(how far the cut stands out, the answer) of one channel."""
     flutes, turn = int(recording.conditions.get("flutes") or 1), revolution_period(recording)
-    span = cut_span(recording, segments, name, turn) if turn else None
+    parts = [part for part in segments if part.kind in ("entry", "steady")]
     if not turn:
         return 0.0, Chatter("unknown", "no tachometer and no spindle speed", channel=name)
-    if span is None:
+    if not parts:
         return 0.0, Chatter("unknown", "no cut is found in the record", channel=name)
-    inside = (recording.time >= span[0]) & (recording.time < span[1])
+    inside = (recording.time >= parts[0].start) & (recording.time < parts[-1].stop)
     speeds, sure = _speeds(recording, inside, name, flutes)
     if not speeds:
         return 0.0, Chatter("unknown", "the cut is too short", channel=name)
@@ -105,7 +116,8 @@ def _of_channel(recording: Recording, segments: Sequence[Segment], name: str, qu
             return 0.0, Chatter("unknown", "the cut is too short", channel=name)
         lines = end.lines()
         stands = max(float(end.amplitudes[1:].max() / np.median(end.spectrum[1])), *(one.stands for one in lines), 0.0)
-        found = stands, _told(replace(_answer(end, lines), channel=name), "flutes" in recording.conditions)
+        answer = _by_growth(end, lines, _answer(end, lines))
+        found = stands, _told(replace(answer, channel=name), "flutes" in recording.conditions)
         if best is None or (found[1].verdict == "chatter" and best[1].verdict != "chatter"):
             best = found
     assert best is not None
@@ -156,11 +168,11 @@ def _answer(end: CutEnd, lines: Sequence[Line]) -> Chatter:
         rises = line.kept > 1.0 and line.kept * max(line.kept_before, 1.0) > GROWS
         grows = rises and not end.beside_order(line.order) and line.stands > GROWS_ABOVE and loud > FAINT * enough
         fed = line.sides >= FEWEST_SIDES and not (line.on_mains or end.beside_order(line.order) or end.unmeasured)
-        before = end.before(line.order) / line.amplitude
+        before = end.line_before(line)
         dies = max(line.kept, line.kept_before) < least
         if dies or (loud < (LOUD_FED if fed else LOUD) and not grows) or end.folded(line) or before > BEFORE:
             continue
-        here = _chatter_at(end, line.order, line.amplitude, tooth, _kind(end, line.order))
+        here = _chatter_at(end, line.order, line.amplitude, tooth, _kind(end, line.order, end.measured and loud < LEAVES))
         if math.isnan(before) and line in hum:
             alone = replace(here, verdict="unknown", reason="it may be hum: nothing was recorded before the cut")
             doubt = doubt or (alone if len(hum) == 1 else None)
@@ -181,10 +193,26 @@ def _loudness(end: CutEnd, line: Line) -> tuple[float, float]:
     return line.amplitude / float(end.amplitudes[1:].max()), LOUD_UNMEASURED
 
 
-def _kind(end: CutEnd, order: float) -> Kind:
-    """A flip's line is at an odd half of the tooth passing."""
+def _kind(end: CutEnd, order: float, small: bool) -> Kind | None:
+    """A flip's line is at an odd half of the tooth passing; None where it lies near and is not small: either may lead there."""
     halves = order / end.flutes - 0.5
-    return "flip" if abs(halves - round(halves)) * end.flutes < 0.75 / end.count else "neimark_sacker"
+    away = abs(halves - round(halves))
+    if away * end.flutes < 0.75 / end.count:
+        return "flip"
+    return None if away < NEAR_HALF and not small or end.family(order) < REGULAR else "neimark_sacker"
+
+
+def _by_growth(end: CutEnd, lines: Sequence[Line], found: Chatter) -> Chatter:
+    """The answer with what the growth behind the entry shows, where that was recorded: chatter, and of which kind."""
+    multiplier = None if math.isnan(end.before(1.0)) else growth(end.whole, end.flutes)
+    if multiplier is None:
+        return found
+    kind: Kind = "flip" if is_flip(multiplier) else "neimark_sacker"
+    own = [line for line in lines if not line.on_mains and end.line_before(line) <= BEFORE]
+    if found.verdict == "chatter" or not own:
+        return replace(found, kind=kind) if found.verdict == "chatter" else found
+    tooth = float(end.amplitudes[end.flutes]) if end.flutes < len(end.amplitudes) else math.nan
+    return _chatter_at(end, own[0].order, own[0].amplitude, tooth, kind)
 
 
 def _chatter_at(end: CutEnd, order: float, amplitude: float, tooth: float, kind: Kind | None) -> Chatter:
@@ -197,11 +225,10 @@ def _of_orders(end: CutEnd, tooth: float, doubt: Chatter | None, found: tuple[fl
     loud, doubted = _limits(end, seen)
     top = int(np.argmax(np.abs(seen.half if seen.flips else seen.others)))
     amplitude = float(np.abs(seen.others[top])) * 2.0 / len(end.turns.pattern)
-    both = seen.flips or end.flutes % 2 == 0 and end.measured and seen.rest > ECCENTRIC
-    of_orders = _chatter_at(end, top, amplitude, tooth, "flip_or_runout" if both else "neimark_sacker")
+    of_orders = _chatter_at(end, top, amplitude, tooth, _locked_kind(end, seen))
     if found is not None and (seen.size < loud or found[0] > seen.size or not seen.flips):
         return found[1]
-    if seen.size > loud:
+    if seen.size > loud or seen.grew and seen.size > GREW:
         return of_orders
     irregular = _irregular(end, tooth)
     if irregular is not None:
@@ -211,23 +238,33 @@ def _of_orders(end: CutEnd, tooth: float, doubt: Chatter | None, found: tuple[fl
     return _nothing(end, doubt)
 
 
+def _locked_kind(end: CutEnd, seen: Pattern) -> Kind | None:
+    """The kind of chatter that repeats with the spindle: a flip by its orders, unless runout may have stood there first."""
+    if not seen.flips:
+        return None
+    return "flip" if seen.grew or end.measured and seen.rest > ECCENTRIC else "flip_or_runout"
+
+
 def _teeth_leave(end: CutEnd, seen: Pattern) -> bool:
     """Whether a force of few teeth changes by as much as they make: runout seldom does so."""
-    return end.is_force and end.flutes < 4 and seen.most > 1.0
+    return end.is_force and end.flutes == 2 and seen.most > 1.0
 
 
 def _limits(end: CutEnd, seen: Pattern) -> tuple[float, float]:
     """(size that is chatter, size that may be) of what repeats with the spindle only."""
+    if seen.rest > PECULIAR and not math.isnan(end.before(1.0)):
+        return LOUD_PECULIAR, DOUBTED_PECULIAR
     if end.measured:
         eccentric = LOUD_ORDER if seen.grew else LOUD_ECCENTRIC, LOUD_ORDER
         return eccentric if seen.rest < ECCENTRIC else (LOUD_ORDER, DOUBTED_ORDER)
     if not end.is_force:
         return math.inf, DOUBTED_UNMEASURED
+    one_tooth = ONE_TOOTH * math.sqrt(max(end.flutes - 1.0, 1.0))
     if end.flutes < 4:
-        return LOUD_FORCE, DOUBTED_FORCE
+        return LOUD_FORCE, DOUBTED_FORCE if end.flutes == 2 else one_tooth
     if seen.rest > ECCENTRIC:
         return DOUBTED_FORCE, DOUBTED_FORCE
-    return math.inf, DOUBTED_FORCE if seen.rest > NEARLY_ECCENTRIC else math.inf
+    return 2.0 * one_tooth, DOUBTED_FORCE if seen.rest > NEARLY_ECCENTRIC else one_tooth
 
 
 def _nothing(end: CutEnd, doubt: Chatter | None) -> Chatter:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -17,10 +18,12 @@ STANDS, SIDE_STANDS = 5.0, 4.0  # times its surroundings: a line, a side band
 LINES = 8  # that are looked at
 SIDE_BANDS = 4  # to either side
 BESIDE = 2.5  # bins from an order of the spindle, within which a line may be but that order's change
+NOISE_BEFORE = 3.0  # times the floor of the idling's spectrum, up to which a level there is noise's
 BEFORE = 0.4  # of a line, that stands before the entry where it is none of the cut's
 ON_MAINS = 1e-3  # of the frequency, within which a line is on a multiple of the mains: so much do they err
 PLACED = 0.03, 0.5  # bins: how well a line's place is known at the best, and in noise as high as the line
 MOST_HUM = 20  # multiples of the mains
+FAMILY, FAMILY_BINS = 3, 1.5  # multiples of a line whose side bands belong to it, and how far they may lie from their places
 FOLDED, FOLDS, NEAR_THE_TOP = 2.0, 3, 0.6  # of the loudest order near the spectrum's top: a harmonic from above, folded
 
 
@@ -104,12 +107,22 @@ class CutEnd:
             return math.nan
         return level_at(self.still, order / self.turns.period * len(self.idle) * PADDED / self.rate, PADDED)
 
+    def line_before(self, line: Line) -> float:
+        """The same of a line, over its amplitude; 0 where it was but noise: hum is on the mains, and counts at any height."""
+        level = self.before(line.order)
+        noise = not line.on_mains and level < NOISE_BEFORE * float(self.still_floor(np.array([line.order]))[0])
+        return 0.0 if noise else level / line.amplitude
+
     def still_floor(self, orders: np.ndarray) -> np.ndarray:
         """The floor of the idling's spectrum at these orders; nothing where none was recorded."""
         if not len(self.still):
             return np.zeros(len(orders))
-        floor = spectrum(self.idle)[1]
+        floor = self._idle_floor
         return np.interp(orders / self.turns.period * len(self.idle) * PADDED / self.rate, np.arange(len(floor)), floor)
+
+    @cached_property
+    def _idle_floor(self) -> np.ndarray:
+        return spectrum(self.idle)[1]
 
     def beside_order(self, order: float) -> bool:
         """Whether a line may be but an order of the spindle that changes its size."""
@@ -131,6 +144,19 @@ class CutEnd:
         sampled = self.rate * self.turns.period
         at = np.array([sign * line.order + fold * sampled for fold in range(1, FOLDS + 1) for sign in (-1.0, 1.0)])
         return bool((np.abs(at - np.round(at)) < 1.0 / self.count).any())
+
+    def family(self, order: float) -> float:
+        """Share of what does not repeat that a line makes with its multiples and their side bands at the tooth passing."""
+        lines, floor = self.spectrum
+        orders = np.arange(len(lines)) / (self.count * PADDED)
+        power = np.where((np.abs(lines) > STANDS * floor) & (orders > 2.0 / self.count), np.abs(lines) ** 2, 0.0)
+        near = np.zeros(len(orders), bool)
+        for place in (sign * multiple * order for multiple in range(1, FAMILY + 1) for sign in (-1.0, 1.0)):
+            away = orders - place
+            near |= np.abs(away - np.round(away / self.flutes) * self.flutes) < FAMILY_BINS / self.count
+        own = float(power[near].sum())
+        others = sum(float(power[at]) for at in np.flatnonzero(power * ~near) if not self.on_mains(float(orders[at])))
+        return own / max(own + others, 1e-300)
 
     def lines(self) -> list[Line]:
         """The lines of what does not repeat, loudest first; none that lies within a bin of an order."""

@@ -1,49 +1,64 @@
-"""From when to when a record cuts, where chatter may have led its segments astray: a limit cycle whose level wanders looks like
-an exit or a ring-down, and idling among hum like a steady cut."""
+"""From when to when a record cuts, where chatter may lead its segments astray: a limit cycle whose level wanders looks like an
+exit or a ring-down, and idling among hum like a steady cut."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Literal
 
 import numpy as np
-
-from analysis.records.segments import Segment
-from testbed.recording import Recording
 
 QUIET = 0.25  # of the power of the cut, above that of the idling: a stretch that does not cut
 IDLES = 1.5  # times the power of the idling, that such a stretch has at the most
 LASTS = {"exit": 0.5, "idle": 0.5, "ring-down": 0.9}  # of its level at its start, that a stretch keeps if it cuts still
+LONG = {"exit": 0.25, "idle": 1.0, "ring-down": 1.0}  # times what cut before, how long such a stretch is: else it is what it is
 FEWEST = 4  # revolutions in a stretch that are needed to tell
+CUTS = ("entry", "steady")
+
+Kind = Literal["idle", "entry", "steady", "exit", "ring-down"]
+Place = tuple[Kind, int, int]  # kind, first sample, sample behind the last
 
 
-def cut_span(recording: Recording, segments: Sequence[Segment], name: str, turn: float) -> tuple[float, float] | None:
-    """Start and stop (s) of the cut in a channel, by its segments as they are corrected; None where nothing cuts.
+def still_cutting(places: Sequence[Place], values: np.ndarray, turn: float) -> list[Place]:
+    """Segments of a cut, with what cuts still named so, and idling that was taken for a steady cut.
 
-    turn: of the spindle, s. What comes behind the cut belongs to it where it is as loud and does not die away, and a free decay
-    or idling only where it is longer than all before it; what is called steady, but is as quiet as the idling was, does not.
+    turn: samples a revolution. What comes behind the cut belongs to it where it is as loud, does not die away, and is long
+    beside all before it; what is called steady, but is as quiet as the idling was, does not.
     """
-    def power(first: float, last: float) -> float:
-        return _power(values[(time >= first) & (time < last)], turn * recording.sampling_rate)
+    def power(first: int, last: int) -> float:
+        return _power(values[first:last], turn)
 
-    values, time = np.asarray(recording.channels[name], dtype=float), recording.time
-    parts = [part for part in segments if part.kind in ("entry", "steady")]
-    later = [part for part in segments if part not in parts and (not parts or part.start >= parts[-1].stop)]
-    still = power(segments[0].start, segments[0].stop) if segments and segments[0].kind == "idle" else 0.0
-    if not parts and later and later[0].kind == "idle":
-        later = later[1:]
-    if len(parts) == 2 and parts[0].duration > 2 * FEWEST * turn and power(parts[1].start, parts[1].stop) < IDLES * still:
-        return parts[0].start, parts[0].stop
-    for part in later:
-        quarter = 0.25 * part.duration
-        if part.duration < FEWEST * turn:
-            break
-        at_start, at_end = power(part.start, part.start + quarter) - still, power(part.stop - quarter, part.stop) - still
-        before = power(parts[0].start, parts[-1].stop) - still if parts else 0.0
-        longer = part.duration > sum(one.duration for one in parts)
-        if at_end < max(LASTS[part.kind] ** 2 * at_start, QUIET * before) or not longer and part.kind != "exit":
-            break
-        parts = [*parts, part]
-    return (parts[0].start, parts[-1].stop) if parts else None
+    places = [place for place in places if place[2] > place[1]]
+    parts = [place for place in places if place[0] in CUTS]
+    later = [place for place in places if place not in parts and (not parts or place[1] >= parts[-1][2])]
+    before = [place for place in places if place not in parts and place not in later]
+    still = power(*places[0][1:]) if places and places[0][0] == "idle" else 0.0
+    if not parts and later and later[0][0] == "idle":
+        before, later = later[:1], later[1:]
+    if len(parts) == 2 and parts[0][2] - parts[0][1] > 2 * FEWEST * turn and power(*parts[1][1:]) < IDLES * still:
+        return [*before, parts[0], ("idle", parts[1][1], len(values))]
+    count = _absorbed(parts, later, power, still, turn)
+    if count:
+        kind: Kind = parts[-1][0] if parts else "entry"
+        first = parts.pop()[1] if parts else later[0][1]
+        parts.append((kind, first, later[count - 1][2]))
+    return [*before, *parts, *later[count:]]
+
+
+def _absorbed(parts: Sequence[Place], later: Sequence[Place], power: Callable[[int, int], float], still: float,
+              turn: float) -> int:  # fmt: skip
+    """How many of the stretches behind the cut's parts cut still. still: power of the idling."""
+    first, last = (parts[0][1], parts[-1][2]) if parts else (0, 0)
+    for count, (kind, start, stop) in enumerate(later):
+        quarter = (stop - start) // 4
+        if stop - start < FEWEST * turn:
+            return count
+        at_start, at_end = power(start, start + quarter) - still, power(stop - quarter, stop) - still
+        cuts = power(first, last) - still if last > first else 0.0
+        if at_end < max(LASTS[kind] ** 2 * at_start, QUIET * cuts) or stop - start < LONG[kind] * (last - first):
+            return count
+        first, last = (first if last > first else start), stop
+    return len(later)
 
 
 def _power(values: np.ndarray, turn: float) -> float:

@@ -7,12 +7,13 @@ left. No time is fixed in advance.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from analysis.records.blows import decays, find_blows, grows, swing_length
+from analysis.records.cut_span import Kind, Place, still_cutting
 from analysis.records.free_decay import free_decay_end, free_decay_start
 from analysis.records.hum import hum_lag, without_hum
 from analysis.records.periods import period_changes
@@ -20,7 +21,6 @@ from analysis.records.white_noise import white_noise
 from testbed.readers.tachometer import speed as marks_speed
 from testbed.recording import Recording
 
-Kind = Literal["idle", "entry", "steady", "exit", "ring-down"]
 _STILL, _STILL_SAMPLES = 0.1, 16  # share of a swing that is none, and samples in which that is seen
 _ABRUPT = 2.5  # growth of the level within two revolutions that ends idling
 AT_ONCE = 1 << 22  # samples, overlapping windows each counted whole
@@ -170,7 +170,7 @@ def _first_move(values: np.ndarray, coarse: int, window: int, turn: int, white: 
     return max(sure, int(area[back[-1]]) - width // 2) if len(back) else int(area[place])
 
 
-def _cut(values: np.ndarray, exact_turn: float, lag: int) -> list[tuple[Kind, int, int]]:
+def _cut(values: np.ndarray, exact_turn: float, lag: float) -> list[Place]:
     """Segments of a cut as samples; `lag` is one mains period where a hum covers the noise, else 0."""
     end, turn = len(values), max(8, round(exact_turn))
     white = max(white_noise(values), _RESOLVED * float(np.ptp(values)))
@@ -182,18 +182,18 @@ def _cut(values: np.ndarray, exact_turn: float, lag: int) -> list[tuple[Kind, in
         quiet_after = _faded(values, turn, idle_level)
     if quiet_after - entry < 2 * turn:
         return [("idle", 0, end)] if entry or quiet_after < end else [("steady", 0, end)]
-    ring = free_decay_start(backwards[::-1][entry : min(quiet_after, end - lag)], exact_turn, max(idle_level, white))
+    ring = free_decay_start(backwards[::-1][entry : min(quiet_after, end - math.ceil(lag))], exact_turn, max(idle_level, white))
     left = quiet_after if ring is None else entry + ring
     steady, leaving = _settled(raw[entry:left], exact_turn, white)
     steady, leaving = entry + steady, entry + leaving
-    return [
+    return still_cutting([
         ("idle", 0, entry),
         ("entry", entry, steady),
         ("steady", steady, leaving),
         ("exit", leaving, left),
         ("ring-down", left, quiet_after),
         ("idle", quiet_after, end),
-    ]
+    ], raw, exact_turn)  # fmt: skip
 
 
 def _first_cut(values: np.ndarray, exact_turn: float, white: float) -> tuple[int, bool]:
@@ -263,7 +263,7 @@ def _still(values: np.ndarray, swing: float) -> bool:
     return len(values) >= _STILL_SAMPLES and float(np.abs(values).max()) < _STILL * swing
 
 
-def _tap(values: np.ndarray, turn: int) -> list[tuple[Kind, int, int]]:
+def _tap(values: np.ndarray, turn: int) -> list[Place]:
     """Segments of a tap test: of each blow quiet, the free decay from its largest swing, quiet again."""
     if grows(values) is not None:
         first = _idle_end(values, turn, white_noise(values))
@@ -272,7 +272,7 @@ def _tap(values: np.ndarray, turn: int) -> list[tuple[Kind, int, int]]:
     return [(kind, first + start, first + stop) for first, parts in blows for kind, start, stop in parts]
 
 
-def _blow(values: np.ndarray, turn: int) -> list[tuple[Kind, int, int]]:
+def _blow(values: np.ndarray, turn: int) -> list[Place]:
     """The same of one blow; between quiet and decay lies the blow itself."""
     white = white_noise(values)
     line = np.median(values)

@@ -62,7 +62,9 @@ def other_way_note(
     """A line where the model, whose error (held out or not) is given, explains far more of the campaign turned round."""
     if error <= MUCH * noise:
         return []
-    left = {pooled(errors_in_fit(*way.fitted(plant, catalogue)))[0]: way for way in _ways(records, model)}
+    stated = _opening(plant, records, model, catalogue)
+    likely = [way for way in _ways(records, model) if _opening(plant, way.records, way.model, catalogue) < stated]
+    left = {pooled(errors_in_fit(*way.fitted(plant, catalogue)))[0]: way for way in likely}
     if not left or min(left) > FAR_BETTER * error:
         return []
     way = left[min(left)]

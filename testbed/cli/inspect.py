@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from analysis.records.ring_downs import Decay
 
 FASTEST = 1e9  # Hz: no recorder of vibration comes near it
-KINDS = {"neimark_sacker": "Neimark-Sacker", "flip": "flip (period doubling)", None: "irregular",
+KINDS = {"neimark_sacker": "Neimark-Sacker", "flip": "flip (period doubling)", None: "of a kind that this record does not tell",
          "flip_or_runout": "flip (period doubling), or runout: the flutes are even"}  # fmt: skip
 _RPM = 30.0 / math.pi
 _SHOWN = {"m": (1e6, "um"), "m/s": (1e3, "mm/s"), "m/s^2": (1.0, "m/s^2"), "N": (1.0, "N")}

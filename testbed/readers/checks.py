@@ -93,11 +93,16 @@ def plausible_notes(recording: Recording, conditions: Mapping[str, Any]) -> list
 
 
 def clipped(values: np.ndarray, full_scale: float | None = None) -> int:
-    """Number of samples stuck at the channel's largest or smallest value, 0 where nothing is clipped.
+    """Number of samples stuck at the channel's largest or smallest value, 0 where nothing is clipped."""
+    return int(clipped_samples(values, full_scale).sum())
+
+
+def clipped_samples(values: np.ndarray, full_scale: float | None = None) -> np.ndarray:
+    """Which samples (samples,) are stuck at the channel's largest or smallest value.
 
     A clipped signal piles up at its extreme: runs of equal samples there, far more than in the neighbouring band.
     """
-    total = 0
+    stuck = np.zeros(len(values), dtype=bool)
     span = float(values.max() - values.min())
     for sign in (1.0, -1.0):
         signed = sign * values
@@ -107,14 +112,14 @@ def clipped(values: np.ndarray, full_scale: float | None = None) -> int:
         at_top = signed == top
         count = int(at_top.sum())
         if full_scale is not None and count >= 2 and abs(top) >= 0.9999 * full_scale * (1 - 2**-15):
-            total += count
+            stuck |= at_top
             continue
         below = np.unique(signed[(signed > top - 0.02 * span) & ~at_top])
         band = max(0.01 * span, 2 * (top - float(below[-1])) if len(below) else 0.0)
         near = int(((signed > top - band) & ~at_top).sum())
         if count >= 4 and _longest_run(at_top) >= 3 and count > 3 * near:
-            total += count
-    return total
+            stuck |= at_top
+    return stuck
 
 
 def _longest_run(mask: np.ndarray) -> int:
@@ -187,7 +192,8 @@ def channel_notes(name: str, values: np.ndarray, full_scale: float | None = None
         return notes
     stuck = clipped(values, full_scale)
     if stuck:
-        notes.append(f"channel {name}: {stuck} samples are clipped at {values.min():.6g} or {values.max():.6g}")
+        notes.append(f"channel {name}: {stuck} samples are clipped at {values.min():.6g} or {values.max():.6g}: "
+                     "no fit counts them")
     beats = name.startswith(("acceleration", "force"))  # every tooth that enters or leaves makes these jump
 
     lone = spikes(values)

@@ -9,11 +9,12 @@ import pytest
 from analysis.multipliers.run_labels import observed
 from analysis.records.chatter import judge_cut
 from analysis.records.cut_end import CutEnd
-from analysis.records.cut_span import cut_span
+from analysis.records.cut_span import still_cutting
 from analysis.records.orders import turns_of
 from analysis.records.passing_speed import cut_speeds
-from analysis.records.segments import Segment
+from analysis.records.segments import Segment, find_segments
 from testbed.recording import Recording
+from tests.validation.chatter_cuts import draw
 
 RATE, TURN = 5000.0, 0.05  # Hz, s
 IDLE, CUT = 20, 80  # revolutions
@@ -59,7 +60,7 @@ def test_two_teeth_are_told_by_what_stands_at_once():
     at_once = judged(force(uneven(lambda turn: 0.8)), flutes=2)
     grown = judged(force(uneven(lambda turn: 0.8 * min(1.0, 0.05 * 1.2**turn))), flutes=2)
     assert at_once.verdict == "none"
-    assert (grown.verdict, grown.kind) == ("unknown", "flip_or_runout")
+    assert (grown.verdict, grown.kind) == ("chatter", "flip")  # runout stands from the first revolutions on
 
 
 def motion(line, flutes=1, cut=CUT, size=1e-4, course=None, idle=IDLE):
@@ -86,6 +87,20 @@ def test_a_high_line_in_an_odd_number_of_revolutions_is_found_in_both_halves():
     assert line.kept == pytest.approx(1.0, abs=0.1) and line.kept_before == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.parametrize(("line", "kind"), [(2.5, "flip"), (2.3, None), (1.8, "neimark_sacker")])
+def test_a_line_near_an_odd_half_of_the_tooth_passing_that_was_loud_at_once_tells_no_kind(line, kind):
+    found = judged(motion(line, flutes=5, size=3e-4), "displacement", "m", 5)
+    assert (found.verdict, found.kind) == ("chatter", kind)
+
+
+def test_lines_that_belong_to_no_family_tell_no_kind():
+    """A line and its side bands hold most of a Neimark-Sacker; of lines at any places, none tells a kind."""
+    values = sum(motion(line, flutes=5, size=3e-4) for line in (1.8, 6.1, 0.73, 7.57))
+    assert judged(values, "displacement", "m", 5).kind is None
+    family = sum(motion(line, flutes=5, size=3e-4) for line in (1.8, 6.8, 3.2, 8.2))
+    assert judged(family, "displacement", "m", 5).kind == "neimark_sacker"
+
+
 @pytest.mark.parametrize(("hertz", "verdict"), [(50.6, "chatter"), (50.02, "unknown")])
 def test_a_line_is_on_the_mains_only_as_nearly_as_its_place_is_known(hertz, verdict):
     """Of the last 12 revolutions one bin is 1.7 Hz; the line stands so high that a third of that is told."""
@@ -93,17 +108,30 @@ def test_a_line_is_on_the_mains_only_as_nearly_as_its_place_is_known(hertz, verd
     assert judged(values, "displacement", "m", 1, parts(0, 24)).verdict == verdict
 
 
-def test_the_cut_is_looked_for_where_chatter_hides_it():
-    values = motion(2.37)
-    record = recorded(values, "displacement", "m", 1)
-    called = (Segment("idle", 0.0, 1.0), Segment("steady", 1.0, 1.4), Segment("ring-down", 1.4, 5.0))
-    assert cut_span(record, called, "displacement", TURN) == (1.0, 5.0)
+def places(*called):
+    return [(kind, round(start * RATE), round(stop * RATE)) for kind, start, stop in called]
+
+
+def test_what_cuts_still_is_named_so():
+    values, turn = motion(2.37), TURN * RATE
+    called = places(("idle", 0.0, 1.0), ("steady", 1.0, 1.4), ("ring-down", 1.4, 5.0))
+    assert still_cutting(called, values, turn) == places(("idle", 0.0, 1.0), ("steady", 1.0, 5.0))
     rings = motion(2.37, course=lambda turns: np.where(turns < 8, 1.0, 0.97 ** (turns - 8)))
-    assert cut_span(recorded(rings, "displacement", "m", 1), called, "displacement", TURN) == (1.0, 1.4)
-    idles = np.concatenate([values[: int(4.0 * RATE)], values[: int(1.0 * RATE)] + 1e-6 * np.sin(np.arange(5000))])
-    astray = (Segment("idle", 0.0, 1.0), Segment("entry", 1.0, 4.0), Segment("steady", 4.0, 5.0))
-    hum = 1e-5 * np.sin(2 * math.pi * 50.0 * np.arange(len(idles)) / RATE)
-    assert cut_span(recorded(idles + hum, "displacement", "m", 1), astray, "displacement", TURN) == (1.0, 4.0)
+    assert still_cutting(called, rings, turn) == called
+    hum = 1e-5 * np.sin(2 * math.pi * 50.0 * np.arange(int(5.0 * RATE)) / RATE)
+    idles = hum + np.concatenate([values[: int(4.0 * RATE)], values[: int(1.0 * RATE)]])
+    astray = places(("idle", 0.0, 1.0), ("entry", 1.0, 4.0), ("steady", 4.0, 5.0))
+    assert still_cutting(astray, idles, turn) == places(("idle", 0.0, 1.0), ("entry", 1.0, 4.0), ("idle", 4.0, 5.0))
+
+
+def test_a_simulated_flip_whose_level_wanders_is_cut_to_its_end():
+    """Its segments were steady up to a half of the cut, then an exit of as many revolutions, which is as loud."""
+    drawn = draw(400205, "flip")
+    turn = 2 * math.pi / drawn.recording.conditions["spindle_speed"]
+    found = find_segments(drawn.recording)
+    assert "exit" not in [part.kind for part in found]
+    steady = next(part for part in found if part.kind == "steady")
+    assert 65 * turn < steady.duration < 85 * turn
 
 
 def test_the_speed_is_heard_from_runout_where_the_teeth_are_faint():

@@ -50,6 +50,20 @@ def test_the_wrong_condition_and_its_value_are_told(condition, factor, told):
         assert found.best.fit.state.model.value(name) == pytest.approx(TRUE.value(name), rel=0.03)  # by three short records
 
 
+def test_one_factor_of_all_depths_is_the_coefficients_and_the_depth_of_one_record_is_not():
+    """Depth and coefficients enter as their product: no records tell them apart, at whatever depths; one wrong depth is told."""
+    softer = TRUE.with_values({name: 0.5 * TRUE.value(name) for name in ("tangential_coefficient", "normal_coefficient")})
+
+    def motion(true, rpm, depth):
+        return synthetic_record(partial(fast.simulate, steps=37), true, rpm, depth * 1e-3, 7, course=(6, 16, 6),
+                                rate=6400.0, noise=0.0).recording.channels["displacement"]
+
+    for rpm, depth in TESTS:
+        stated, doubled = motion(TRUE, rpm, depth), motion(softer, rpm, 2.0 * depth)
+        assert np.abs(stated - doubled).max() < 1e-6 * np.ptp(stated)
+        assert np.abs(stated - motion(TRUE, rpm, 2.0 * depth)[: len(stated)]).max() > 0.1 * np.ptp(stated)
+
+
 def test_a_record_of_other_physics_is_not_said_to_be_written_down_wrong():
     fitter, fit = agreed(*base_fit(PLANT, campaign(true=TRUE.with_values({"damping_ratio": 0.02})), BELIEVED))
     assert [record.heard for record in fitter.records] == [True, True, True, False]

@@ -3,16 +3,19 @@
 The records are those of tests/validation/outside (a simulator that shares no code with the product) with nothing hidden. Then
 one number of campaign.yaml or model.yaml is written as people write it wrongly: a feed a revolution as one a tooth, a radius
 for a diameter, inches for millimetres, another number of flutes, another sampling rate, rad/s for rpm, a mass ten times off.
+
+Asked by `python -m tests.validation.misstated [--count N] [--first SEED] [--workers N]`; every answer is a line of
+misstated.jsonl, written when it is known, so that a stopped run goes on where it was. `tests.validation.run misstated` counts.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import resource
 import subprocess
 import sys
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +23,7 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
+from tests.validation.blind.judge import answered, known_seeds, options_of
 from tests.validation.claims import Claim, Section
 from tests.validation.outside.files import write
 from tests.validation.outside.plan import COARSE, Plan, _bearable, _machine, _sensors, _tests, displacement
@@ -33,9 +37,10 @@ FEEDS = ("revolution as tooth", "tooth as revolution", 2.0, 0.5, 1 / 25.4)
 RATES = (0.5, 2.0, 10.0 / 12.8, 12.8 / 10.0, 1.25, 0.8)
 SPEEDS = (2.0, 0.5, 2 * np.pi / 60 * 10, 60.0 / 50.0)
 DEPTHS = (2.0, 0.5, 10.0, 25.4, 1 / 25.4)
+EACH = tuple(kind for kind, (_, count) in KINDS.items() for _ in range(count))
 FIRST = 300
-WORKERS = 2
-SECONDS = 900  # after which an answer counts as none
+SECONDS = 900  # of the processor, after which an answer counts as none
+RESULTS = Path(__file__).with_suffix(".jsonl")
 
 
 def plain(seed: int, least_flutes: int, marked: bool | None) -> Plan:
@@ -116,21 +121,21 @@ def prepared(job: tuple[int, str], folder: Path) -> str:
     return misstate(folder, kind, draw, plan.base.flutes)
 
 
-def told(job: tuple[int, str]) -> dict[str, Any]:
-    """What `testbed diagnose` says of the campaign of a job."""
+def told(seed: int) -> dict[str, Any]:
+    """What `testbed diagnose` says of the campaign of a seed, whose kind follows from it."""
+    kind = EACH[(seed - FIRST) % len(EACH)]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        how = prepared(job, folder)
-        answer = {"seed": job[0], "kind": job[1], "how": how}
+        answer: dict[str, Any] = {"seed": seed, "kind": kind, "how": prepared((seed, kind), folder), "effects": [], "said": ""}
         environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        try:
-            done = subprocess.run([sys.executable, "-m", "testbed", "diagnose", "campaign.yaml", "-m", "model.yaml", "--json",
-                                   "answer.json"], cwd=folder, env=environment, capture_output=True, text=True,
-                                  timeout=SECONDS)  # fmt: skip
-        except subprocess.TimeoutExpired:
-            return answer | {"verdict": "no answer", "effects": [], "said": "", "processor": SECONDS}
-        if done.returncode == 2:
-            return answer | {"verdict": "refused", "effects": [], "said": done.stderr.strip()}
+        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+        done = subprocess.run([sys.executable, "-m", "testbed", "diagnose", "campaign.yaml", "-m", "model.yaml", "--json",
+                               "answer.json"], cwd=folder, env=environment, capture_output=True, text=True,
+                              preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS)))  # fmt: skip
+        answer["processor"] = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+        if not (folder / "answer.json").exists():
+            refused = done.returncode == 2
+            return answer | {"verdict": "refused" if refused else "no answer", "said": done.stderr.strip()[-500:]}
         found = json.loads((folder / "answer.json").read_text())
         return answer | {"verdict": found["verdict"], "effects": found["effects"], "error": found["error"],
                          "said": " ".join([found["sentence"], *found["notes"]])}
@@ -142,18 +147,32 @@ def named(answer: dict[str, Any]) -> bool:
 
 
 def check() -> Section:
-    """All kinds, as often as KINDS says."""
-    kinds = [kind for kind, (_, count) in KINDS.items() for _ in range(count)]
-    with ThreadPoolExecutor(WORKERS) as pool:  # each waits for a process of its own
-        answers = list(pool.map(told, enumerate(kinds, FIRST)))
+    """The committed answers, counted."""
+    answers = [json.loads(line) for line in RESULTS.read_text().splitlines()]
     hits, effects = [named(one) for one in answers], [one for one in answers if one["effects"]]
     silent = [one for one, hit in zip(answers, hits, strict=True) if not hit and not one["effects"]]
     rows = tuple((str(one["seed"]), one["kind"], one["how"], one["verdict"], "yes" if hit else "no",
-                  " + ".join(one["effects"]) or "none") for one, hit in zip(answers, hits, strict=True))
+                  " + ".join(one["effects"]) or "none", f"{one['processor']:.0f} s")
+                 for one, hit in zip(answers, hits, strict=True))
     return Section(
         "A condition written down wrongly in all records, by `testbed diagnose`",
         (Claim("named as such, no effect beside it", ">= 95 %", f"{sum(hits)} of {len(hits)}", sum(hits) >= 0.95 * len(hits)),
          Claim("an effect is named", "0", str(len(effects)), not effects),
          Claim("neither", "told", str(len(silent)), None)),
-        (("Campaign by campaign (written over true)", ("seed", "condition", "how", "verdict", "named", "effects"), rows),),
+        (("Campaign by campaign (written over true)",
+          ("seed", "condition", "how", "verdict", "named", "effects", "processor"), rows),),
         remark="A depth, a mass and the coefficients' unit change nothing but the coefficients: they are named together.")
+
+
+def main(arguments: list[str]) -> int:
+    """Ask the seeds whose answers are not known yet."""
+    options = options_of(arguments, __doc__, len(EACH), FIRST)
+    known = known_seeds(RESULTS)
+    seeds = [seed for seed in range(options.first, options.first + options.count) if seed not in known]
+    for one in answered(told, seeds, RESULTS, options.workers):
+        print(f"{one['kind']} {one['how']} -> {one['verdict']} {'named' if named(one) else ''} {one['effects']}", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
