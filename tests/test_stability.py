@@ -51,6 +51,7 @@ def test_every_verdict_of_the_fast_chart_is_that_of_the_full_eigenvalues(kind):
 @pytest.mark.parametrize(("kind", "added"), [((), 0.0), ((2, 0.0, 0.3), 0.0), ((3, 0.0, 0.25, "down-milling"), 4.0)])
 def test_cells_side_by_side_have_the_multipliers_of_cells_one_by_one(kind, added, monkeypatch):
     damping = added * np.linspace(0.0, 1.0, 20)  # another one in every column
+    monkeypatch.setattr(cells, "MANY", 0)
     together = stability_chart(machine(*kind), SPEEDS[::10], DEPTHS[::20], added_damping=damping)
     monkeypatch.setattr(cells, "IN_LANES", 0)
     alone = stability_chart(machine(*kind), SPEEDS[::10], DEPTHS[::20], added_damping=damping)
@@ -107,7 +108,9 @@ def test_a_cell_of_forty_thousand_is_what_it_is_in_a_small_chart():
     whole, part = (stability_chart(machine(), SPEEDS[::step], DEPTHS[::step]) for step in (1, 10))
     assert whole.classes.shape == (200, 200) and np.isfinite(whole.largest).all()
     np.testing.assert_array_equal(whole.classes[::10, ::10], part.classes)
-    np.testing.assert_allclose(whole.largest[::10, ::10], part.largest, rtol=1e-12)
+    np.testing.assert_allclose(whole.largest[::10, ::10], part.largest, rtol=2e-6)  # of two roads, as far as they settle
+    settled = np.maximum(whole.error[::10, ::10], part.error) < 1e-6
+    np.testing.assert_allclose(whole.largest[::10, ::10][settled], part.largest[settled], rtol=1e-9)
 
 
 def test_pictures_are_written_as_png_and_svg(tmp_path):

@@ -38,7 +38,8 @@ LADDER = math.log(1.1)  # swings within this ratio share their elements
 BLANK = 1e-4  # of the largest multiplier over max(1, modulus): a cell with a larger error is left blank
 PATIENCE = 2  # points more at which cells are given the full eigenvalue problem: two multipliers may be almost one
 _FEW = 200  # cells that are not worth a thread
-IN_LANES = DENSE  # unknowns up to which many cells are computed side by side
+IN_LANES = DENSE  # unknowns up to which many cells are computed side by side,
+MANY = 4_000  # and cells from which on: fewer are as fast one by one, and do not wait for more code to be compiled
 _MOST = 5_000  # cells together, about a second: an interruption waits for them
 
 
@@ -84,6 +85,7 @@ class _Cells:
     def __init__(self, model: Model, speeds: np.ndarray, depths: np.ndarray, added: np.ndarray, checked: bool) -> None:
         self.added, self.checked = added, checked
         self.straight = model.cutter is not None and model.cutter.helix_angle == 0.0
+        self.side_by_side = self.straight and not checked and speeds.size >= MANY  # else too few share a structure
         if self.straight:  # one shape for all depths, which are its scale
             shapes, self.shapes, self.scales = np.ones(1), np.zeros(depths.size, dtype=np.int64), depths
         else:
@@ -152,7 +154,7 @@ class _Cells:
         cutting, finer_cutting = (equation.periodic_stiffness(one.times() * equation.delay) for one in (elements, finer))
         free = equation.free_flight / equation.delay
         largest, error = np.empty(some.size, dtype=complex), np.full(some.size, np.nan)
-        if self.straight and not checked and elements.unknowns <= IN_LANES:  # else too few cells share a structure
+        if self.side_by_side and not checked and elements.unknowns <= IN_LANES:
             cells = (self.delays[some] / (2.0 * math.pi), self.added[some], np.zeros(some.size, dtype=np.int64),
                      self.scales[some])
             shape = elements.lengths[None, :], np.array([2.0 * math.pi * free])
