@@ -24,6 +24,7 @@ from testbed.effect import Effect
 from testbed.machine import DIRECTIONS, Model
 
 MUCH = 3.0  # error over noise floor from which the other way is tried
+LIKELY = 0.8  # share of what the openings leave as stated, that a way must leave of them to be fitted in full
 FAR_BETTER = 0.5  # times the error, that it must leave
 SLOT = 0.499  # immersion from which both directions are one
 
@@ -62,8 +63,8 @@ def other_way_note(
     """A line where the model, whose error (held out or not) is given, explains far more of the campaign turned round."""
     if error <= MUCH * noise:
         return []
-    stated = _opening(plant, records, model, catalogue)
-    likely = [way for way in _ways(records, model) if _opening(plant, way.records, way.model, catalogue) < stated]
+    most = LIKELY * _opening(plant, records, model, catalogue)
+    likely = [way for way in _ways(records, model) if _opening(plant, way.records, way.model, catalogue) < most]
     left = {pooled(errors_in_fit(*way.fitted(plant, catalogue)))[0]: way for way in likely}
     if not left or min(left) > FAR_BETTER * error:
         return []

@@ -51,7 +51,7 @@ def test_the_wrong_condition_and_its_value_are_told(condition, factor, told):
 
 
 def test_one_factor_of_all_depths_is_the_coefficients_and_the_depth_of_one_record_is_not():
-    """Depth and coefficients enter as their product: no records tell them apart, at whatever depths; one wrong depth is told."""
+    """Depth and coefficients enter as their product: no records tell them apart, at whatever depths; one is told."""
     softer = TRUE.with_values({name: 0.5 * TRUE.value(name) for name in ("tangential_coefficient", "normal_coefficient")})
 
     def motion(true, rpm, depth):

@@ -16,7 +16,7 @@ REMARK = """The classes are of the multipliers by Chebyshev collocation, |mu| be
 engine's, with contact loss. Stable cuts that the blow of the entry throws into lasting chatter are left out. A saddle-node does
 not occur: a perturbation that repeats with the delay changes no chip, so a multiplier 1 would need an undamped structure. A
 flip that has grown often goes on to another rhythm, and the record shows that one: the kind told is of the record's end.
-The judge was made on other cuts, of the last 900 of which it has 98.8 % right; these were judged once. The kind is told by how
+The judge was made on other cuts, of the last 900 of which it has 98.6 % right; these were judged once. The kind is told by how
 the motion grew where that was recorded, else by the place of the line; no kind is told where that may be either's."""
 VERDICTS = ("chatter", "none", "unknown")
 

@@ -26,7 +26,7 @@ from testbed.machine import Cutter, Cutting, Model, Structure
 from tests.synthetic_campaign import TESTS, synthetic_record
 from tests.validation.claims import Claim, Section
 
-FIRST, CAMPAIGNS, CUTS = 500, 20, 3
+FIRST, CAMPAIGNS, CUTS = 700, 25, 3
 HALF, CLOCK = 0.5, 0.005
 COURSE = (8, 40, 20)  # revolutions of idling, cutting, ringing down
 PARAMETERS = ("natural_frequency", "damping_ratio", "tangential_coefficient", "normal_coefficient")
