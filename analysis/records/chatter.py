@@ -203,8 +203,8 @@ def _kind(end: CutEnd, order: float, small: bool) -> Kind | None:
 
 
 def _by_growth(end: CutEnd, lines: Sequence[Line], found: Chatter) -> Chatter:
-    """The answer with what the growth behind the entry shows, where that was recorded: chatter, and of which kind."""
-    multiplier = None if math.isnan(end.before(1.0)) else growth(end.whole, end.flutes)
+    """The answer with what the growth shows, where it was recorded: the kind, and, behind an entry, that it is chatter."""
+    multiplier = growth(end.whole, end.flutes)
     if multiplier is None:
         return found
     kind: Kind = "flip" if is_flip(multiplier) else "neimark_sacker"

@@ -54,6 +54,12 @@ def test_the_published_cuts_are_told_apart(rpm, depth, kind):
     assert (blind.verdict, blind.kind) == (found.verdict, found.kind)
 
 
+def test_the_kind_is_read_from_the_growth_where_the_line_lies_near_a_half_and_is_loud():
+    """Case B (mu = -0.979 + 0.257j), recorded from the entry on: by the place of its line it may be a flip as well."""
+    found = judged(cut(3565, 2.1, idle=0, passes=240))
+    assert (found.verdict, found.kind) == ("chatter", "neimark_sacker")
+
+
 def test_neither_hum_nor_the_natural_frequency_vetoes_what_the_cut_feeds():
     """Case A chatters at three times the mains, where its structure rings, too: the line is named for what feeds it."""
     hum = lambda time: 6e-6 * np.sin(2 * np.pi * 49.1 * 3 * time) + 9e-6 * np.sin(2 * np.pi * 150 * time)  # noqa: E731
