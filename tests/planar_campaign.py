@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -12,16 +13,20 @@ from testbed.campaign import Record
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.machine import Model
 from testbed.manifest import Feed
+from testbed.model_file import write_model
 from testbed.recording import Recording, motion_channel, quantity_of
+from testbed.workshop import tachometer
 
 RPM = 2 * math.pi / 60
 PLACES = tuple((f"displacement_{axis}", on) for on in ("workpiece", "tool") for axis in "xy")  # channel, sensor's place
-SPEED_ERROR, MARK_ANGLE, OFFSET, DRIFT, LATE = 5e-4, 1.1, 5e-6, 3e-6, 150  # 1, rad, m, m, samples
+NOISE = {"displacement": 1e-6, "velocity": 1e-3, "acceleration": 0.5, "force": 1.0}  # rms, SI
+UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "force": "N"}
+SPEED_ERROR, MARK_ANGLE, OFFSET, DRIFT, LATE = 5e-4, 1.1, 5.0, 3.0, 150  # 1, rad, over the noise, over the noise, samples
 
 
 def planar_record(simulate: Callable, model: Model, stated: Cut, places: Sequence[tuple[str, str]], seed: int, name: str, *,
-                  rate: float = 10000.0, noise: float = 1e-6, force_noise: float = 1.0) -> Record:
-    """One cut at the stated conditions; places: (channel, what its sensor sits on); noise: of motions in m, of forces in N."""
+                  rate: float = 10000.0) -> Record:
+    """One cut at the stated conditions; places: (channel, what its sensor sits on); rate: Hz."""
     random, flutes = np.random.default_rng(seed), model.cutter.flutes
     first_tooth, pitches, mean = stated.idle_passes % flutes, model.cutter.pitches, model.cutter.pitch
     ahead = sum(pitches[1 : first_tooth + 1]) - first_tooth * mean  # rad: the mark keeps its place to tooth 0
@@ -35,9 +40,8 @@ def planar_record(simulate: Callable, model: Model, stated: Cut, places: Sequenc
     channels, on_tool = {}, []
     for (channel, on), engine in zip(places, engines, strict=True):
         label = channel if channel not in channels else f"{channel}_2"
-        unit = 1.0 if quantity_of(channel) == "displacement" else force_noise / noise
         slow = OFFSET * random.standard_normal() + DRIFT * np.sin(0.7 * clean.time + random.uniform(0, 6))
-        values = clean.channels[engine] + unit * (noise * random.standard_normal(len(clean.time)) + slow)
+        values = clean.channels[engine] + NOISE[quantity_of(channel)] * (random.standard_normal(len(clean.time)) + slow)
         channels[label] = values[first:last]
         on_tool += [label] if on == "tool" else []
     marks = clean.marks - (MARK_ANGLE + ahead) / speed + random.normal(0, 1e-6)
@@ -45,7 +49,7 @@ def planar_record(simulate: Callable, model: Model, stated: Cut, places: Sequenc
     feed = stated.feed_per_tooth
     conditions = {"spindle_speed": stated.spindle_speed, "axial_depth_of_cut": stated.axial_depth_of_cut,
                   "feed_per_tooth": feed, "feed_per_revolution": feed * flutes}
-    units = {label: "N" if label.startswith("force") else "m" for label in channels}
+    units = {label: UNITS[quantity_of(label)] for label in channels}
     recording = Recording(channels, rate, units, "synthetic", clean.time[first], marks, conditions=conditions,
                           on_tool=tuple(on_tool))
     return Record(name, "cut", recording, conditions, (), feed=Feed(feed, "tooth"))
@@ -61,3 +65,23 @@ def planar_campaign(simulate: Callable, model: Model, tests: Sequence[tuple[floa
         name = f"{rpm:.0f}rpm_{depth * 1e3:.2f}mm"
         records.append(planar_record(simulate, model, stated, places, 100 * seed + number, name, **more))
     return records
+
+
+def write_planar(folder: Path, records: Sequence[Record], believed: Model) -> None:
+    """The records as cut_N.csv in SI with their campaign.yaml, and the believed model.yaml, into a folder."""
+    first = records[0].recording
+    lines = ["name: in-x-and-y", f"sampling_rate: {first.sampling_rate:g} Hz", "channels:",
+             "  tachometer: {column: tach, unit: V}"]
+    lines += [f"  {name}: {{column: {name}, unit: {unit}{', on: tool' if name in first.on_tool else ''}}}"
+              for name, unit in first.units.items()]
+    lines.append("records:")
+    for number, record in enumerate(records):
+        rows = np.column_stack([*record.recording.channels.values(), tachometer(record.recording)])
+        np.savetxt(folder / f"cut_{number}.csv", rows, delimiter=",", header=",".join([*first.channels, "tach"]), comments="",
+                   fmt="%.7g")
+        known = record.conditions
+        lines.append(f"  - {{file: cut_{number}.csv, kind: cut, spindle_speed: {known['spindle_speed'] / RPM:.6g} rpm, "
+                     f"depth_of_cut: {known['axial_depth_of_cut'] * 1e3:.6g} mm, "
+                     f"feed: {known['feed_per_tooth'] * 1e3:.6g} mm/tooth}}")
+    (folder / "campaign.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_model(believed, folder / "model.yaml")

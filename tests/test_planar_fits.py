@@ -2,31 +2,33 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from planar_campaign import PLACES, planar_campaign
-from plane_road import Road
 
 from analysis.fit.first_state import begun_as_seen
 from analysis.fit.fit_state import State
-from analysis.fit.held_guesses import with_guesses_held
 from analysis.fit.modes_start import modes_start
-from analysis.fit.model_fit import model_fit
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed, observe
 from analysis.fit.prediction import from_first_tooth, predict
 from analysis.fit.told import what_is_told
 from analysis.fit.waveform import Fitter
+from analysis.linear.planar_multipliers import cut_multipliers
 from testbed.campaign import Record
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
-from testbed.engines import fast, mujoco_engine
+from testbed.engines import fast
 from testbed.engines import predict as engine
 from testbed.machine import Cutter, Cutting, Mode, Model, Structure, base_parameter
-from testbed.model_file import model_from_text, model_text
+from testbed.model_file import model_from_text
 from testbed.recording import Recording, quantity_of, sensor_of
+from tests import road_simulator
+from tests.planar_campaign import PLACES, planar_campaign, write_planar
+from tests.plane_road import Road
+from tests.shell import Shell
 
 KNOWN = catalogue()
 PLANT = SimpleNamespace(predict_cuts=engine.predict_cuts, predict_driven=engine.predict_driven)
@@ -51,7 +53,8 @@ def decaying(model, states, time, channel):
         if number == place:  # mode 0 is the workpiece's, mode 1 the tool's, which moves against the sum
             root = omega * complex(-zeta, math.sqrt(1 - zeta**2))
             size = complex(q, (root.real * q - v) / root.imag)
-            total += (-1.0 if place else 1.0) * shape[axis] * size * np.exp(root * time) * (root**2 if "acc" in channel else 1.0)
+            rates = root**2 if "acceleration" in channel else 1.0
+            total += (-1.0 if place else 1.0) * shape[axis] * size * np.exp(root * time) * rates
     return total.real
 
 
@@ -135,42 +138,59 @@ def test_what_the_channels_do_not_tell_is_named_and_what_would_tell_it():
     tests = ((3800, 0.5e-3), (4500, 0.6e-3))
 
     def told(places, model=TWO):
-        records = [observe(one, model) for one in planar_campaign(fast.simulate, model, tests, places, course=(5, 12, 6), rate=RATE)]
+        records = planar_campaign(fast.simulate, model, tests, places, course=(5, 12, 6), rate=RATE)
+        records = [observe(one, model) for one in records]
         return what_is_told(PLANT, records, model, KNOWN)
 
     motion = told((PLACES[0], PLACES[1], PLACES[2], PLACES[3]))
     (mass,) = motion.held
     assert mass.path == "modes[0].mass" and mass.helps == ("the cutting force",)
     assert set(mass.entangled) == {"modes[1].mass", "tangential_coefficient", "normal_coefficient"}
-    assert motion.notes[0].startswith("these channels cannot tell modes[0].mass from ") and "measure the cutting force" in motion.notes[0]
+    assert motion.notes[0].startswith("these channels cannot tell modes[0].mass from ")
+    assert "to tell it, measure the cutting force" in motion.notes[0]
     assert "modes[0].mass" not in {one.path for one in motion.free} and len(motion.free) == 9
     assert told((*PLACES, *FORCES)).held == ()
     quiet = replace(TWO, structure=Structure.of((TWO.structure.modes[0], replace(TWO.structure.modes[1], mass=600.0))))
     unseen = {one.path: one.helps for one in told(PLACES[:2], quiet).held}  # a mode as stiff as that moves nothing
     assert {"modes[1].mass", "modes[1].natural_frequency", "modes[1].damping_ratio", "modes[1].direction"} <= set(unseen)
-    assert told(FORCES).held == () and [one.path for one in told(FORCES).free] == ["tangential_coefficient", "normal_coefficient"]
+    forces = told(FORCES)
+    assert forces.held == () and [one.path for one in forces.free] == ["tangential_coefficient", "normal_coefficient"]
 
 
-def test_a_fit_finds_the_machine_that_another_engine_moved():
-    """Two cuts by MuJoCo; the marks, the noise and the records' beginnings are unknown to the fit."""
-    records = planar_campaign(mujoco_engine.simulate, TWO, ((3800, 0.5e-3), (4500, 0.6e-3)), PLACES, course=(5, 15, 8), rate=RATE)
+def test_a_machine_that_a_second_road_moved_is_found_from_its_files(capsys, tmp_path, monkeypatch):
+    """Two cuts; the marks, the noise and the records' beginnings are unknown to the fit."""
+    monkeypatch.chdir(tmp_path)
+    testbed, tests = Shell(capsys), ((3800, 0.5e-3), (4500, 0.6e-3))
     off = {"natural_frequency": 1.015, "damping_ratio": 1.2, "tangential_coefficient": 1.25, "normal_coefficient": 0.8}
     believed = TWO.with_values({path: TWO.value(path) * off.get(base_parameter(path), 1.0) for path in TWO.base_parameters})
     believed = believed.with_values({"modes[0].direction": math.radians(4), "modes[1].direction": math.radians(108)})
-    observed = [observe(record, believed) for record in records]
-    fitter, fit = model_fit(PLANT, observed, believed, KNOWN)
-    held = with_guesses_held(fitter, fit, believed, KNOWN)
-    assert fit.converged and fit.mean_squares.max() < 1.2  # the noise is that of five idle turns
-    near = {"natural_frequency": 1e-3, "damping_ratio": 0.05, "mass": 0.05, "tangential_coefficient": 0.02, "normal_coefficient": 0.05}
-    for path, one in held.values.items():
+    records = planar_campaign(road_simulator.simulate, TWO, tests, PLACES, course=(5, 15, 8), rate=RATE)
+    write_planar(tmp_path, records, believed)
+    for command in ("diagnose", "identify --method multipliers"):
+        name, *more = command.split()
+        testbed.refused(name, "campaign.yaml", "-m", "model.yaml", *more)
+        assert "error: model.yaml: has modes beyond one of the workpiece along x" in testbed.err
+    found = testbed.json("identify", "campaign.yaml", "-m", "model.yaml", "-o", "found.yaml")
+    assert found["method"] == "waveform" and found["converged"] and found["chi_square"] < 1.2  # the noise of five idle turns
+    near = {"natural_frequency": 1e-3, "damping_ratio": 0.05, "mass": 0.05, "tangential_coefficient": 0.02,
+            "normal_coefficient": 0.05}
+    assert list(found["parameters"]) == [path for path in TWO.base_parameters if path != "immersion"]
+    for path, one in found["parameters"].items():
         truth, name = TWO.value(path), base_parameter(path)
         if name == "direction":
-            assert abs(one.value - truth) < math.radians(3), path
-        elif one.determined:
-            assert one.value == pytest.approx(truth, rel=near[name]), path
-    assert held.guesses == ("modes[0].mass",) and not held.values["modes[0].mass"].determined
-    again = model_from_text(model_text(held.model))
-    assert again.not_determined == ("modes[0].mass",) and again == held.model
+            assert abs(one["value"] - truth) < math.radians(3), path
+        else:
+            assert one["value"] == pytest.approx(truth, rel=near[name]), path
+    guesses = [path for path, one in found["parameters"].items() if not one["determined"]]
+    assert guesses == ["modes[0].mass"] and found["parameters"][guesses[0]]["low"] is None and found["at_bound"] == []
+    assert found["notes"][0].startswith("these channels cannot tell modes[0].mass from") and found["notes"][0] in testbed.err
+    multipliers, _, _ = cut_multipliers(TWO, Cut(found["tests"][1]["spindle_speed"], 0.6e-3), 1e-6)
+    first = complex(*found["tests"][1]["model"][0])
+    assert min(abs(first - multipliers[0]), abs(first - multipliers[0].conjugate())) < 0.02
+    assert found["tests"][1]["per"] == "tooth" and found["tests"][1]["measured"] == []
+    again = model_from_text(Path("found.yaml").read_text(encoding="utf-8"))
+    assert again.not_determined == ("modes[0].mass",)
+    assert again.value("modes[1].direction") == pytest.approx(found["parameters"]["modes[1].direction"]["value"], rel=1e-12)
 
 
 def test_of_unequal_teeth_any_may_cut_first():

@@ -18,7 +18,7 @@ from analysis.comparison.adequacy import Adequacy, adequacy_tests, controlled
 from analysis.estimate import Estimate
 from analysis.fit.doubted_marks import with_marks_doubted
 from analysis.fit.estimates import at_bound
-from analysis.fit.fit_state import Free, WaveformFit
+from analysis.fit.fit_state import WaveformFit
 from analysis.fit.held_guesses import with_guesses_held
 from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled, pooled_doubt, record_error
 from analysis.fit.model_fit import model_fit
@@ -117,11 +117,10 @@ def mark_angle(fit: WaveformFit, pitch: float) -> float:
     return (-fit.state.angle) % pitch
 
 
-def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
-            free: Sequence[Free] | None = None) -> Comparison:
-    """Refit the model to all records with every nuisance and say where, and by how much, it fails. free: see `model_fit`."""
+def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> Comparison:
+    """Refit the model to all records with every nuisance and say where, and by how much, it fails."""
     records = at_modelled_speed(records, model.effects, catalogue)
-    fitter, fit = with_marks_doubted(*model_fit(plant, records, model, catalogue, free))
+    fitter, fit = with_marks_doubted(*model_fit(plant, records, model, catalogue))
     held = with_guesses_held(fitter, fit, model, catalogue)
     fitter, fit = held.fitter, held.fit
     errors, held_out = held_out_errors(fitter, fit), holds_out(records)

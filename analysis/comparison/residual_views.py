@@ -16,9 +16,10 @@ from analysis.fit.observed import Observed
 from analysis.linear.stability import StabilityChart, stability_chart
 from analysis.records.lines import amplitude_spectrum
 from testbed.machine import Model
-from testbed.recording import CHANNEL_UNITS, ENGINE_UNITS, quantity_of
+from testbed.recording import CHANNEL_UNITS, quantity_of
 
 SPEED_CELLS, DEPTH_CELLS = 401, 121  # of the chart; the lobes of period doubling are narrow in speed
+COARSER = 2  # times, of a machine in x and y, whose cells take that much longer
 SECTORS = 72  # of a tooth's turn
 NEAR = 1.5  # lines of the spectrum's resolution that still belong to a line
 NATURAL_BAND = 0.03  # of the natural frequency, to either side
@@ -34,7 +35,7 @@ def shown_unit(unit: str) -> tuple[float, str]:
 
 def drawn_unit(channel: str, units: Mapping[str, str]) -> tuple[float, str]:
     """(factor, name) of the unit in which a channel is drawn. units: SI or own; a channel not in it is calibrated."""
-    return shown_unit(units.get(channel, ENGINE_UNITS.get(channel, CHANNEL_UNITS.get(quantity_of(channel), ""))))
+    return shown_unit(units.get(channel, CHANNEL_UNITS.get(quantity_of(channel), "")))
 
 
 def drawn_units(decays: Sequence[AmplitudeDependence], units: Mapping[str, str]) -> tuple[list[float], list[str], str]:
@@ -224,10 +225,12 @@ def on_chart(records: Sequence[Observed], errors: Sequence[RecordError], model: 
     speeds = np.array([record.cut.spindle_speed for record, _ in cuts])  # type: ignore[union-attr]
     depths = np.array([record.cut.axial_depth_of_cut for record, _ in cuts])  # type: ignore[union-attr]
     deepest = 1.5 * float(depths.max())
+    coarser = COARSER if model.planar else 1
+    across, up = SPEED_CELLS // coarser, DEPTH_CELLS // coarser
     chart = stability_chart(
         model,
-        np.linspace(0.85 * speeds.min(), 1.15 * speeds.max(), SPEED_CELLS),
-        np.linspace(deepest / DEPTH_CELLS, deepest, DEPTH_CELLS),
+        np.linspace(0.85 * speeds.min(), 1.15 * speeds.max(), across),
+        np.linspace(deepest / up, deepest, up),
     )
     ratios = np.array([error.error / max(error.noise_floor, 1e-300) for _, error in cuts])
     return ChartView(chart, tuple(record.name for record, _ in cuts), speeds, depths, ratios)

@@ -19,7 +19,7 @@ from analysis.fit.starts import arrived, at_a_bound, base_fit, with_courses, wit
 from analysis.fit.structure_start import structure_start
 from analysis.fit.swing_start import swung_fit
 from analysis.fit.taken import asked_again
-from analysis.fit.told import what_is_told
+from analysis.fit.told import what_is_told, with_strayed_modes
 from analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -53,7 +53,9 @@ def model_fit(
     if asks_length(model.effects, catalogue) and (longer := carried_on(records)) is not None:
         worn = _fitted(plant, longer, model, catalogue, free, goal, known)
         found = with_lengths_found(*worn) if worn[1].cost < found[1].cost else found
-    return found if found[1].cost > goal or arrived(found[1], known) else asked_again(*found)
+    if found[1].cost > goal or arrived(found[1], known):
+        return found
+    return with_strayed_modes(*asked_again(*found), model)
 
 
 def _with_arc_beyond(fit: WaveformFit, model: Model, catalogue: Mapping[str, Effect]) -> Model | None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from analysis.fit.effect_start import all_free
 from analysis.fit.estimates import unit_of
-from analysis.fit.fit_state import Free, State
+from analysis.fit.fit_state import Free, State, WaveformFit
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant, predict
 from analysis.fit.starts import scan_starts
@@ -36,6 +36,7 @@ SLIGHT = 1e-3  # information that stands in for a belief, so that what is not to
 SHARPER = 2.0  # times, by which a parameter's error falls that was entangled with one that is held
 NOISE_OF_FORCE = 0.01  # of a force's rms, taken for the noise of a dynamometer that was not there
 ASKED = 2  # records by which it is asked what another sensor would tell
+AS_WELL = 2.0  # in minus the log likelihood, up to which another fit explains as much: two standard errors
 MOST_HELP = 2  # sensors that are named
 
 
@@ -101,6 +102,26 @@ def what_is_told(plant: Plant, records: Sequence[Observed], model: Model, catalo
         held.append(Untold(path, model.value(path), unit_of(path, catalogue), entangled, tuple(helps[:MOST_HELP])))
     kept = {one.path for one in held}
     return Told(tuple(one for one in free if one.path not in kept), tuple(held), channels)
+
+
+def with_strayed_modes(fitter: Fitter, fit: WaveformFit, believed: Model) -> tuple[Fitter, WaveformFit]:
+    """The fit with every mode whose frequency strayed from its belief by more than that may be off begun there again.
+
+    A mode that hardly moves may end in any valley. The cheapest of the fits is kept, with those that explain as much beside it.
+    """
+    if not believed.structure.planar:
+        return fitter, fit
+    steps, tried = {one.path: one.scale for one in fitter.free}, [fit]
+    for place in range(len(believed.structure.modes)):
+        paths = [path for path in steps if path.startswith(f"modes[{place}].") and base_parameter(path) != "mass"]
+        rung = believed.mode_path(place, "natural_frequency")
+        strayed = abs(fit.state.model.value(rung) - believed.value(rung)) / steps[rung] if rung in steps else 0.0
+        if strayed > DOUBT["natural_frequency"]:
+            values = {path: believed.value(path) for path in paths}
+            tried.append(fitter.fit(replace(fit.state, model=fit.state.model.with_values(values))))
+    best = min(tried, key=lambda one: one.cost)
+    near = best.cost + AS_WELL * max(1.0, best.variance)
+    return fitter, replace(best, alike=(*fit.alike, *(one.state for one in tried if one is not best and one.cost <= near)))
 
 
 def _in_words(channel: str) -> str:

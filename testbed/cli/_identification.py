@@ -235,11 +235,10 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
 
     observed, plant = observed_records(records, model, path, model_file), plant_of(catalogue)
     observed = at_modelled_speed(observed, model.effects, catalogue)
-    told = what_is_told(plant, observed, model, catalogue)
-    for note in told.notes:
+    untold = tuple(what_is_told(plant, observed, model, catalogue).notes)
+    for note in untold:
         say(note)
-    free = told.free if model.structure.planar else None
-    fitter, fit = with_marks_doubted(*model_fit(plant, observed, model, catalogue, free))  # as testbed compare does
+    fitter, fit = with_marks_doubted(*model_fit(plant, observed, model, catalogue))  # as testbed compare does
     held = with_guesses_held(fitter, fit, model, catalogue)
     fitter, fit, found = held.fitter, held.fit, held.values
     chi_square = fit.squares / max(1, sum(residual.size for residual in fit.residuals) - len(fit.names))
@@ -249,4 +248,4 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     quality = {"chi_square": chi_square, "converged": fit.converged, "noise_floor": noise}
     return Identified(held.model, found, rows, quality, at_bound(fitter.free, found),
                       (*taken_notes(observed, fitter.records), *clock_note(fitter, fit), *remarks_on(model, held.model)),
-                      tuple(told.notes))
+                      untold)

@@ -41,11 +41,11 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     pictures = output_folder(output) if output else None
     catalogue = catalogue_of(folders)
     model, records, read = read_both(campaign, model_file, catalogue, planar=True)
-    told = what_is_told(plant_of(catalogue), records, model, catalogue)
-    for note in told.notes:  # before the fit
+    untold = what_is_told(plant_of(catalogue), records, model, catalogue).notes
+    for note in untold:  # before the fit
         answer.say(note)
     with sign_of_life("fitting the believed model to all records", quiet):
-        found = compare(plant_of(catalogue), records, model, catalogue, told.free if model.structure.planar else None)
+        found = compare(plant_of(catalogue), records, model, catalogue)
         turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
     unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
     notes = [*notes_on(read, model), *turned, *unlike, *taken_notes(records, found.fitter.records),
@@ -72,7 +72,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
                                 notes=[f"{campaign} against {model_file}", *notes])
             report = page.write(pictures / "report.html")
         answer.say(f"{len(paths)} pictures are in {pictures}; open {report}")
-    answer.finish(as_json(found) | {"notes": [*told.notes, *notes]})
+    answer.finish(as_json(found) | {"notes": [*untold, *notes]})
 
 
 def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
