@@ -10,6 +10,7 @@ import pytest
 
 from analysis.fit.first_state import begun_as_seen
 from analysis.fit.fit_state import State
+from analysis.fit.model_fit import model_fit
 from analysis.fit.modes_start import modes_start
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed, observe
@@ -111,10 +112,15 @@ def test_frequencies_and_dampings_of_all_modes_begin_as_free_decays_show_them():
     off = {"modes[0].natural_frequency": 149.5, "modes[1].natural_frequency": 304.0, "modes[0].damping_ratio": 0.014}
     recording = Recording({"displacement_x": noisy[0], "displacement_x_2": noisy[1]}, RATE,
                           {"displacement_x": "m", "displacement_x_2": "m"}, "measured", on_tool=("displacement_x_2",))
-    found = modes_start([observe(Record("tap", "ring-down", recording), TWO)], TWO.with_values(off))
-    for mode, truth in zip(found.structure.modes, TWO.structure.modes, strict=True):
-        assert mode.natural_frequency == pytest.approx(truth.natural_frequency, rel=1e-4)
-        assert mode.damping_ratio == pytest.approx(truth.damping_ratio, rel=0.02)
+    believed, record = replace(TWO, cutter=None, cutting=None).with_values(off), Record("tap", "ring-down", recording)
+    begun = modes_start([observe(record, TWO)], believed)
+    fitter, fit = model_fit(PLANT, [observe(record, believed)], believed, KNOWN)
+    assert [one.path for one in fitter.free] == [f"modes[{place}].{name}" for place in (0, 1)
+                                                 for name in ("natural_frequency", "damping_ratio")]
+    for found in (begun, fit.state.model):  # x alone tells no direction, and no mass
+        for mode, truth in zip(found.structure.modes, TWO.structure.modes, strict=True):
+            assert mode.natural_frequency == pytest.approx(truth.natural_frequency, rel=1e-4)
+            assert mode.damping_ratio == pytest.approx(truth.damping_ratio, rel=0.02)
 
 
 @pytest.mark.parametrize(("on", "place"), [("workpiece", 0), ("tool", 1)])

@@ -17,6 +17,7 @@ import numpy as np
 from analysis.fit.effect_start import all_free
 from analysis.fit.estimates import unit_of
 from analysis.fit.fit_state import Free, State, WaveformFit
+from analysis.fit.held_out import own_refit
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant, predict
 from analysis.fit.starts import scan_starts
@@ -84,6 +85,8 @@ def what_is_told(plant: Plant, records: Sequence[Observed], model: Model, catalo
     if not model.structure.planar:
         return Told(tuple(free), (), channels)
     state = scan_starts(plant, records, structure_start(records, model), 1, (1.0,))[0]
+    decays = [place for place, record in enumerate(records) if record.kind == "ring-down"]  # at rest they would tell nothing
+    state = own_refit(Fitter(plant, records, free), state, decays)
     doubt = np.array([DOUBT.get(base_parameter(one.path) or "", OF_EFFECTS) for one in free])
     known = _information(plant, records, state, free)
     order = _held(known, doubt, free)
