@@ -10,6 +10,7 @@ import pytest
 
 from analysis.fit.first_state import begun_as_seen
 from analysis.fit.fit_state import State
+from analysis.fit.held_guesses import with_guesses_held
 from analysis.fit.model_fit import model_fit
 from analysis.fit.modes_start import modes_start
 from analysis.fit.nuisances import Nuisances
@@ -197,6 +198,21 @@ def test_a_machine_that_a_second_road_moved_is_found_from_its_files(capsys, tmp_
     again = model_from_text(Path("found.yaml").read_text(encoding="utf-8"))
     assert again.not_determined == ("modes[0].mass",)
     assert again.value("modes[1].direction") == pytest.approx(found["parameters"]["modes[1].direction"]["value"], rel=1e-12)
+
+
+def test_an_interval_holds_what_a_wrong_belief_that_is_held_makes_of_it():
+    """A cut so faint that it tells one coefficient alone: the other is held, 30 % off, and bends it."""
+    model = Model(Structure.of(TWO.structure.modes[:1]), TWO.cutter, TWO.cutting)
+    believed = model.with_values({"tangential_coefficient": 7.8e8, "normal_coefficient": 1.4e8})
+    tests = ((3800, 0.04e-3), (4500, 0.04e-3))
+    records = planar_campaign(fast.simulate, model, tests, PLACES[:2], course=(5, 15, 8), rate=RATE)
+    observed = [observe(record, believed) for record in records]
+    held = with_guesses_held(*model_fit(PLANT, observed, believed, KNOWN), believed, KNOWN)
+    both = ("tangential_coefficient", "normal_coefficient")
+    (other,) = [path for path in both if not held.values[path].determined]
+    (told,) = [path for path in both if path != other]
+    one = held.values[told]
+    assert one.low < model.value(told) < one.high and one.high - one.low > 0.05 * model.value(told)
 
 
 def test_of_unequal_teeth_any_may_cut_first():

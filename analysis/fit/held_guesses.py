@@ -15,7 +15,9 @@ from analysis.estimate import Estimate
 from analysis.fit.estimates import estimates, unit_of
 from analysis.fit.fit_state import WaveformFit
 from analysis.fit.starts import free_parameters
+from analysis.fit.told import spread_by_held
 from analysis.fit.waveform import Fitter
+from analysis.information import Z_95
 from testbed.effect import Effect
 from testbed.machine import Model, base_parameter
 
@@ -69,6 +71,10 @@ def with_guesses_held(fitter: Fitter, fit: WaveformFit, believed: Model, catalog
                 found = estimates(fitter, fit, catalogue)
                 break
     values = dict(found)
+    for path, spread in spread_by_held(fitter, fit, believed).items():
+        one, more = values[path], Z_95 * spread
+        values[path] = replace(one, low=one.value - math.hypot(one.value - one.low, more),
+                               high=one.value + math.hypot(one.high - one.value, more))
     for path in held:
         value = fit.state.model.value(path)
         ends = (-math.inf, math.inf) if path in before else _bounds(path, value, catalogue)

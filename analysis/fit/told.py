@@ -20,7 +20,7 @@ from analysis.fit.fit_state import Free, State, WaveformFit
 from analysis.fit.held_out import own_refit
 from analysis.fit.observed import Observed
 from analysis.fit.prediction import Plant, predict
-from analysis.fit.starts import scan_starts
+from analysis.fit.starts import free_parameters, scan_starts
 from analysis.fit.structure_start import structure_start
 from analysis.fit.waveform import Fitter
 from testbed.effect import Effect
@@ -125,6 +125,26 @@ def with_strayed_modes(fitter: Fitter, fit: WaveformFit, believed: Model) -> tup
     best = min(tried, key=lambda one: one.cost)
     near = best.cost + AS_WELL * max(1.0, best.variance)
     return fitter, replace(best, alike=(*fit.alike, *(one.state for one in tried if one is not best and one.cost <= near)))
+
+
+def spread_by_held(fitter: Fitter, fit: WaveformFit, believed: Model) -> dict[str, float]:
+    """By how much (standard deviation, SI) each free parameter follows what is held, if that is as far off as a belief may be.
+
+    Masses are not asked: all that motion tells of forces is relative to one, which is said.
+    """
+    known = {one.path for one in fitter.free}
+    held = [one for one in free_parameters(fitter.records, believed)
+            if one.path not in known and base_parameter(one.path) != "mass"]
+    if not believed.structure.planar or not held:
+        return {}
+    count = len(fitter.free)
+    information = _information(fitter.plant, fitter.records, fit.state, [*fitter.free, *held])
+    places = np.arange(count, count + len(held))
+    rest = np.setdiff1d(np.arange(len(information)), places)
+    doubt = np.array([DOUBT[base_parameter(one.path) or ""] for one in held])
+    follows = np.linalg.lstsq(information[np.ix_(rest, rest)], information[np.ix_(rest, places)] * doubt, rcond=1e-12)[0]
+    moved = np.sqrt(np.sum(follows**2, axis=1))
+    return {one.path: float(size) * one.scale for one, size in zip(fitter.free, moved, strict=False)}
 
 
 def _in_words(channel: str) -> str:
