@@ -102,7 +102,11 @@ def test_of_data_sets(shell, files):
     agree("score", shell.json("score", "tests.h5", "--noise", "1um", "--repeats", 1))
     ranges = ("--speed", "2500:4500:3", "--depth", "1:4:2")
     laid_over = {"tests": [plain(ChartTest(1.0, 1e-3, "stable", "run 0"))]}
-    agree("chart", shell.json("chart", "first_model.yaml", *ranges, "-o", "pictures"), laid_over)
+    spread = FIRST["model"].replace("600 N/mm^2", "600 +- 60 N/mm^2")
+    Path("spread.yaml").write_text(spread)
+    charts = [shell.json("chart", name, *ranges, "-o", "pictures", "--draws", 20) for name in ("first_model.yaml", "spread.yaml")]
+    assert charts[0]["stable_probability"] is None is charts[1]["no_chance"] and "deviation" in charts[0]["no_chance"]
+    agree("chart", *charts, laid_over)
     exported = shell.json("export", "tests.h5", "-o", "set")
     classifier = ClassifierScore("test", 1, 1, 1.0, 1.0, 1.0, 1.0, {"flip": {"flip": 1}})
     scores = {"baseline": baseline_json(Baseline(1, (classifier,), (RegressorScore("test", "mass", 1, 1.0, 1.0, 0.5),), ()))}
@@ -135,6 +139,12 @@ def test_of_comparison(shell):
     found = shell.json("compare", "campaign.yaml", "-m", "model.yaml")
     agree("compare", found)
     assert all(0.8 < one["chi_square"] < 1.25 for one in found["records"])  # a mean square, as the page says
+
+
+def test_of_the_plan(shell):
+    found = shell.json("plan", "campaign.yaml", "-m", "model.yaml", "--speed", "2600:4400:3", "--depth", "1:2:2", "--draws", 20)
+    told = {"no_plan": "unexplained", "next": [{"separates": ["helix"]}]}
+    agree("plan", found, told)
 
 
 def test_of_addition(shell):
