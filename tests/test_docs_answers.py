@@ -104,7 +104,8 @@ def test_of_data_sets(shell, files):
     laid_over = {"tests": [plain(ChartTest(1.0, 1e-3, "stable", "run 0"))]}
     spread = FIRST["model"].replace("600 N/mm^2", "600 +- 60 N/mm^2")
     Path("spread.yaml").write_text(spread)
-    charts = [shell.json("chart", name, *ranges, "-o", "pictures", "--draws", 20) for name in ("first_model.yaml", "spread.yaml")]
+    charts = [shell.json("chart", name, *ranges, "-o", "pictures", "--draws", 20)
+              for name in ("first_model.yaml", "spread.yaml")]
     assert charts[0]["stable_probability"] is None is charts[1]["no_chance"] and "deviation" in charts[0]["no_chance"]
     agree("chart", *charts, laid_over)
     exported = shell.json("export", "tests.h5", "-o", "set")

@@ -23,7 +23,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
 LINES = [line.split(" #")[0].strip() for kind, text in BLOCKS if kind == "sh" for line in text.splitlines()]
 COMMANDS = [shlex.split(line)[1:] for line in LINES if line.startswith("testbed")]
-LONG = {"compare", "diagnose", "add", "plan", "paper"}  # minutes; their options are checked here, their work in tests of their own
+LONG = {"compare", "diagnose", "add", "plan", "paper"}  # minutes; their options are checked here, their work in other tests
 
 
 def named_yaml():

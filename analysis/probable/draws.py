@@ -1,8 +1,8 @@
 """Machines drawn from what is known of one: values with a covariance, within their bounds.
 
 A value with a standard deviation is a normal distribution cut off where no machine is: it keeps the value and the deviation
-that were stated, and of a positive quantity given to a third of itself it loses one draw in a thousand. A lognormal one would move
-either. What lies outside of any bound is drawn anew, with all else of that machine, so that correlations stay.
+that were stated, and of a positive quantity given to a third of itself it loses one draw in a thousand. A lognormal one would
+move either. What lies outside of any bound is drawn anew, with all else of that machine, so that correlations stay.
 """
 
 from __future__ import annotations

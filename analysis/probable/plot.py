@@ -37,7 +37,7 @@ def plot_chance(chance: Chance, plain_limit: np.ndarray, best: Recommended | Non
     bar.ax.set_yticklabels([f"{100 * level:g} %" for level in LEVELS])
     bar.set_label("chance of a stable cut")
     for share, limit, dashes in zip(QUANTILES, chance.limits, (":", "--", "-."), strict=True):
-        label = f"{100 * share:g} % of the machines have the limit below"
+        label = f"limit, {100 * share:g} % quantile of the machines"
         axes.plot(speed, limit * 1e3, dashes, color="0.15", lw=1.0, label=label)
     axes.plot(speed, plain_limit * 1e3, color="black", lw=1.8, label="limit of the machine in the middle")
     if best is not None:
@@ -46,7 +46,7 @@ def plot_chance(chance: Chance, plain_limit: np.ndarray, best: Recommended | Non
     handles, _ = axes.get_legend_handles_labels()
     if np.isnan(chance.probability).any():
         handles.append(Patch(fc="0.75", ec="0.4", label="not known"))
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=3, fontsize="small", frameon=False)
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize="small", frameon=False)
     axes.set(xlabel="spindle speed (rpm)", ylabel="axial depth of cut (mm)")
     for limits, values in ((axes.set_xlim, speed), (axes.set_ylim, depth)):
         if values.size > 1:

@@ -14,7 +14,7 @@ from testbed.cli._answer import Answer, progress, shown
 from testbed.problem import InputProblem
 
 # seconds a cell, rounded up: one mode along the feed, a machine in x and y, a loop with effects
-COST_S, PLANAR_COST_S, EFFECTS_COST_S = 1.5e-5, 1e-3, 25e-3
+COST_S, PLANAR_COST_S, EFFECTS_COST_S = 1.5e-5, 2e-3, 25e-3
 MOST_S, WORTH_SAYING_S = 3600.0, 60.0
 
 
@@ -207,10 +207,10 @@ def _of_blanks(found: Any) -> list[str]:
 
     notes = []
     if nowhere := int(np.count_nonzero(np.isnan(found.probability))):
-        notes.append(f"{nowhere} cells have no chance: too many of the machines drawn have no multipliers to be trusted there")
+        notes.append(f"{nowhere} cells have no chance: too many of the machines drawn have no multipliers there")
     elif found.unknown.any():
-        notes.append(f"of up to {found.unknown.max():.1%} of the machines drawn a cell's multipliers are not known: they are not "
-                     "counted there")
+        notes.append(f"of up to {found.unknown.max():.1%} of the machines drawn a cell's multipliers are unknown: they do not "
+                     "count there")
     return notes
 
 

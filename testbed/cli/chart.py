@@ -32,7 +32,8 @@ PLANAR_PARTS = 4  # of a cell of a picture, along either axis: a cell of a machi
 @click.option("--speed", type=SPEED, required=True, help="Spindle speeds, rpm: FIRST:LAST:COUNT.")
 @click.option("--depth", type=DEPTH, required=True, help="Axial depths of cut, mm: FIRST:LAST:COUNT.")
 @click.option("--data", metavar="DATA", help="Tests to lay over it: an HDF5 data set or a campaign.yaml.")
-@click.option("--campaign", metavar="CAMPAIGN.yaml", help="Fit the model to these records first, and draw machines from the fit.")
+@click.option("--campaign", metavar="CAMPAIGN.yaml",
+              help="Fit the model to these records first, and draw machines from the fit.")
 @click.option("--risk", type=RISK, default="5%", show_default=True, help="Chance of chatter that a recommended cut may have.")
 @click.option("--draws", type=click.IntRange(20, 100_000), default=300, show_default=True,
               help="Machines drawn for the chance of stability.")

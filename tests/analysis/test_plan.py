@@ -1,4 +1,4 @@
-"""The next cut: what it is expected to tell against a fit of the record that it would give, and which explanations it separates."""
+"""The next cut: what it is expected to tell against a fit of such a record, and which explanations it separates."""
 
 from dataclasses import replace
 

@@ -92,8 +92,9 @@ def test_a_stiffness_is_drawn_and_the_mass_follows():
 
 
 def test_a_single_mode_along_the_feed_is_turned_out_of_it():
-    text = ("structure: {modes: [{natural_frequency: 922 Hz, damping_ratio: 0.011, mass: 40 +- 2 gram, direction: x +- 5 deg}]}\n"
-            "cutter: {flutes: 2}\ncutting: {immersion: 0.2, tangential_coefficient: 600 N/mm^2, normal_coefficient: 200 N/mm^2}\n")
+    text = ("structure: {modes: [{natural_frequency: 922 Hz, damping_ratio: 0.011, mass: 40 +- 2 gram, "
+            "direction: x +- 5 deg}]}\ncutter: {flutes: 2}\n"
+            "cutting: {immersion: 0.2, tangential_coefficient: 600 N/mm^2, normal_coefficient: 200 N/mm^2}\n")
     known = of_spreads(model_from_text(text), catalogue())
     machines = [known.at(values) for values in known.drawn(5, 1)]
     assert all(one.planar for one in machines) and len({one.structure.mass for one in machines}) == 5

@@ -26,10 +26,11 @@ from testbed.workshop import RPM
 from tests.synthetic_campaign import synthetic_record
 from tests.validation.claims import Claim, Section
 
-MACHINES, DAMPED = 16, 3
+MACHINES, DAMPED = 40, 4
 BINS = ((0.0, 0.2), (0.2, 0.5), (0.5, 0.8), (0.8, 0.9), (0.9, 1.0))
-SPEEDS, DEPTHS, DRAWS, CUTS = 6, 9, 200, 3
-NEAR = 0.12  # of the limit, to which the cells lie on either side of it
+SPEEDS, DEPTHS, DRAWS, CUTS = 12, 9, 200, 3
+REACH, FEW = 2.5, 30  # standard deviations of the limit, to which the cells lie on either side of it; draws that tell these
+MOST = 30.0
 EVERY = catalogue()
 Cells = list[tuple[float, bool]]
 
@@ -47,11 +48,13 @@ def machine(random: np.random.Generator) -> tuple[Model, Model]:
 
 
 def limits(model: Model, speeds: np.ndarray) -> np.ndarray:
-    """Limits (m) of the linear machine at some speeds, at most 30 times the least that it may have."""
-    assert model.cutting is not None
-    least = model.structure.stiffness * model.structure.damping_ratio / model.cutting.tangential_coefficient
-    found = sharpened_limit(stability_chart(model, speeds, least * np.linspace(0.2, 30, 120)), model)
-    return np.where(np.isfinite(found), found, 30 * least)
+    """Limits (m) of the linear machine at some speeds; NaN where they are above MOST times the least that it may have."""
+    return sharpened_limit(stability_chart(model, speeds, least_limit(model) * np.linspace(0.2, MOST, 120)), model)
+
+
+def least_limit(model: Model) -> float:
+    """About the least depth (m) at which the machine chatters."""
+    return model.structure.stiffness * model.structure.damping_ratio / model.cutting.tangential_coefficient
 
 
 def campaign(truth: Model, random: np.random.Generator, seed: int) -> list:
@@ -59,10 +62,11 @@ def campaign(truth: Model, random: np.random.Generator, seed: int) -> list:
     structure, flutes, found = truth.structure, truth.cutter.flutes, []
     for number in range(CUTS):
         speed = 2 * math.pi * structure.natural_frequency / (flutes * random.uniform(1.6, 3.4))
-        depth = float(random.uniform(0.4, 0.8) * limits(truth, np.array([speed]))[0])
+        limit = limits(truth, np.array([speed]))[0]
+        depth = float(random.uniform(0.4, 0.8) * (limit if math.isfinite(limit) else MOST * least_limit(truth)))
         size = depth * truth.cutting.tangential_coefficient * 1e-4 / structure.stiffness
-        record = synthetic_record(fast.simulate, truth, speed / RPM, depth, 10 * seed + number, noise=size * random.uniform(0.1, 0.4),
-                                  rate=25 * structure.natural_frequency, course=(8, 25, 12))
+        record = synthetic_record(fast.simulate, truth, speed / RPM, depth, 10 * seed + number, course=(8, 25, 12),
+                                  noise=size * random.uniform(0.1, 0.4), rate=25 * structure.natural_frequency)
         found.append(observe(record, truth))
     return found
 
@@ -70,9 +74,12 @@ def campaign(truth: Model, random: np.random.Generator, seed: int) -> list:
 def cells(model: Model, known, wanted: Callable, road: Callable, random: np.random.Generator, seed: int) -> Cells:
     """(chance, whether it is stable) of cells about the limit of a fitted machine. wanted: the true chart."""
     low, high = (2 * math.pi * model.structure.natural_frequency / (model.cutter.flutes * share) for share in (3.4, 1.6))
-    speeds, found = random.uniform(low, high, SPEEDS), []
-    for speed, limit in zip(speeds, limits(model, speeds), strict=True):
-        depths = limit * np.linspace(1 - NEAR, 1 + NEAR, DEPTHS)
+    speeds, linear, found = random.uniform(low, high, SPEEDS), known.without_effects(), []
+    spread = np.std([limits(linear.at(values), speeds) for values in linear.drawn(FEW, seed)], axis=0)
+    for speed, limit, size in zip(speeds, limits(model, speeds), spread, strict=True):
+        if not math.isfinite(limit + size):  # none within reach: stable for certain
+            continue
+        depths = np.maximum(limit + size * np.linspace(-REACH, REACH, DEPTHS), 0.1 * limit)
         chance = chance_of(road(known, np.array([speed]), depths, DRAWS, seed)).probability[:, 0]
         stable = wanted(np.array([speed]), depths).classes[:, 0] == 0
         found += [(float(one), bool(right)) for one, right in zip(chance, stable, strict=True) if math.isfinite(one)]
@@ -80,7 +87,7 @@ def cells(model: Model, known, wanted: Callable, road: Callable, random: np.rand
 
 
 def one(seed: int, damped: bool = False) -> dict[str, Cells | str]:
-    """Chances of a machine by the fit; where process damping is hidden, also as if nothing were missing, and once it is added."""
+    """Chances of a machine; where process damping is hidden, as if nothing were missing, and once it is added."""
     random = np.random.default_rng([59, seed, damped])
     truth, believed = machine(random)
     if damped:
@@ -137,7 +144,9 @@ def check(machines: int = MACHINES, damped: int = DAMPED) -> Section:
         some = [cell for each in hidden for cell in each.get(name, ())]
         tables.append((f"{damped} machines with process damping, {name}", header, tuple(counted(some))))
     return Section("Chance of stability", claims, tuple(tables),
-                   f"Machines of one mode, 1 to 3 flutes, {CUTS} stable cuts each with a tachometer and noise; {DRAWS} machines drawn.")
+                   f"Machines of one mode, 1 to 3 flutes; {CUTS} stable cuts of each, with a tachometer and loud noise (a "
+                   f"third of the motion to all of it); {DRAWS} machines drawn. Cells: up to {SPEEDS} speeds, {DEPTHS} depths within "
+                   f"{REACH:g} standard deviations of the limit, where there is one.")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,58 @@
+"""What a fit tells, as machines are drawn from it: its intervals, and a deviation of the file joined to them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.estimate import Estimate
+from analysis.fit.estimates import estimates
+from analysis.fit.model_fit import model_fit
+from analysis.fit.observed import observe
+from analysis.information import Z_95
+from analysis.probable.posterior import posterior
+from testbed.catalogue import catalogue
+from testbed.engines import fast, predict
+from tests.campaign_files import BELIEVED, TRUE
+from tests.synthetic_campaign import COURSE, synthetic_campaign
+
+EVERY = catalogue()
+HELD = "normal_coefficient"
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    made = synthetic_campaign(fast.simulate, TRUE, seed=5, tests=((3810, 2.0), (2850, 1.5)), rate=3200.0, course=COURSE)
+    return model_fit(predict, [observe(record, TRUE) for record in made], BELIEVED, EVERY)
+
+
+def test_the_deviations_are_those_of_the_intervals(fitted):
+    fitter, fit = fitted
+    found = estimates(fitter, fit, EVERY)
+    told = posterior(fitter, fit, found, BELIEVED, EVERY)
+    half = [(found[path].high - found[path].low) / (2 * Z_95) for path in told.known.paths]
+    assert told.known.deviations == pytest.approx(half, rel=1e-6) and told.given == ()
+    scale = np.sqrt(np.outer(np.diag(fit.covariance), np.diag(fit.covariance)))[:4, :4]
+    drawn = told.known.covariance / np.outer(told.known.deviations, told.known.deviations)
+    assert np.allclose(drawn, fit.covariance[:4, :4] / scale, atol=1e-9)  # and so are the correlations
+    assert abs(drawn[2, 3]) > 0.5
+
+
+@pytest.mark.parametrize("share", [0.02, 1.0, 50.0])
+def test_a_deviation_of_the_file_is_one_more_measurement(fitted, share):
+    """Held, with a deviation of so many times what the records tell: joined as Gauss joins them, and what it pulls along."""
+    fitter, fit = fitted
+    whole = posterior(fitter, fit, estimates(fitter, fit, EVERY), BELIEVED, EVERY).known
+    place = whole.paths.index(HELD)
+    deviation = share * float(whole.deviations[place])
+    without = fitter.without(HELD)
+    again = without.fit(fit.state, iterations=3)
+    values = {**estimates(without, again, EVERY), HELD: Estimate(2e8, 2e8, 2e8, "N/m^2", bounded=False)}
+    told = posterior(without, again, values, replace(BELIEVED, spreads=((HELD, deviation),)), EVERY)
+    joined = np.linalg.inv(whole.covariance)
+    joined[place, place] += deviation**-2
+    exact = np.linalg.inv(joined)
+    order = [whole.paths.index(path) for path in told.known.paths]
+    assert told.given == () and HELD in told.known.paths
+    assert told.known.deviations == pytest.approx(np.sqrt(np.diag(exact))[order], rel=0.05)
+    assert posterior(without, again, values, BELIEVED, EVERY).given == (HELD,)  # without one it is a guess, and said
