@@ -238,6 +238,7 @@ class Model:
     `models/` the structure came from, where it came from one. not_determined: paths of parameters that no record told: guesses.
     spreads: (path, standard deviation in SI) of values that are believed with an uncertainty; a mode that was given by its
     stiffness has `stiffness` in place of `mass`. Another value in place of one takes its spread away.
+    tapped: by path, the ends (SI) of the 95 % interval that a tap test gave, whatever the values are now.
     """
 
     structure: Structure
@@ -247,6 +248,7 @@ class Model:
     machine: str | None = None
     not_determined: tuple[str, ...] = field(default=(), compare=False)
     spreads: tuple[tuple[str, float], ...] = field(default=(), compare=False)
+    tapped: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
         _require((self.cutter is None) == (self.cutting is None), "cutter and cutting stand or fall together")
@@ -254,7 +256,8 @@ class Model:
 
     def __reduce__(self):  # mapping proxies do not pickle
         effects = {name: dict(values) for name, values in self.effects.items()}
-        return (Model, (self.structure, self.cutter, self.cutting, effects, self.machine, self.not_determined, self.spreads))
+        return (Model, (self.structure, self.cutter, self.cutting, effects, self.machine, self.not_determined, self.spreads,
+                        dict(self.tapped)))
 
     def __hash__(self) -> int:
         effects = tuple((name, tuple(values.items())) for name, values in self.effects.items())

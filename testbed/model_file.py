@@ -77,6 +77,7 @@ class _ModelFile(Strict):
     cutting: Any = None
     effects: Any = None
     not_determined: list[str] = []
+    tapped: dict[str, list[Any]] = {}
 
 
 def read_model(path: str | Path, catalogue: Mapping[str, Effect] | None = None) -> Model:
@@ -108,7 +109,7 @@ def model_from(document: Document, path: Path_ = (), catalogue: Mapping[str, Eff
     model = Model(structure, effects=effects, machine=machine, spreads=tuple(spreads.items()))
     guesses = tuple(parts.not_determined)
     if parts.cutter is None:
-        return _with_guesses(document, path, model, guesses)
+        return _with_records(document, path, model, guesses, parts.tapped)
     cutter = validate(document, _Cutter, (*path, "cutter"))
     if not 1 <= cutter.flutes <= MOST_FLUTES:
         wrong = "must be at least 1" if cutter.flutes < 1 else "is more than any cutter has"
@@ -119,11 +120,12 @@ def model_from(document: Document, path: Path_ = (), catalogue: Mapping[str, Eff
         raise document.problem((*path, "cutter", "pitch"), str(problem),
                                "give one angle a tooth; all together make 360 deg") from None
     model = replace(model, cutter=shape, cutting=_cutting(document, (*path, "cutting"), cutter.diameter))
-    return _with_guesses(document, path, model, guesses)
+    return _with_records(document, path, model, guesses, parts.tapped)
 
 
-def _with_guesses(document: Document, path: Path_, model: Model, guesses: tuple[str, ...]) -> Model:
-    """The model with the parameters named that no record told; each must be one of its own."""
+def _with_records(document: Document, path: Path_, model: Model, guesses: tuple[str, ...],
+                  tapped: Mapping[str, list[Any]]) -> Model:
+    """The model with the parameters named that no record told, and those that a tap did; each must be one of its own."""
     for place, name in enumerate(guesses):
         try:
             model.value(name)
@@ -131,7 +133,22 @@ def _with_guesses(document: Document, path: Path_, model: Model, guesses: tuple[
             known = [*model.base_parameters, *(f"{effect}.{one}" for effect, values in model.effects.items() for one in values)]
             raise document.problem((*path, "not_determined", place), f"'{name}' is no parameter of this model",
                                    did_you_mean(name, known)) from None
-    return replace(model, not_determined=guesses)
+    ends = {}
+    for name, given in tapped.items():
+        there = (*path, "tapped", name)
+        if name not in model.base_parameters:
+            raise document.problem(there, f"'{name}' is no parameter of this machine",
+                                   did_you_mean(name, list(model.base_parameters)))
+        try:
+            low, high = (parse_quantity(one, model.base_parameters[name]) for one in given)
+        except UnitProblem as problem:
+            raise document.problem(there, problem.what, problem.do) from None
+        except ValueError:
+            low, high = math.inf, -math.inf
+        if not low <= high:
+            raise document.problem(there, "is no interval", "give its two ends, the lower one first: [146.4 Hz, 146.8 Hz]")
+        ends[name] = (low, high)
+    return replace(model, not_determined=guesses, tapped=ends)
 
 
 def _cutting(document: Document, path: Path_, diameter: float) -> Cutting:
@@ -213,6 +230,10 @@ def model_text(model: Model, catalogue: Mapping[str, Effect] | None = None) -> s
     if model.not_determined:
         told = ", ".join(f'"{path}"' if "[" in path else path for path in model.not_determined)
         lines.append(f"not_determined: [{told}]  # no record told these: they are guesses")
+    if model.tapped:
+        lines.append("tapped:  # 95 % intervals by a tap test: testbed compare says whether the cut has the same")
+        lines += [f"  {name}: [{exact(low, model.base_parameters[name])}, {exact(high, model.base_parameters[name])}]"
+                  for name, (low, high) in model.tapped.items() if name in model.base_parameters]
     if not model.effects:
         return "\n".join(lines) + "\n"
     known = known_effects() if catalogue is None else catalogue

@@ -59,7 +59,7 @@ class _Shared(Strict):
 
 
 class TapEntry(_Shared):
-    """One tap: a record of blows, or a frequency response."""
+    """One tap: a record of blows, with or without their force, or a frequency response."""
 
     file: str
     direction: Annotated[float, BeforeValidator(as_direction)]
@@ -86,9 +86,9 @@ class TapsEntry(_Shared):
 class Tap:
     """One tap in SI: a record of force and response, or a measured frequency response.
 
-    along, sensed: unit vectors (x, y) of force and sensor. record: channels `force` and the quantity. spectrum: the receptance.
-    window: 1/s, of the exponential window that the response came with. sensor_mass: kg. sensor: what tells one sensor from
-    another, as far as the file does.
+    along, sensed: unit vectors (x, y) of force and sensor. record: channels `force`, if it was measured, and the quantity.
+    spectrum: the receptance. window: 1/s, of the exponential window that the response came with. sensor_mass: kg. source: the
+    stretch of a file that it comes from; channels of one stretch were measured together.
     """
 
     name: str
@@ -101,6 +101,12 @@ class Tap:
     window: float = 0.0
     sensor_mass: float = 0.0
     notes: tuple[str, ...] = ()
+    source: str = ""
+
+    @property
+    def without_force(self) -> bool:
+        """Whether it is a record of what rings alone."""
+        return self.record is not None and "force" not in self.record.channels
 
 
 @dataclass(frozen=True)
@@ -173,7 +179,8 @@ def _read(reading: _Reading) -> list[Tap]:
     sensed = along if turned is None else unit_vector(turned)
     window = reading.value("exponential_window")
     shared: dict[str, Any] = {"on": reading.value("on") or "workpiece", "window": 1.0 / window if window else 0.0,
-              "sensor_mass": reading.value("sensor_mass") or 0.0}
+              "sensor_mass": reading.value("sensor_mass") or 0.0,
+              "source": f"{entry.file} {entry.from_} {entry.to}"}
     name = Path(entry.file).stem
     if not parts and (entry.force is not None or entry.response is not None):
         record, quantity, notes = _record(reading, force, response)
@@ -189,12 +196,13 @@ def _read(reading: _Reading) -> list[Tap]:
 
 def _record(reading: _Reading, force: TapChannel | None,
             response: TapResponse | None) -> tuple[Recording, Quantity, tuple[str, ...]]:
-    """Force and response of a record of blows."""
-    if force is None or response is None:
-        missing = "force" if force is None else "response"
-        raise reading.problem(f"a record of blows needs its {missing}", f"give `{missing}: {{column: ..., unit: "
-                              f"{'N' if force is None else 'g, quantity: acceleration'}}}`, or, of a frequency response, "
-                              "`frequency`, `real` and `imaginary`")
+    """Force, if it is given, and response of a record of blows."""
+    if response is None:
+        raise reading.problem("a record of blows needs its response", "give `response: {column: ..., unit: g, quantity: "
+                              "acceleration}`, and `force` if it was measured, or, of a frequency response, `frequency`, "
+                              "`real` and `imaginary`")
+    if force is None:
+        return _decay(reading, response)
     tables = {"force": reading.table(force, "force"), "response": reading.table(response, "response")}
     quantity = _quantity(reading, response, tables["response"])
     sources = {"force": _source(force, "force"), quantity: _source(response, "response")}
@@ -210,6 +218,16 @@ def _record(reading: _Reading, force: TapChannel | None,
             at = "force" if channel == "force" else "response"
             raise reading.problem(f"the {at} is not calibrated ({unit}): no mass follows from it",
                                   "give its unit, with `scale` where the file holds volts", at, "unit")
+    return recording, quantity, notes
+
+
+def _decay(reading: _Reading, response: TapResponse) -> tuple[Recording, Quantity, tuple[str, ...]]:
+    """The response alone, of blows whose force nobody measured."""
+    table = reading.table(response, "response")
+    quantity = _quantity(reading, response, table)
+    time = None if reading.value("time") is None else _source(reading.value("time"), "time")
+    recording, notes = assemble(table, {quantity: _source(response, "response")}, time=time,
+                                sampling_rate=reading.value("sampling_rate"), start=reading.entry.from_, stop=reading.entry.to)
     return recording, quantity, notes
 
 

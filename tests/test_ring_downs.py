@@ -14,7 +14,7 @@ from analysis.fit.observed import observe
 from analysis.records.blows import find_blows, grows
 from analysis.records.noise import noise_floor
 from analysis.records.record_report import report
-from analysis.records.ring_downs import free_vibrations, notes_of, separated
+from analysis.records.ring_downs import notes_of, ring_downs, separated
 from analysis.records.segments import find_segments
 from analysis.records.white_noise import read_white_noise
 from testbed.campaign import Record, load_campaign
@@ -25,6 +25,11 @@ from testbed.recording import Recording
 THREE = ((0.5, 20.0), (2.0, 14.0), (3.5, 25.0))
 
 
+def modes_in(recording: Recording) -> list:
+    """The modes of all ring-downs of a record."""
+    return [mode for ring in ring_downs(recording, find_segments(recording, kind="ring-down")) for mode in ring.modes]
+
+
 @pytest.mark.parametrize("frequency", [0.1, 0.8, 12.0, 900.0, 20e3])
 @pytest.mark.parametrize("per_swing", [3.5, 37.0])
 def test_frequency_and_damping_of_a_decay_whatever_its_time_scale(frequency: float, per_swing: float) -> None:
@@ -32,7 +37,7 @@ def test_frequency_and_damping_of_a_decay_whatever_its_time_scale(frequency: flo
     time = np.arange(samples) / rate
     values = 3e-4 * (decay(time, 0.0, frequency, 0.01, 0.7) + 0.003 * np.random.default_rng(1).standard_normal(samples))
     recording = recorded(values, rate)
-    (found,) = free_vibrations(recording, find_segments(recording, kind="ring-down"))
+    (found,) = modes_in(recording)
     assert found.natural_frequency.value == pytest.approx(frequency, rel=1e-3)
     assert found.damping_ratio.value == pytest.approx(0.01, rel=0.05)
 
@@ -41,7 +46,7 @@ def test_two_modes_ring_beside_each_other() -> None:
     time, random = np.arange(8000) / 4000.0, np.random.default_rng(2)
     values = 100 * decay(time, 0.0, 147.5, 0.005, 1.0) + 40 * decay(time, 0.0, 190.0, 0.008, -0.9)
     recording = recorded(values + 0.2 * random.standard_normal(8000), 4000.0)
-    found = free_vibrations(recording, find_segments(recording, kind="ring-down"))
+    found = modes_in(recording)
     assert [one.natural_frequency.value for one in found] == pytest.approx([147.5, 190.0], rel=1e-4)
     assert [one.damping_ratio.value for one in found] == pytest.approx([0.005, 0.008], rel=0.01)
 
@@ -55,7 +60,7 @@ def test_each_of_several_blows_is_found_and_a_ring_down_of_its_own() -> None:
     assert sum(len(part.recording) for part in parts) == pytest.approx(5000, abs=100)
     seen = report(record.recording, "taps", "ring-down", ())
     assert seen.blows == pytest.approx([0.5, 2.0, 3.5], abs=0.01)
-    assert [one.damping_ratio.value for one in seen.vibrations] == pytest.approx([0.02] * 3, rel=0.01)
+    assert [one.damping_ratio.value for ring in seen.ring_downs for one in ring.modes] == pytest.approx([0.02] * 3, rel=0.01)
     with pytest.raises(ValueError, match=r"three blows .* give from and to"):
         observe(record, Model(Structure(2.0, 48.0, 0.01), None, None))
 
@@ -76,7 +81,7 @@ def test_a_record_that_grows_is_no_free_decay_and_all_of_it_is_used() -> None:
     assert grows(values) == pytest.approx(np.exp(4.5), rel=0.2)
     seen = report(record.recording, "growing", "ring-down", ())
     assert any("its swings grow" in note for note in seen.notes) and seen.share > 0.95
-    assert seen.vibrations[0].damping_ratio.value == pytest.approx(-2.5 / (2 * np.pi * 80), rel=0.05)
+    assert seen.ring_downs[0].modes[0].damping_ratio.value == pytest.approx(-2.5 / (2 * np.pi * 80), rel=0.05)
     observed = observe(record, Model(Structure(2.0, 80.0, 0.01), None, None))
     assert observed.samples > 3800
     assert grows(values[::-1]) is None and notes_of(recorded(values[::-1], 2000.0), "ring-down") == []
@@ -142,4 +147,4 @@ def test_inspect_says_blows_vibrations_and_how_much_is_used(tmp_path: Path) -> N
     answer = CliRunner().invoke(inspect_command, [str(tmp_path / "c.yaml"), "--quiet", "--json", "-"]).stdout
     record = json.loads(answer)["records"][0]
     assert len(record["blows"]) == 3 and 0.85 < record["used"]["share"] < 0.95
-    assert record["free_vibrations"][2]["natural_frequency"]["value"] == pytest.approx(50.0, rel=1e-4)
+    assert record["ring_downs"][2]["modes"][0]["natural_frequency"]["value"] == pytest.approx(50.0, rel=1e-4)

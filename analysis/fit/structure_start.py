@@ -9,8 +9,13 @@ import numpy as np
 
 from analysis.fit.modes_start import modes_start
 from analysis.fit.observed import Observed
-from analysis.records.free_decay import fit_free_decay, spectral_peak
+from analysis.records.decay_modes import decay_modes
+from analysis.records.free_decay import FreeDecay, fit_free_decay, spectral_peak
 from testbed.machine import Model
+from testbed.recording import DERIVATIVES
+
+NEAR = 0.05  # of a frequency, within which it is the same mode's
+LEAVES = 2.0  # times the noise, beyond which one vibration leaves others of a decay
 
 
 def decay_start(records: Sequence[Observed], model: Model) -> Model:
@@ -29,16 +34,15 @@ def decay_start(records: Sequence[Observed], model: Model) -> Model:
             fit = fit_free_decay(values, first, spectral_peak(values - values.mean()), 1.0 / len(values))
             if fit is None or fit.decay <= 0 or not fit.decay_error < fit.decay:
                 continue
-            damped, decay = 2 * math.pi * fit.frequency * record.rate, fit.decay * record.rate
-            natural = math.hypot(damped, decay)
-            found.append((natural / (2 * math.pi), decay / natural, (fit.decay / max(fit.decay_error, 1e-12)) ** 2))
+            frequency, damping, weight = _the_mode(values, fit, record, model.structure.natural_frequency)
+            found.append((frequency, damping, weight))
     if not found:
         return model
     frequency, damping, weight = np.array(found).T
-    near = np.abs(frequency / np.median(frequency) - 1) < 0.05
+    near = np.abs(frequency / np.median(frequency) - 1) < NEAR
     if not near.any():  # of two modes that ring, half of the decays each: the one that is believed in
         believed = frequency[np.argmin(np.abs(frequency / model.structure.natural_frequency - 1))]
-        near = np.abs(frequency / believed - 1) < 0.05
+        near = np.abs(frequency / believed - 1) < NEAR
     weight = np.minimum(weight, 20 * np.median(weight)) * near
     return model.with_values(
         {
@@ -46,6 +50,23 @@ def decay_start(records: Sequence[Observed], model: Model) -> Model:
             "damping_ratio": float(np.sum(damping * weight) / weight.sum()),
         }
     )
+
+
+def _the_mode(values: np.ndarray, alone: FreeDecay, record: Observed, believed: float) -> tuple[float, float, float]:
+    """(natural frequency in Hz, damping ratio, weight) of the mode of a decay that a structure of one mode is to be.
+
+    Where several ring, the fit of one alone is none of them: of the modes the one near the believed frequency (Hz), else the
+    one that moves most, as displacement: an accelerometer shows fast ones largest.
+    """
+    pole, error = complex(-alone.decay, 2 * math.pi * alone.frequency), alone.decay_error
+    modes = decay_modes(values[None, :]) if alone.rest > LEAVES * record.noise[0] else None
+    if modes is not None and len(modes) > 1:
+        sizes = np.abs(modes.residues[:, 0] / modes.poles ** DERIVATIVES.get(record.channels[0].split("_")[0], 0))
+        away = np.abs(np.abs(modes.poles) * record.rate / (2 * math.pi * believed) - 1)
+        place = int(np.argmin(away)) if away.min() < NEAR else int(np.argmax(sizes))
+        if modes.poles[place].real < 0:
+            pole, error = complex(modes.poles[place]), math.sqrt(max(float(modes.covariance[place, 0, 0]), 0.0))
+    return abs(pole) * record.rate / (2 * math.pi), -pole.real / abs(pole), (pole.real / max(error, 1e-12)) ** 2
 
 
 def excited_start(records: Sequence[Observed], model: Model) -> Model:

@@ -13,7 +13,7 @@ from analysis.records.chatter import Chatter, judge_cut
 from analysis.records.chatter_line import LineTrack, chatter_track
 from analysis.records.lines import SpectralLine, comb_speed, fed_by_the_cut, spectral_lines
 from analysis.records.noise import Noise, noise_floor, samples_of
-from analysis.records.ring_downs import Decay, blow_times, free_vibrations, notes_of, used_times
+from analysis.records.ring_downs import RingDown, blow_times, notes_of, ring_downs, used_times
 from analysis.records.segments import Segment, find_segments, main_channel
 from testbed.readers import checks
 from testbed.readers.tachometer import speed as marks_speed
@@ -51,7 +51,7 @@ class RecordReport:
     chatter: Chatter | None = None  # of a cut alone
     chatter_line: LineTrack | None = None
     blows: tuple[float, ...] = ()
-    vibrations: tuple[Decay, ...] = ()
+    ring_downs: tuple[RingDown, ...] = ()
     used: tuple[float, float] | None = None
 
     @property
@@ -102,7 +102,7 @@ class RecordReport:
                 for line in self.lines
             ],
             "blows": list(self.blows),
-            "free_vibrations": [one.as_json() for one in self.vibrations],
+            "ring_downs": [one.as_json() for one in self.ring_downs],
             "used": None if self.used is None else {"start": self.used[0], "stop": self.used[1], "share": self.share},
             "chatter": None if self.chatter is None else self.chatter.as_json(),
             "chatter_line": None if self.chatter_line is None else self.chatter_line.as_json(),
@@ -146,8 +146,8 @@ def report(recording: Recording, name: str, kind: str, notes: tuple[str, ...]) -
     if noise is not None and not noise.known:
         more.append(f"the noise cannot be known: what is fast in the record may be its motion; at most it is {noise.rms:.3g} "
                     f"{recording.units[noise.channel]} rms")
-    vibrations = free_vibrations(recording, segments) if kind == "ring-down" else ()
-    more += notes_of(recording, kind)
+    rings = ring_downs(recording, segments) if kind == "ring-down" else ()
+    more += [*notes_of(recording, kind), *dict.fromkeys(note for ring in rings for note in ring.notes)]
     return RecordReport(
         name,
         kind,
@@ -165,8 +165,8 @@ def report(recording: Recording, name: str, kind: str, notes: tuple[str, ...]) -
         chatter,
         track,
         blow_times(recording) if kind == "ring-down" else (),
-        vibrations,
-        used_times(recording, kind, segments, channel, vibrations),
+        rings,
+        used_times(recording, kind, segments, channel, rings),
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from analysis.report.machine import interval, shown
 from analysis.report.packed import listed
 from analysis.report.page import Page, Panel
-from analysis.tap.tap import Group, TapResult
+from analysis.tap.result import Group, TapResult
 
 _POINTS = 1500  # of a curve
 _MEASURED, _FITTED = "#2b7bba", "#d1495b"
@@ -29,25 +29,40 @@ def tap_page(found: TapResult, name: str = "") -> Page:
     page.table(("mode", "on", *(one.replace("_", " ") for one in names), "intervals, 95 %"),
                [(str(number), mode.on, *(shown(getattr(mode, one).value, getattr(mode, one).unit) for one in names),
                  "; ".join(interval(getattr(mode, one)) for one in names[:3])) for number, mode in enumerate(found.modes)])
-    page.heading("Do the modes explain the responses?")
+    if found.decays:
+        _decays(page, found)
+    if found.groups:
+        page.heading("Do the modes explain the responses?")
     for group in found.groups:
         for place in range(len(group.responses)):
             _response(page, group, place)
-    page.heading("Which poles hold?")
-    page.answer("A pole that comes back, from order to order of the polynomial, is one of the structure's; others are noise.")
-    for group in found.groups:
-        page.figure(_stabilisation(group), "poles over frequency and order")
-    page.heading("How many modes?")
-    page.table(("responses", "modes", "gain of BIC over the number kept before", "weighted misfit", "kept"),
-               [(", ".join(one.name for one in group.responses), str(count), f"{step.gain:.0f}", f"{step.fit.cost:.4g}",
-                 "here" if count == len(group.fit.parameters) else "")
-                for group in found.groups for count, step in enumerate(group.steps)])
+    if found.groups:
+        page.heading("Which poles hold?")
+        page.answer("A pole that comes back, from order to order of the polynomial, is one of the structure's; others are "
+                    "noise.")
+        for group in found.groups:
+            page.figure(_stabilisation(group), "poles over frequency and order")
+        page.heading("How many modes?")
+        page.table(("responses", "modes", "gain of BIC over the number kept before", "weighted misfit", "kept"),
+                   [(", ".join(one.name for one in group.responses), str(count), f"{step.gain:.0f}", f"{step.fit.cost:.4g}",
+                     "here" if count == len(group.fit.parameters) else "")
+                    for group in found.groups for count, step in enumerate(group.steps)])
     if found.blows:
         page.heading("Which blows were used?")
         page.table(("record", "time", "force", "used"),
                    [(blow.tap, shown(blow.time, "s"), shown(blow.force, "N"), "yes" if blow.used else blow.why)
                     for blow in found.blows])
     return page
+
+
+def _decays(page: Page, found: TapResult) -> None:
+    """What rings after each blow whose force nobody measured."""
+    page.heading("What rings after each blow without force?")
+    page.answer("Free decays tell frequencies, damping ratios and shapes; masses only a measured force tells.")
+    page.table(("record", "from", "natural frequency", "damping ratio", "shape", "left"),
+               [(one.tap, shown(one.ring.start, "s"), interval(mode.natural_frequency), interval(mode.damping_ratio),
+                 ", ".join(f"{name} {part.value:+.3g}" for name, part in mode.shape.items()), f"{one.ring.residual:.1%}")
+                for one in found.decays for mode in one.ring.modes])
 
 
 def _line(x: np.ndarray, y: np.ndarray, name: str, colour: str, **more: Any) -> dict[str, Any]:

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimate import Estimate
 from analysis.tap.averaged import Stretch, averaged
 from analysis.tap.blows import Blow, find_blows, too_short
+from analysis.tap.decays import UNKNOWN_MASS, decays_of
 from analysis.tap.frequency_response import FEWEST_LINES, FrequencyResponse
-from analysis.tap.order import MOST_MODES, Step, choose
-from analysis.tap.poles import Stabilisation, poles
+from analysis.tap.order import MOST_MODES, choose
+from analysis.tap.poles import poles
 from analysis.tap.real_modes import Fit, Lines, fit_modes, residues, shapes_of
+from analysis.tap.result import BlowSeen, FoundMode, Group, TapResult
 from analysis.tap.sensors import exchanged, sign_share, turned, unloaded
 from analysis.tap.uncertain import estimates
-from testbed.machine import Carrier, Mode
 from testbed.problem import InputProblem
 from testbed.recording import Recording
 
@@ -28,68 +28,8 @@ _EXCHANGED = 0.2  # of the misfit, that exchanged axes may leave at the most to 
 _SETTLING = 10  # steps of a fit that is asked for its misfit alone
 _EXPLAINS = 0.5  # of a response: modes that leave more explain nothing
 _ALL_WITH = 0.9  # likewise, above which every mode answers with the force
+_ALIKE = 0.02  # of a frequency, within which a decay shows what a struck response does
 _LOW, _HIGH = 1.0, 1e6  # Hz: no band asked for
-
-
-@dataclass(frozen=True)
-class BlowSeen:
-    """One blow of a tap's record: when (s), how hard (N), used or why not."""
-
-    tap: str
-    time: float
-    force: float
-    used: bool
-    why: str = ""
-
-
-@dataclass(frozen=True)
-class FoundMode:
-    """A mode as found: each value with its interval, and what carries it."""
-
-    natural_frequency: Estimate
-    damping_ratio: Estimate
-    mass: Estimate
-    direction: Estimate
-    on: Carrier
-
-    def mode(self) -> Mode:
-        """The vocabulary's mode."""
-        return Mode(self.mass.value, self.natural_frequency.value, self.damping_ratio.value, self.direction.value, self.on)
-
-    def as_json(self) -> dict[str, Any]:
-        """SI values, for `--json`."""
-        return {**{name: getattr(self, name).as_json() for name in ("natural_frequency", "damping_ratio", "mass", "direction")},
-                "on": self.on}
-
-
-@dataclass(frozen=True)
-class Group:
-    """Responses that share their modes: the search, the fit and the residual (rms over the response's rms) of each."""
-
-    responses: tuple[FrequencyResponse, ...]
-    stabilisation: Stabilisation
-    steps: tuple[Step, ...]
-    fit: Fit
-    residuals: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class TapResult:
-    """All that a tap test gave. residual: pooled over all believed lines."""
-
-    modes: tuple[FoundMode, ...]
-    residual: float
-    blows: tuple[BlowSeen, ...]
-    groups: tuple[Group, ...]
-    notes: tuple[str, ...]
-
-    def responses_json(self) -> list[dict[str, Any]]:
-        """What was fitted of each response, for `--json`."""
-        return [{"name": one.name, "on": one.on, "first_frequency": float(one.frequency[mask][0]),
-                 "last_frequency": float(one.frequency[mask][-1]), "lines": int(mask.sum()), "residual": residual,
-                 "coherence": None if one.coherence is None else float(np.median(one.coherence[mask]))}
-                for group in self.groups
-                for one, mask, residual in zip(group.responses, group.fit.lines.masks, group.residuals, strict=True)]
 
 
 @dataclass
@@ -108,9 +48,18 @@ def tap_test(taps: Any, most_modes: int | None = None) -> TapResult:
     noted = _Noted()
     for tap in taps.taps:
         noted.notes += [f"{tap.name}: {note}" for note in tap.notes]
+    free, struck = [tap for tap in taps.taps if tap.without_force], [tap for tap in taps.taps if not tap.without_force]
+    decays, rung = decays_of(free, str(taps.file), noted.notes) if free else ([], [])
+    if free:
+        noted.notes.append(f"{', '.join(dict.fromkeys(tap.name for tap in free))}: no force was measured: frequencies, damping "
+                           "ratios and shapes follow, no mass")
+    unweighed = [FoundMode(mode.natural_frequency, mode.damping_ratio, UNKNOWN_MASS, mode.direction, mode.on) for mode in rung]
+    if not struck:
+        residual = math.sqrt(float(np.mean([one.ring.residual**2 for one in decays])))
+        return TapResult(tuple(unweighed), residual, (), (), tuple(dict.fromkeys(noted.notes)), tuple(decays))
     low, high = taps.band or (_LOW, _HIGH)
     masses: list[float] = []
-    measured = _responses(taps, masses, noted)
+    measured = _responses(taps, struck, masses, noted)
     if taps.band is None:
         noted.notes += [f"{one.name}: rises towards 0 Hz as a sensor's drift does: nothing below {one.lowest:.4g} Hz is used "
                         "(`band` gives the frequencies yourself)" for one in measured if one.lowest > 0.0]
@@ -124,21 +73,29 @@ def tap_test(taps: Any, most_modes: int | None = None) -> TapResult:
         if against:
             noted.notes.append(f"{group.responses[0].name}: answers against the force, no mass follows: {', '.join(against)}")
     modes = sorted((mode for group in groups for mode in _modes(group)), key=lambda one: one.natural_frequency.value)
+    free_alone = [one for one in unweighed if not any(_alike(one, mode) for mode in modes)]
+    if free_alone:
+        rung_at = ", ".join(f"{one.natural_frequency.value:.5g} Hz" for one in free_alone)
+        noted.notes.append(f"rings without being struck at the measured force: {rung_at}")
     missed = sum(res**2 * _power(group, place) for group in groups for place, res in enumerate(group.residuals))
     whole = sum(_power(group, place) for group in groups for place in range(len(group.responses)))
     return TapResult(tuple(modes), math.sqrt(missed / whole), tuple(noted.blows), tuple(groups),
-                     tuple(dict.fromkeys(noted.notes)))
+                     tuple(dict.fromkeys(noted.notes)), tuple(decays))
+
+
+def _alike(one: FoundMode, other: FoundMode) -> bool:
+    return one.on == other.on and abs(one.natural_frequency.value / other.natural_frequency.value - 1.0) < _ALIKE
 
 
 def _power(group: Group, place: int) -> float:
     return float(np.sum(np.abs(group.fit.lines.measured[place]) ** 2))
 
 
-def _responses(taps: Any, masses: list[float], noted: _Noted) -> list[FrequencyResponse]:
+def _responses(taps: Any, struck: Sequence[Any], masses: list[float], noted: _Noted) -> list[FrequencyResponse]:
     """Measured responses, records of one kind averaged together, and the mass of the sensor on each."""
     found: list[FrequencyResponse] = []
     records: dict[tuple, list[Any]] = {}
-    for tap in taps.taps:
+    for tap in struck:
         if tap.spectrum is not None:
             one = FrequencyResponse(tap.name, tap.spectrum.frequency, tap.spectrum.values, tap.along, tap.sensed, tap.on,
                                     decay=tap.window)

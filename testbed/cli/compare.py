@@ -28,6 +28,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     error = rms(measured - predicted) / rms(measured about its mean). Nothing here is random: --seed changes nothing.
     """
     from analysis.comparison.compare import as_json, compare
+    from analysis.comparison.tapped import beside_the_tap, said_of_the_tap
     from analysis.fit.estimates import clock_note
     from analysis.fit.plausible import remarks_on
     from analysis.fit.switched import switch_note
@@ -52,6 +53,8 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
              *delay_note(records, found.fitter, found.fit), *clock_note(found.fitter, found.fit),
              *remarks_on(model, found.fit.state.model)]
     notes += [one for one in found.against if not any(one in note for note in notes)]
+    tapped = beside_the_tap(model, found.parameters, found.adequate and found.fit.converged and not found.silent)
+    notes += said_of_the_tap(tapped, any(one.kind == "cut" for one in found.records))
     _say(answer, found, notes, model)
     notes += _of_silence(found)
     if pictures is not None:
@@ -72,7 +75,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
                                 notes=[f"{campaign} against {model_file}", *notes])
             report = page.write(pictures / "report.html")
         answer.say(f"{len(paths)} pictures are in {pictures}; open {report}")
-    answer.finish(as_json(found) | {"notes": [*untold, *notes]})
+    answer.finish(as_json(found) | {"tap": [one.as_json() for one in tapped], "notes": [*untold, *notes]})
 
 
 def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:

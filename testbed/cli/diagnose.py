@@ -15,6 +15,7 @@ from testbed.cli._options import catalogue_of, effects_option, model_option, sha
 from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
+_EXPLAINS = ("adequate", "missing_effect")  # verdicts by which the best model leaves no physics out
 MANY = 6  # effects that --until-adequate adds at the most
 
 
@@ -62,11 +63,11 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         turned = []
         if found.candidates:  # else no search was made, for what was found before it
             turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
-    stuck, guesses, of_the_fit = _of_the_best_fit(found, records, model, catalogue)
+    stuck, guesses, of_the_fit, tapped = _of_the_best_fit(found, records, model, catalogue)
     notes = [*notes_on(read, model), *turned, *of_the_fit]
     for note in notes:
         answer.say(note)
-    said = as_json(found, model) | {"rules": rules_of(found), "at_bound": list(stuck), "notes": notes}
+    said = as_json(found, model) | {"rules": rules_of(found), "at_bound": list(stuck), "tap": tapped, "notes": notes}
     for name, one in said["base_parameters"].items():
         one["determined"] = name not in guesses
     next_step = next_command(found, campaign, model_file, bool(propose), folders)
@@ -95,22 +96,28 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 
 
 def _of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
-                     ) -> tuple[tuple[str, ...], tuple[str, ...], list[str]]:  # fmt: skip
-    """(parameters at a bound, those not determined, notes) of the fit of the best set of effects."""
+                     ) -> tuple[tuple[str, ...], tuple[str, ...], list[str], list[dict[str, Any]]]:  # fmt: skip
+    """(parameters at a bound, those not determined, notes, rows beside the tap) of the fit of the best set of effects."""
+    from analysis.comparison.tapped import beside_the_tap, said_of_the_tap
     from analysis.fit.estimates import at_bound, clock_note, estimates, not_determined, said_at_bound, said_not_determined
     from analysis.fit.plausible import remarks_on
     from analysis.fit.taken import taken_notes
+    from analysis.search.diagnosis import ADEQUATE
     from analysis.search.mark_delay import delay_note
 
     fitter, fit = found.best.fitter, found.best.fit
     if fitter is None or fit is None:
-        return (), (), []
+        return (), (), [], []
     told = estimates(fitter, fit, catalogue)
     stuck, guesses = at_bound(fitter.free, told), not_determined(told)
     notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit), *clock_note(fitter, fit),
              *(note for note in remarks_on(model, fit.state.model) if note.partition(":")[0] not in found.sentence)]
     notes += [said_not_determined(guesses)] if guesses else []
-    return stuck, guesses, [*notes, *([said_at_bound(stuck)] if stuck else [])]
+    explained = fit.converged and found.best.error_held_out <= ADEQUATE * found.noise_floor and found.verdict in _EXPLAINS
+    tapped = beside_the_tap(model, told, explained)
+    notes += [*([said_at_bound(stuck)] if stuck else []),
+              *said_of_the_tap(tapped, any(one.kind == "cut" for one in fitter.records))]
+    return stuck, guesses, notes, [one.as_json() for one in tapped]
 
 
 def _force_maps(found: Any, catalogue: Any) -> list[Any]:

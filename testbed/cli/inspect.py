@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from testbed.cli._answer import Answer, progress
+from testbed.cli._answer import Answer, interval_shown, progress
 from testbed.cli._options import shared
 from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from analysis.records.chatter import Chatter
     from analysis.records.inspection import Inspection
     from analysis.records.record_report import RecordReport
-    from analysis.records.ring_downs import Decay
+    from analysis.records.ring_downs import RingDown
 
 FASTEST = 1e9  # Hz: no recorder of vibration comes near it
 KINDS = {"neimark_sacker": "Neimark-Sacker", "flip": "flip (period doubling)", None: "of a kind that this record does not tell",
@@ -147,7 +147,7 @@ def _record(record: RecordReport) -> list[str]:
         )
     if record.used is not None:
         lines.append(f"  used in a fit: {_seconds(*record.used, recording)}, {100 * record.share:.3g} % of the record")
-    lines += [_vibration(one, recording) for one in record.vibrations]
+    lines += [line for one in record.ring_downs for line in _ring_down(one, recording)]
     if record.noise is not None and record.noise.known:
         own = recording.units[record.noise.channel]
         factor, unit = _SHOWN.get(own, (1.0, own or "?"))
@@ -185,12 +185,16 @@ def _hertz(frequency: float) -> str:
     return f"{frequency:.1f}" if frequency >= 100.0 else f"{frequency:.4g}"
 
 
-def _vibration(one: Decay, recording: Any) -> str:
-    """A free vibration with its 95 % intervals."""
-    frequency, damping = one.natural_frequency, one.damping_ratio
-    return (f"  free vibration {_seconds(one.start, one.stop, recording)}: {frequency.value:.5g} Hz "
-            f"({frequency.low:.5g} to {frequency.high:.5g}), damping ratio {damping.value:.3g} "
-            f"({damping.low:.3g} to {damping.high:.3g})")
+def _ring_down(ring: RingDown, recording: Any) -> list[str]:
+    """The modes of a ring-down with their 95 % intervals, and their shapes where several channels tell them."""
+    lines = []
+    for one in ring.modes:
+        (frequency, *ends), (damping, *limits) = map(interval_shown, (one.natural_frequency, one.damping_ratio))
+        shape = ", ".join(f"{name} {part.value:+.3g}" for name, part in one.shape.items()) if len(one.shape) > 1 else ""
+        direction = "" if one.direction is None else f", {math.degrees(one.direction.value):.3g} deg from x towards y"
+        lines.append(f"  free vibration {_seconds(ring.start, ring.stop, recording)}: {frequency} ({' to '.join(ends)}), "
+                     f"damping ratio {damping} ({' to '.join(limits)})" + (f", shape: {shape}{direction}" if shape else ""))
+    return lines
 
 
 def _chatter(found: Chatter) -> str:

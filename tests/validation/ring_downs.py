@@ -18,7 +18,7 @@ import numpy as np
 
 from analysis.records.blows import grows
 from analysis.records.noise import Noise, noise_floor
-from analysis.records.ring_downs import blow_times, free_vibrations
+from analysis.records.ring_downs import blow_times, ring_downs
 from analysis.records.segments import find_segments
 from testbed.recording import Recording
 from tests.made_decays import decay, recorded, rubbed
@@ -52,7 +52,7 @@ def slow_and_fast(random: np.random.Generator) -> str:
     values = decay(time, begin, frequency, damping, 0.8 if begin == 0.0 else 0.0) + random.uniform(-0.5, 0.5)
     values = 10 ** random.uniform(-7, 0) * (values + 10 ** random.uniform(-4, -1.5) * random.standard_normal(len(time)))
     recording, segments, _ = _seen(values, rate)
-    found = free_vibrations(recording, segments)
+    found = [mode for ring in ring_downs(recording, segments) for mode in ring.modes]
     if not found:
         return UNKNOWN
     told = found[0].natural_frequency, found[0].damping_ratio
@@ -82,7 +82,7 @@ def several_blows(random: np.random.Generator) -> str:
     if len(found) != count:
         return WRONG
     placed = all(abs(one - begin) < 1.3 / frequency for one, begin in zip(found, begins, strict=True))
-    rings = free_vibrations(recording, segments)
+    rings = [mode for ring in ring_downs(recording, segments) for mode in ring.modes]
     main = [one for one in rings if abs(one.natural_frequency.value / frequency - 1) < 0.02]
     fine = len(main) == count and all(abs(one.damping_ratio.value / damping - 1) < 0.2 for one in main)
     return RIGHT if placed and fine else WRONG
