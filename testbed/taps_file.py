@@ -14,7 +14,7 @@ from testbed.manifest import as_column, as_factor, as_key, as_rows, as_seconds
 from testbed.problem import InputProblem
 from testbed.readers import Table, neighbours, read_table
 from testbed.readers.assemble import assemble
-from testbed.readers.frequency import Spectrum, spectra_of
+from testbed.readers.frequency import Spectrum, labelled, spectra_of
 from testbed.readers.join import joined
 from testbed.readers.source import Source
 from testbed.recording import MOTION_UNITS, Recording
@@ -186,10 +186,16 @@ def _read(reading: _Reading) -> list[Tap]:
         record, quantity, notes = _record(reading, force, response)
         return [Tap(name, along, sensed, record=record, quantity=quantity, notes=notes, **shared)]
     table = reading.table()
-    if parts or table.spectra:
-        found = spectra_of(table, {part: getattr(entry, part) for part in parts}, response.column if response else None)
+    named = {part: getattr(entry, part) for part in parts}
+    notes = table.notes
+    if not parts and Path(entry.file).suffix.lower() == ".frf":
+        said = labelled(table.path)
+        named = {part: TapChannel(column=column, unit=unit) for part, (column, unit) in said.items()}
+        notes = (f"read as frequency, real and imaginary part in {said['real'][1]}, as its first line says",)
+    if named or table.spectra:
+        found = spectra_of(table, named, response.column if response else None)
         return [Tap(f"{name} {one.name}".strip() if len(found) > 1 else name, one.along or along, one.sensed or sensed,
-                    spectrum=one, notes=table.notes, **shared) for one in found]
+                    spectrum=one, notes=notes, **shared) for one in found]
     record, quantity, notes = _record(reading, force, response)
     return [Tap(name, along, sensed, record=record, quantity=quantity, notes=notes, **shared)]
 

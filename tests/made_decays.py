@@ -16,6 +16,16 @@ def decay(time: np.ndarray, start: float, frequency: float, damping: float, phas
     return np.where(since >= 0, np.exp(-damping * turning * np.maximum(since, 0.0)) * wave, 0.0)
 
 
+def rung(modes: Sequence[tuple[float, float, float, float]], time: np.ndarray, start: float = 0.0) -> np.ndarray:
+    """Accelerations along x and y (2, samples) from `start` (s) on, of modes (Hz, damping ratio, direction in rad, m/s^2)."""
+    total = np.zeros((2, len(time)))
+    for frequency, damping, angle, size in modes:
+        # displacement sin(w_d s), derived twice: its phase is turned by twice that of the pole
+        turn = 2.0 * (np.pi - np.arccos(damping))
+        total += np.outer([np.cos(angle), np.sin(angle)], size * decay(time, start, frequency, damping, turn))
+    return total
+
+
 def recorded(values: np.ndarray, rate: float, channel: str = "displacement") -> Recording:
     """Values as a measured recording of one channel."""
     return Recording({channel: values}, rate, {channel: "m"}, "measured")

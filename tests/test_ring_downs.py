@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from made_decays import decay, recorded, rubbed, taps
+from made_decays import decay, recorded, rubbed, rung, taps
 
 from analysis.fit.observed import observe
+from analysis.fit.structure_start import decay_start
 from analysis.records.blows import find_blows, grows
+from analysis.records.decay_modes import decay_modes
 from analysis.records.noise import noise_floor
 from analysis.records.record_report import report
 from analysis.records.ring_downs import notes_of, ring_downs, separated
@@ -49,6 +51,62 @@ def test_two_modes_ring_beside_each_other() -> None:
     found = modes_in(recording)
     assert [one.natural_frequency.value for one in found] == pytest.approx([147.5, 190.0], rel=1e-4)
     assert [one.damping_ratio.value for one in found] == pytest.approx([0.005, 0.008], rel=0.01)
+
+
+MACHINE = ((456.8, 0.0112, 0.35, 1.0), (516.5, 0.0246, 1.31, 0.7), (1448.9, 0.017, -0.61, 0.5))
+
+
+def test_modes_in_x_and_y_give_their_shapes_and_directions() -> None:
+    time, random = np.arange(12000) / 25600.0, np.random.default_rng(3)
+    along_x, along_y = rung(MACHINE, time) + 2e-3 * random.standard_normal((2, len(time)))
+    for names in (("acceleration_x", "acceleration_y"), ("acceleration_y", "acceleration_x")):  # in any order
+        channels = {name: along_x if name.endswith("x") else along_y for name in names}
+        found = modes_in(Recording(channels, 25600.0, dict.fromkeys(names, "m/s^2"), "measured"))
+        found.sort(key=lambda one: one.natural_frequency.value)
+        assert [one.natural_frequency.value for one in found] == pytest.approx([456.8, 516.5, 1448.9], rel=1e-3)
+        assert [one.damping_ratio.value for one in found] == pytest.approx([0.0112, 0.0246, 0.017], rel=0.02)
+        assert [one.direction.value for one in found] == pytest.approx([0.35, 1.31, -0.61], abs=0.01)
+        assert found[2].shape["acceleration_y"].value == pytest.approx(np.tan(-0.61), abs=0.01)
+        assert all(one.low < one.value < one.high for mode in found for one in (mode.natural_frequency, mode.damping_ratio))
+
+
+def test_a_displacement_and_an_acceleration_show_one_shape() -> None:
+    time, random, turning = np.arange(6000) / 6400.0, np.random.default_rng(5), 2 * np.pi * 300.0
+    motion = 1e-5 * decay(time, 0.0, 300.0, 0.01, 0.3)
+    other = -0.5e-5 * turning**2 * decay(time, 0.0, 300.0, 0.01, 0.3 + 2.0 * (np.pi - np.arccos(0.01)))
+    channels = {"displacement": motion + 1e-8 * random.standard_normal(6000),
+                "acceleration_y": other + 0.1 * random.standard_normal(6000)}
+    (found,) = modes_in(Recording(channels, 6400.0, {"displacement": "m", "acceleration_y": "m/s^2"}, "measured"))
+    assert found.shape["acceleration_y"].value == pytest.approx(-0.5, abs=0.01) and found.direction is None
+
+
+@pytest.mark.parametrize("apart", [1.03, 1.012])
+def test_a_close_pair_is_two_modes_and_noise_is_none(apart: float) -> None:
+    time, random = np.arange(20000) / 10000.0, np.random.default_rng(4)
+    values = decay(time, 0.0, 400.0, 0.004, 1.0) + 0.6 * decay(time, 0.0, 400.0 * apart, 0.003, 2.0)
+    found = decay_modes((values + 0.01 * random.standard_normal(20000))[None])
+    assert np.sort(np.abs(found.poles)) * 1e4 / (2 * np.pi) == pytest.approx([400.0, 400.0 * apart], rel=1e-3)
+    assert decay_modes(random.standard_normal((2, 5000))) is None and decay_modes(np.zeros((1, 500))) is None
+
+
+def test_a_bent_spring_s_decay_and_a_lasting_tone_are_no_further_modes() -> None:
+    time, random = np.arange(16000) / 8000.0, np.random.default_rng(6)
+    amplitude = np.exp(-0.006 * 2 * np.pi * 120 * time)
+    phase = 2 * np.pi * 120 * time + 20.0 * (1.0 - amplitude**2)  # its frequency falls by some 15 Hz with the amplitude
+    bent = decay_modes((amplitude * np.cos(phase) + 0.003 * random.standard_normal(16000))[None])
+    assert bent is None or len(bent) == 1 and bent.bends is not None
+    hum = decay(time, 0.0, 120.0, 0.006) + 0.1 * np.sin(2 * np.pi * 50 * time) + 0.003 * random.standard_normal(16000)
+    found = decay_modes(hum[None])
+    assert len(found) == 1 and [why for _, why in found.left_out] == ["does not die away"]
+
+
+def test_a_far_off_prior_starts_from_the_mode_that_moves_most() -> None:
+    time, random = np.arange(8000) / 4000.0, np.random.default_rng(7)
+    values = 1e-5 * (decay(time, 0.0, 150.0, 0.006, 1.0) + 0.7 * decay(time, 0.0, 420.0, 0.002, 0.2))
+    record = Record("tap", "ring-down", recorded(values + 1e-8 * random.standard_normal(8000), 4000.0))
+    for believed, wanted in ((220.0, 150.0), (425.0, 420.0)):
+        model = Model(Structure(2.0, believed, 0.01), None, None)
+        assert decay_start([observe(record, model)], model).structure.natural_frequency == pytest.approx(wanted, rel=1e-3)
 
 
 def test_each_of_several_blows_is_found_and_a_ring_down_of_its_own() -> None:

@@ -13,6 +13,7 @@ from testbed.model_file import read_model
 from testbed.readers.frequency import response_unit
 from testbed.taps_file import load_taps
 from testbed.units import UnitProblem
+from tests.made_decays import rung
 from tests.made_taps import B2, Hammer, blows, write_taps
 from tests.real_data import MEASUREMENTS, needs
 from tests.shell import Shell
@@ -20,6 +21,7 @@ from tests.shell import Shell
 pytest.importorskip("sdypy.EMA", reason="needs the extra package sdypy-EMA")
 FAST = Hammer(blows=3, spacing=0.5)
 OBLIQUE = (Mode(0.5, 500.0, 0.02, np.radians(20.0), "tool"), Mode(0.3, 800.0, 0.015, np.radians(-35.0), "tool"))
+MACHINE = ((456.8, 0.0112, 0.35, 1.0), (516.5, 0.0246, 1.31, 0.7), (1448.9, 0.017, -0.61, 0.5))  # Hz, 1, rad, m/s^2
 MEASURED = "folder: {folder}\nband: [300 Hz, 3000 Hz]\ntaps:\n  - {{file: {file}, direction: x, on: tool, {columns}}}\n"
 COLUMNS = {
     "impact_Point1_time.txt": "time: {column: 1, unit: s}, force: {column: 2, unit: N}, response: {column: 3, unit: m/s^2}",
@@ -139,6 +141,50 @@ def test_amplitude_and_phase_and_uff_are_read(tmp_path):
     one, other = load_taps(tmp_path / "taps.yaml").taps
     assert np.allclose(one.spectrum.values, receptance(B2[:2], one.spectrum.frequency))
     assert np.allclose(other.spectrum.values, one.spectrum.values, rtol=1e-4)
+
+
+def test_a_frf_table_says_its_columns_or_is_refused(shell, tmp_path):
+    frequency = np.arange(2.0, 3000.0, 2.0)
+    values = receptance(B2[:2], frequency)
+    rows = [f"{one:14.6e}\t{value.real:14.12e}\t{value.imag:14.12e}\t" for one, value in zip(frequency, values, strict=True)]
+    (tmp_path / "taps.yaml").write_text("taps: [{file: x.frf, direction: x, on: tool}]\n")
+    (tmp_path / "x.frf").write_text("\n".join([rows[0] + "Freq\tHz\tReal\tm/N\tImag\tReal\t", *rows[1:]]) + "\n")
+    (one,) = load_taps(tmp_path / "taps.yaml").taps
+    assert np.allclose(one.spectrum.values[:100], receptance(B2[:2], one.spectrum.frequency[:100]), rtol=1e-9)
+    assert "frequency, real and imaginary part in m/N" in one.notes[0]
+    (tmp_path / "x.frf").write_text("\n".join(rows) + "\n")
+    assert "does not say what its columns are" in shell.refused("tap", "taps.yaml", "-o", "m.yaml")
+    assert not (tmp_path / "m.yaml").exists()
+
+
+DECAYS = """sampling_rate: 25600 Hz
+on: tool
+taps:
+  - {file: d.csv, direction: x, response: {column: ax, unit: m/s^2, quantity: acceleration}}
+  - {file: d.csv, direction: -y, response: {column: ay, unit: m/s^2, quantity: acceleration}}
+"""
+
+
+def test_taps_without_force_give_modes_without_mass(shell, tmp_path):
+    time, random = np.arange(40000) / 25600.0, np.random.default_rng(8)
+    motion = sum(rung(MACHINE, time, start) for start in (0.1, 0.8)) + 2e-3 * random.standard_normal((2, 40000))
+    np.savetxt(tmp_path / "d.csv", (motion * [[1.0], [-1.0]]).T, delimiter=",", header="ax,ay", comments="", fmt="%.7g")
+    (tmp_path / "taps.yaml").write_text(DECAYS)
+    found = shell.json("tap", "taps.yaml", "-o", "machine.yaml", "--report", "page")
+    assert [one["natural_frequency"]["value"] for one in found["modes"]] == pytest.approx([456.8, 516.5, 1448.9], rel=1e-3)
+    assert [one["direction"]["value"] for one in found["modes"]] == pytest.approx([0.35, 1.31, -0.61], abs=0.01)
+    assert all(one["mass"]["value"] is None and not one["mass"]["determined"] for one in found["modes"])
+    assert len(found["decays"]) == 2 and any("no force was measured" in note for note in found["notes"])
+    model = read_model("machine.yaml")
+    assert model.not_determined == tuple(f"modes[{place}].mass" for place in range(3))
+    assert model.tapped["modes[0].natural_frequency"][0] < 456.8 < model.tapped["modes[0].natural_frequency"][1]
+    assert "What rings after each blow without force?" in (tmp_path / "page" / "report.html").read_text()
+    (tmp_path / "base.yaml").write_text(
+        "structure: {modes: [{mass: 3 kg, natural_frequency: 420 Hz, damping_ratio: 0.02, direction: x, on: tool}]}\n")
+    shell.json("tap", "taps.yaml", "-m", "base.yaml", "-o", "other.yaml")
+    assert [(mode.mass, round(mode.natural_frequency)) for mode in read_model("other.yaml").structure.modes] == [(3.0, 457)]
+    np.savetxt(tmp_path / "d.csv", random.standard_normal((40000, 2)), delimiter=",", header="ax,ay", comments="", fmt="%.7g")
+    assert "holds no mode" in shell.refused("tap", "taps.yaml", "-o", "none.yaml")
 
 
 def test_a_uff_file_of_several_directions_says_its_own(tmp_path):

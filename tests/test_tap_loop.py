@@ -49,7 +49,8 @@ def test_a_structure_that_is_softer_while_cutting_is_told(shell, tmp_path: Path)
         assert found["adequate"] and row["differs"] is differs
         assert row["change"] == pytest.approx(cutting / STRUCK - 1.0, abs=2e-4)
         said = [note for note in found["notes"] if "tap" in note]
-        words = ("in the cut the structure rings at 143.2 Hz +- ", "the tap says 146.6 Hz +- ", "softer or heavier, 2.3 % of the frequency, while cutting")
+        words = ("in the cut the structure rings at 143.2 Hz +- ", "the tap says 146.6 Hz +- ",
+                 "softer or heavier, 2.3 % of the frequency, while cutting")
         assert all(word in said[0] for word in words) if differs else "the modes are those of the tap" in said[0]
         assert said[0] in (folder / "page" / "report.html").read_text()
     told = shell.json("diagnose", "143.2/campaign.yaml", "-m", "machine.yaml")

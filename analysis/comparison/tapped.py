@@ -73,8 +73,8 @@ def said_of_the_tap(rows: tuple[TappedParameter, ...], cutting: bool) -> list[st
     if not apart:
         names = ", ".join(f"{_name(row.path)} {_shown(row.found.value, row)}" for row in rows)
         return [f"{where} the modes are those of the tap, within both intervals: {names}"]
-    return [f"{where} {_verb(row.path)} {_shown(row.found.value, row)} +- {0.5 * (row.found.high - row.found.low):.1g}, the tap "
-            f"says {_shown(0.5 * (row.low + row.high), row)} +- {0.5 * (row.high - row.low):.1g}: {_change(row)} {when}"
+    return [f"{where} {_verb(row.path)} {_shown(row.found.value, row)} +- {0.5 * (row.found.high - row.found.low):.1g}, "
+            f"the tap says {_shown(0.5 * (row.low + row.high), row)} +- {0.5 * (row.high - row.low):.1g}: {_change(row)} {when}"
             for row in apart]
 
 

@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import hilbert
 
 from analysis.records.white_noise import rounding, white_noise
 
@@ -27,6 +29,8 @@ _GUESSED = (-3.0, 0.3, 3.0, 8.0)  # by how much, in logarithms, a mode may die o
 _GROWTH = 40.0  # logarithm by which a mode may grow over a record
 _BEYOND_CHANCE = 3.0  # logarithm of one over the chance that a line is noise
 _MOST_DAMPING = 0.6  # of a mode
+_SEEN, _FAINT = 8.0, 0.02  # rms of the noise, and share of the largest amplitude, down to which a phase is followed
+_BENT_STEPS = 20  # of the fit of a bent mode
 _LEAST = 1e-9  # of a channel's own rms, that its noise has
 
 
@@ -124,6 +128,40 @@ class FreeDecays:
     def beyond_noise(self, fit: DecayFit) -> float:
         """What of it the noise does not explain."""
         return max(0.0, self.cost(fit) - fit.rest.size)
+
+    def bent_cost(self, fit: DecayFit, place: int) -> float:
+        """Cost with one of the modes bent instead: its frequency and damping change with the square of its amplitude.
+
+        Infinite where its amplitude and phase are not seen.
+        """
+        others = np.delete(fit.poles, place)
+        loud = int(np.argmax(np.abs(fit.residues[place]) * self.weight))
+        signal = hilbert(self.left(others, np.delete(fit.residues, place, axis=0))[loud])
+        size = np.abs(signal)
+        faint = np.flatnonzero(size < max(_SEEN * self.noise[loud], _FAINT * float(size.max())))
+        time = np.arange(int(faint[0]) if len(faint) else len(size), dtype=float)
+        if len(time) < _FEWEST:
+            return math.inf
+        size = size[: len(time)]
+        level, angle = np.log(size), np.unwrap(np.angle(signal[: len(time)]))
+        dies = -float(np.polyfit(time, level, 1, w=size)[0])
+        if dies <= 0.0:
+            return math.inf
+        columns = np.stack([np.ones_like(time), time, 1.0 - np.exp(-2.0 * dies * time)], axis=1) * size[:, None]
+        (_, falls, squeezed), (_, turns, bent) = (np.linalg.lstsq(columns, one * size, rcond=None)[0] for one in (level, angle))
+        grown = 1.0 - np.exp(-2.0 * dies * self.time)
+
+        def rest(values: np.ndarray) -> np.ndarray:
+            poles = values[0::2] + 1j * values[1::2]
+            powers = np.outer(self.time, poles[1:])
+            powers[:, 0] += poles[0] * grown
+            waves = np.exp(np.minimum(powers.real, _GROWTH) + 1j * powers.imag)
+            q = np.linalg.qr(np.concatenate([waves.real, waves.imag, self.trend], axis=1))[0]
+            return ((self.data - q @ (q.T @ self.data)) * self.weight).ravel()
+
+        start = np.array([squeezed + 1j * bent, falls + 1j * turns, *others])
+        done = least_squares(rest, np.stack([start.real, start.imag], axis=1).ravel(), x_scale="jac", max_nfev=_BENT_STEPS)
+        return 2.0 * float(done.cost)
 
     def criterion(self, fit: DecayFit, goes: float) -> float:
         """BIC with each channel's noise unknown, of as many independent samples as what is left shows."""

@@ -21,6 +21,7 @@ _AHEAD = 2  # modes more, that are tried before the search ends
 _STRONG = 2.0  # times the rms of what all leave, that the strongest mode's amplitude has
 _STEPS, _FEW = 40, 12  # of a fit, and of one that only ranks
 _RANKED, _TRIED = 4, 2  # of the poles that leave least where they stand, and after a few steps, how many are fitted
+_BENDS = 0.3  # of a frequency, over which a mode may bend
 _ALIKE = 0.5  # of two shapes, 0 to 1, from which modes must stand apart by their poles
 _OVERTONES = (2, 3, 5)  # of a bent spring or a rattle
 _OVERTONE, _DIES = 2e-3, (0.7, 1.5)  # of its frequency, within which it is one, and shares of its decay
@@ -71,7 +72,7 @@ def _searched(decay: FreeDecays, most: int) -> tuple[DecayFit, complex | None]:
         trial = _one_more(decay, last)
         if trial is None:
             break
-        last, more, goes = trial, len(trial.poles) - len(best.poles), _together(decay, trial)
+        before, last, more, goes = last, trial, len(trial.poles) - len(best.poles), _together(decay, trial)
         if not decay.criterion(best, goes) - decay.criterion(trial, goes) > DECISIVE * more:
             continue
         if decay.beyond_noise(trial) > TAKES**more * decay.beyond_noise(best):
@@ -79,6 +80,8 @@ def _searched(decay: FreeDecays, most: int) -> tuple[DecayFit, complex | None]:
         if not np.any(np.abs(trial.residues) > _STRONG * np.std(trial.rest, axis=0)):
             continue
         beside = _beside(trial)
+        if beside is None:
+            beside = _bent(decay, before, trial)
         if beside is not None:
             bends = beside
             break
@@ -109,6 +112,17 @@ def _beside(fit: DecayFit) -> complex | None:
             if near and _same_shape(fit.residues[place], fit.residues[other]) > _ALIKE:
                 return complex(max((one, fit.poles[other]), key=lambda pole: np.abs(fit.residues[fit.poles == pole]).max()))
     return None
+
+
+def _bent(decay: FreeDecays, before: DecayFit, trial: DecayFit) -> complex | None:
+    """The pole (of the fit with one mode less) that explains more by bending than by a neighbour, if one does."""
+    if not len(before.poles):
+        return None
+    new = trial.poles[int(np.argmax([np.abs(one - before.poles).min() for one in trial.poles]))]
+    place = int(np.argmin(np.abs(new - before.poles)))
+    own = complex(before.poles[place])
+    near = abs(new.imag / own.imag - 1.0) < _BENDS
+    return own if near and decay.bent_cost(before, place) < decay.cost(trial) else None
 
 
 def _same_shape(one: np.ndarray, other: np.ndarray) -> float:

@@ -204,7 +204,7 @@ def _told(modes: DecayModes, names: Sequence[str], recording: Recording) -> tupl
                      "frequency or damping may change with the amplitude")
     told = []
     for place in range(len(modes)):
-        shape, against = _shape(modes, place, names)
+        shape, against = _shape(modes, place, names, rate)
         told.append(_mode(modes, place, rate, shape, _direction(shape, recording)))
         notes += [f"{told[-1].natural_frequency.value:.5g} Hz: {', '.join(against)} out of step: no real mode's shape"
                   ] if against else []
@@ -224,9 +224,9 @@ def _mode(modes: DecayModes, place: int, rate: float, shape: Mapping[str, Estima
                     float(abs(modes.residues[place, 0])), shape, direction)
 
 
-def _shape(modes: DecayModes, place: int, names: Sequence[str]) -> tuple[dict[str, Estimate], list[str]]:
+def _shape(modes: DecayModes, place: int, names: Sequence[str], rate: float) -> tuple[dict[str, Estimate], list[str]]:
     """Displacement of each channel over that of the one that moves most, and the channels that are out of step with it."""
-    factor = modes.poles[place] ** -np.array([_order(name) for name in names], dtype=float)
+    factor = (modes.poles[place] * rate) ** -np.array([_order(name) for name in names], dtype=float)
     moved, error = modes.residues[place] * factor, modes.residue_error[place] * np.abs(factor)
     main = int(np.argmax(np.abs(moved)))
     ratio = moved / moved[main]

@@ -3,13 +3,16 @@ of the usual quantities."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from testbed.channel_units import channel_unit
+from testbed.door import readable
 from testbed.problem import InputProblem
 from testbed.readers.table import Table
 from testbed.recording import DERIVATIVES, MOTION_UNITS
@@ -19,6 +22,8 @@ _EVEN = 1e-3  # of a step, by which lines of even steps may miss
 _FEWEST = 16  # lines of a frequency response
 _ORDER = {MOTION_UNITS[name]: order for name, order in DERIVATIVES.items()}
 _AXES = {1: (1.0, 0.0), -1: (-1.0, 0.0), 2: (0.0, 1.0), -2: (0.0, -1.0)}  # a UFF file's codes
+_LABEL = re.compile(r"(?:^|\s)Freq\w*\s+Hz\s+Real\s+(\S+)\s+Imag", re.IGNORECASE)
+_LONGEST_LABEL = 4096  # bytes
 _EXAMPLES = "m/N, um/N, m/s/N, g/N"
 
 
@@ -51,6 +56,24 @@ def response_unit(text: str) -> tuple[float, int]:
     except UnitProblem:
         raise UnitProblem(f"'{text}' is no unit of a frequency response", f"give a motion over a force: {_EXAMPLES}") from None
     return top.factor / below.factor, _ORDER[top.si]
+
+
+def labelled(path: Path) -> dict[str, tuple[int, str]]:
+    """Column (from 1) and unit of each part of a CutPro `.frf` table. Raises InputProblem where it does not say them.
+
+    Its lines hold frequency, real and imaginary part; behind the numbers of the first one stand their names and units.
+    """
+    with readable(path), path.open("rb") as stream:
+        first = stream.readline(_LONGEST_LABEL).decode("latin-1")
+    found = _LABEL.search(first)
+    try:
+        if found is None:
+            raise UnitProblem("", "")
+        response_unit(found[1])
+    except UnitProblem:
+        raise InputProblem(path, "does not say what its columns are", "give `frequency`, `real` and `imaginary`, or "
+                           "`amplitude` and `phase`, each with its column and unit") from None
+    return {"frequency": (1, "Hz"), "real": (2, found[1]), "imaginary": (3, found[1])}
 
 
 def spectra_of(table: Table, parts: Mapping[str, Any], wanted: str | int | None = None) -> list[Spectrum]:
