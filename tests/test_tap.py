@@ -58,6 +58,7 @@ def test_blows_in_x_and_y_give_the_machine(shell, tmp_path):
         "structure: {mass: 1 kg, natural_frequency: 99 Hz, damping_ratio: 0.01}\ncutter: {flutes: 2, diameter: 12 mm}\n"
         "cutting: {immersion: 0.25, tangential_coefficient: 1319.4 N/mm^2, normal_coefficient: 788.8 N/mm^2}\n")
     found = shell.json("tap", "taps.yaml", "-m", "cut.yaml", "-o", "machine.yaml", "--report", "page")
+    assert any("that axes were exchanged would not show" in note for note in found["notes"])
     assert len(found["modes"]) == 4 and len(found["blows"]) == 6 and all(one["used"] for one in found["blows"])
     close(tap_test(load_taps("taps.yaml")), B2)
     model = read_model("machine.yaml")

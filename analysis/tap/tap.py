@@ -149,6 +149,10 @@ def _as_they_are(responses: list[FrequencyResponse], band: tuple[float, float], 
     notes: list[str] = []
     given = turned(responses, band, notes)
     if all(one.drive_point for one in given):
+        axes = {(one.on, _axis(one.along)) for one in given}
+        apart = [on for on in dict.fromkeys(one.on for one in given) if sum(on == other for other, _ in axes) > 1]
+        notes += [f"no cross response joins x and y of the {on}: that axes were exchanged would not show, and modes lie along "
+                  "the axes as stated" for on in apart]
         noted.notes += notes
         return given
     other_notes: list[str] = []

@@ -5,7 +5,9 @@ Every draw has its own rate, length, frequency, damping, noise and offset. What 
 - two to four blows: all found, none more, each within one swing, and the damping of each within 20 %;
 - fast tones and decays (0.15 to 0.49 of the sampling rate): the noise within 25 %, and never above the record's own rms;
 - rubbing decays in coarse steps, most of them at rest in the end: the noise within 25 % of step / root 12;
-- growing swings: told as such, and none of as many decays.
+- growing swings: told as such, and none of as many decays;
+- one to five modes in one to three channels, half of them with a pair within 3 %: as many, frequency within 0.2 %, damping
+  within 5 % or its interval and a half.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from collections.abc import Callable
 import numpy as np
 
 from analysis.records.blows import grows
+from analysis.records.decay_modes import decay_modes
 from analysis.records.noise import Noise, noise_floor
 from analysis.records.ring_downs import blow_times, ring_downs
 from analysis.records.segments import find_segments
@@ -123,12 +126,42 @@ def growing(random: np.random.Generator) -> str:
     return RIGHT if told == (growth > 1.0) else WRONG
 
 
+def several_modes(random: np.random.Generator) -> str:
+    """One to five modes in one to three channels."""
+    count, channels = int(random.integers(1, 6)), int(random.integers(1, 4))
+    frequencies = 10 ** random.uniform(math.log10(4e-3), math.log10(0.3), count)
+    dampings = 10 ** random.uniform(-2.7, -1.5, count)
+    pair = count > 1 and random.random() < 0.5
+    if pair:
+        frequencies[1], dampings[:2] = frequencies[0] * (1 + random.uniform(0.021, 0.03)), 10 ** random.uniform(-2.7, -2.1, 2)
+    kept = [0]
+    for place in range(1, count):
+        if pair and place == 1 or all(abs(frequencies[place] / frequencies[one] - 1) > 0.1 for one in kept):
+            kept.append(place)
+    frequencies, dampings = frequencies[kept], dampings[kept]
+    time = np.arange(int(np.clip(max(3 / (2 * math.pi * dampings * frequencies)), 400, 40000)))
+    values = 10 ** random.uniform(-4, -2) * random.standard_normal((channels, len(time))) + random.uniform(-1, 1, (channels, 1))
+    for frequency, damping in zip(frequencies, dampings, strict=True):
+        shape = 10 ** random.uniform(-1, 0) * random.choice([-1, 1], channels) * random.uniform(0.3, 1, channels)
+        values += np.outer(shape, decay(time, 0.0, frequency, damping, random.uniform(0, 2 * math.pi)))
+    found = decay_modes(values)
+    if found is None or len(found) != len(kept):
+        return WRONG
+    order, by_size = np.argsort(frequencies), np.argsort(np.abs(found.poles))
+    poles = found.poles[by_size]
+    told, ratios = np.abs(poles) / (2 * math.pi), -poles.real / np.abs(poles)
+    wide = 1.5 * 1.96 * np.sqrt(found.covariance[by_size, 0, 0]) / np.abs(poles)
+    near = np.all(np.abs(told / frequencies[order] - 1) < 2e-3)
+    return RIGHT if near and np.all(np.abs(ratios - dampings[order]) < np.maximum(0.05 * dampings[order], wide)) else WRONG
+
+
 KINDS: tuple[tuple[str, Callable[[np.random.Generator], str], float], ...] = (
     ("decays of 0.1 Hz to 20 kHz: frequency and damping", slow_and_fast, 0.03),
     ("several blows: all found, damping of each", several_blows, 0.05),
     ("tones and decays near the sampling rate: noise", fast_tone, 0.03),
     ("rubbing decays in coarse steps: noise", rubbing, 0.05),
     ("growing swings told from decays", growing, 0.03),
+    ("one to five modes in one to three channels", several_modes, 0.03),
 )
 
 
