@@ -15,7 +15,7 @@ from analysis.fit.estimates import estimates
 from analysis.fit.first_passes import first_nuisances
 from analysis.fit.fit_state import State
 from analysis.fit.held_out import errors_in_fit, held_out_errors, pooled
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.starts import free_parameters, polish
 from analysis.fit.waveform import Fitter
 from analysis.report.compare_page import compare_page

@@ -8,7 +8,7 @@ import numpy as np
 from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import synthetic_campaign
 
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.search import candidate_round as cr
 from analysis.search.begun_anew import from_believed
 from analysis.search.first_looks import Entry

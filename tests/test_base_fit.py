@@ -8,7 +8,7 @@ import pytest
 
 from analysis.fit import starts
 from analysis.fit.fit_state import Linearised
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.pass_search import place_entries
 from analysis.fit.starts import base_fit
 from analysis.fit.waveform import Fitter, too_slow

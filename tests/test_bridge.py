@@ -9,7 +9,7 @@ from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import synthetic_campaign
 
 from analysis.comparison.compare import compare
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.fit.estimates import clock_factor, clock_note, estimates
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.campaign_files import BELIEVED, TRUE

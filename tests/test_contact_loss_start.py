@@ -8,7 +8,7 @@ from synthetic_campaign import synthetic_record
 
 from analysis.fit.effect_start import Origin, switched_on
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.search.candidate_round import candidate_of, with_effect
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of

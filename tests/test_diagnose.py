@@ -12,7 +12,7 @@ from synthetic_campaign import synthetic_campaign
 from analysis.fit.effect_start import all_free
 from analysis.fit.fit_state import Free
 from analysis.fit.held_out import RecordError, pooled
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.starts import at_a_bound, base_fit
 from analysis.fit.waveform import Fitter
 from analysis.search.begun_anew import begun_anew

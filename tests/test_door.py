@@ -12,7 +12,7 @@ from campaign_files import BELIEVED
 from validation.adversities import measured_files, own_effects, paths, written_texts
 
 from analysis.fit.fit_state import Linearised
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.thinning import ENOUGH, every_nth
 from testbed.campaign import load_campaign
 from testbed.catalogue import catalogue

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.comparison.compare import compare
 from analysis.fit.against_force import moves_against
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.taken import taken_notes
 from analysis.search.add_effect import add_effects
 from analysis.search.diagnose import diagnose

@@ -11,7 +11,7 @@ from synthetic_campaign import MARK_ANGLE
 
 from analysis.fit.force_jumps import BESIDE
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.search.add_effect import add_effect
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of

@@ -5,7 +5,7 @@ from scipy import signal
 
 from analysis.fit.force_window import windowed
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from testbed.campaign import Record
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from analysis.fit.first_state import first_state
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.prediction import predict
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling

@@ -12,7 +12,7 @@ from synthetic_campaign import synthetic_record
 
 from analysis.fit.model_fit import model_fit
 from analysis.fit.nuisances import Nuisances, nearly_whole
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.own_course import own_course
 from analysis.fit.part_search import FINE, PARTS, VALLEYS, _parts, _placed, best_ends, reachable
 from analysis.fit.parts_of_passes import with_parts_of_passes

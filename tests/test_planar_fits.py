@@ -14,7 +14,8 @@ from analysis.fit.held_guesses import with_guesses_held
 from analysis.fit.model_fit import model_fit
 from analysis.fit.modes_start import modes_start
 from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed, observe
+from analysis.fit.observe import observe
+from analysis.fit.observed import Observed
 from analysis.fit.prediction import from_first_tooth, predict
 from analysis.fit.told import what_is_told
 from analysis.fit.waveform import Fitter

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 from made_decays import decay, recorded, rubbed, rung, taps
 
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.structure_start import decay_start
 from analysis.records.blows import find_blows, grows
 from analysis.records.decay_modes import decay_modes

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.search.diagnose import diagnose
 from analysis.search.diagnosis import SILENT
 from testbed.campaign import Record

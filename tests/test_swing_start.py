@@ -10,7 +10,7 @@ from synthetic_campaign import TESTS, begun_later, synthetic_record
 
 from analysis.fit.effect_start import all_free
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.swing_start import Clock, marks_show, swing_clocks, swung_fit
 from analysis.search.add_effect import add_effect
 from analysis.search.diagnose import diagnose

@@ -15,7 +15,7 @@ from test_diagnose import CANDIDATES, PLANT
 from analysis.estimate import Estimate
 from analysis.fit.budget import Budgeted, BudgetSpent
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.plausible import moved_together, remarks_on, unlike_a_machine
 from analysis.search.common_factor import restatements
 from analysis.search.diagnose import diagnose

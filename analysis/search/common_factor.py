@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 from analysis.fit.effect_start import all_free
 from analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from analysis.fit.held_out import pooled
-from analysis.fit.observed import Observed, heard_in
+from analysis.fit.observe import heard_in
+from analysis.fit.observed import Observed
 from analysis.fit.plausible import unlike_a_machine
 from analysis.fit.prediction import Plant
 from analysis.fit.starts import glance

@@ -27,7 +27,7 @@ def plant_of(catalogue: Any) -> Any:
 
 def observed_records(records: Sequence[Any], model: Any, path: object, model_file: object) -> list[Any]:
     """Records made ready for a fit of the model. InputProblem names the record that cannot be predicted, and why."""
-    from analysis.fit.observed import observe
+    from analysis.fit.observe import observe
 
     chosen = [record for record in records if record.kind in PREDICTED]
     if not chosen:

@@ -6,7 +6,7 @@ import pytest
 from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import synthetic_campaign
 
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.search.add_effect import add_effect, add_effects, as_json
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of

@@ -13,7 +13,7 @@ from analysis.comparison.constancy import COVARIATES, PARAMETERS, TestFit, const
 from analysis.estimate import Estimate
 from analysis.fit.first_passes import first_nuisances
 from analysis.fit.fit_state import State
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.starts import free_parameters, polish
 from analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue

@@ -9,7 +9,7 @@ from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import TESTS, synthetic_record
 
 from analysis.estimate import Estimate
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.search.diagnose import diagnose
 from analysis.search.each_alone import differing, each_alone
 from testbed.catalogue import catalogue

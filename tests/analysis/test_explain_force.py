@@ -9,7 +9,7 @@ from test_latent_force import PLANT, cut_state
 
 from analysis.fit.fit_state import State
 from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.force.explain_force import as_json, explain, explanations_from, formula_text, write_effect
 from analysis.force.latent_force import by_the_marks, missing_force
 from analysis.force.ranking import explained, rank

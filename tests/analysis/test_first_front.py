@@ -9,7 +9,7 @@ from analysis.comparison.compare import compare
 from analysis.fit.first_front import with_other_front
 from analysis.fit.first_passes import first_nuisances
 from analysis.fit.fit_state import State
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.taken import taken_notes
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of

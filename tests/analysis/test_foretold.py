@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from analysis.fit.held_out import NOTABLE, SUSPECT, pooled
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.search.begun_anew import from_believed
 from analysis.search.diagnosis import verdict_of
 from testbed.catalogue import catalogue

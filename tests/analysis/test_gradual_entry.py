@@ -10,7 +10,7 @@ from synthetic_campaign import synthetic_campaign
 
 from analysis.fit.effect_start import gradual_entry, state_without
 from analysis.fit.held_out import pooled
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.starts import anchored_states, base_fit, polish
 from analysis.search.begun_anew import from_believed
 from analysis.search.candidate_round import candidate_of

@@ -9,7 +9,7 @@ from analysis.fit.effect_start import all_free
 from analysis.fit.first_passes import first_nuisances
 from analysis.fit.fit_state import State
 from analysis.fit.grown_cuts import bends_frequency, grown_cuts
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.pass_search import SHORTEST, place_entries, place_exits
 from analysis.fit.starts import base_fit, polish
 from analysis.fit.waveform import Fitter

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.fit.fit_state import State
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.search.begun_anew import from_believed
 from analysis.search.candidate_round import candidate_of
 from analysis.search.diagnose import diagnose

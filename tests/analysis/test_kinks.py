@@ -13,7 +13,7 @@ from analysis.fit.estimates import estimates
 from analysis.fit.fine_steps import fine, finely, has_kinks, times_finer
 from analysis.fit.held_out import RecordError, pooled_doubt
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.pass_search import begun_otherwise
 from analysis.fit.scale_hops import hopped
 from analysis.fit.scale_profile import ALIKE, SAME, along_scales

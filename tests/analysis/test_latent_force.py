@@ -11,7 +11,8 @@ from scipy.signal import StateSpace, lsim
 from analysis.fit.drift import drift_basis
 from analysis.fit.fit_state import State
 from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed, observe
+from analysis.fit.observe import observe
+from analysis.fit.observed import Observed
 from analysis.force.cut_variables import SUBSTEPS, Trajectory, course_of, model_force
 from analysis.force.latent_force import missing_force, prior_of, with_force
 from analysis.force.response import response

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 from plain_cut import TRUE, free_decays, record
 
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.force.explain_force import formula_text, left_unexplained
 from analysis.search.begun_anew import from_believed
 from analysis.search.diagnose import diagnose

@@ -9,7 +9,7 @@ import pytest
 
 from analysis.fit.estimates import estimates
 from analysis.fit.length_cut import asks_length, carried_on, length_note, moved_by_lengths
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.information import Z_95
 from analysis.search.begun_anew import from_believed
 from testbed.catalogue import catalogue

@@ -9,7 +9,7 @@ import pytest
 
 from analysis.fit.doubted_marks import with_marks_doubted
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.search.mark_delay import delay_note
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.starts import base_fit
 from analysis.search.diagnose import diagnose
 from analysis.search.misstated import misstated

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.linear.delay_equation import milling_equation
 from analysis.linear.temporal_elements import characteristic_multipliers
 from analysis.search.next_test import STABLE, next_test

@@ -15,7 +15,8 @@ from analysis.fit.drift import drift_basis
 from analysis.fit.fit_state import Free, State
 from analysis.fit.held_out import RecordError, pooled, pooled_doubt
 from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed, observe
+from analysis.fit.observe import observe
+from analysis.fit.observed import Observed
 from analysis.fit.starts import base_fit
 from analysis.fit.structure_start import decay_start
 from analysis.fit.waveform import Fitter

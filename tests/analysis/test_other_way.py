@@ -8,7 +8,7 @@ from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import synthetic_campaign
 
 from analysis.comparison.compare import compare
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.search.diagnose import diagnose
 from analysis.search.other_way import _ways, other_way_note
 from testbed.catalogue import catalogue

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.fit.entry_passes import REACH, best_moves, entries_together
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.pass_count import GAIN, _likely, cut_elsewhere, recounted
 from analysis.fit.starts import base_fit
 from testbed.engines import fast, predict

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.probable.draws import Known
 from analysis.probable.plan import Explanation, information, plan
 from analysis.search.next_test import COURSE

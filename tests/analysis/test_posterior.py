@@ -8,7 +8,7 @@ import pytest
 from analysis.estimate import Estimate
 from analysis.fit.estimates import estimates
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.information import Z_95
 from analysis.probable.posterior import posterior
 from testbed.catalogue import catalogue

@@ -11,7 +11,7 @@ from synthetic_campaign import begun_later, synthetic_record
 
 from analysis.fit import starts
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.own_course import own_course
 from analysis.fit.pass_search import recently_entered, settle_passes
 from analysis.search.diagnose import diagnose

@@ -12,7 +12,7 @@ from synthetic_campaign import synthetic_campaign
 from analysis.fit.effect_start import Origin, first_step
 from analysis.fit.held_out import own_refit
 from analysis.fit.nuisances import Nuisances, turned_by
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.recurring_start import recurring_starts, residual_peaks
 from analysis.fit.starts import base_fit, polish
 from analysis.fit.waveform import Fitter

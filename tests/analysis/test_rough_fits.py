@@ -14,7 +14,8 @@ from analysis.fit.effect_start import starting_points
 from analysis.fit.first_passes import first_nuisances
 from analysis.fit.held_out import pooled
 from analysis.fit.nuisances import Nuisances, other_teeth
-from analysis.fit.observed import Observed, observe
+from analysis.fit.observe import observe
+from analysis.fit.observed import Observed
 from analysis.fit.prediction import predict as predicted
 from analysis.fit.starts import base_fit
 from analysis.search.candidate_round import by_noise as in_noise

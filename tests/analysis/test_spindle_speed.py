@@ -8,7 +8,7 @@ from campaign_files import BELIEVED, TRUE
 from synthetic_campaign import synthetic_campaign
 
 from analysis.comparison.compare import compare
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.spindle_speed import at_modelled_speed, speed_swing
 from analysis.records.spindle_clock import along_marks
 from analysis.search.add_effect import add_effect

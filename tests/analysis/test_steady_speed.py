@@ -10,7 +10,7 @@ from synthetic_campaign import TESTS, synthetic_record
 from analysis.fit.effect_start import all_free
 from analysis.fit.fit_state import State
 from analysis.fit.nuisances import Nuisances, turned_by
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.waveform import Fitter
 from analysis.search.candidate_round import candidate_of
 from analysis.search.steady_speed import no_swing

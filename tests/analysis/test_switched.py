@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.starts import base_fit
 from analysis.fit.switched import switch_note, switchable
 from testbed.catalogue import catalogue

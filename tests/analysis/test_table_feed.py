@@ -10,7 +10,7 @@ from analysis.comparison.compare import compare
 from analysis.fit.first_passes import first_nuisances
 from analysis.fit.fit_state import State
 from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.table_feed import feed_note, with_other_feed
 from analysis.fit.taken import taken_notes
 from analysis.search.diagnose import diagnose

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from analysis.fit.held_out import pooled
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.search.begun_anew import from_believed
 from analysis.search.diagnosis import Candidate, verdict_of
 from analysis.search.exchanged import exchanged

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.own_course import ANGLES, angles_tried, own_course
 from analysis.fit.pass_search import settle_passes
 from testbed.catalogue import catalogue

@@ -10,7 +10,7 @@ from synthetic_campaign import synthetic_record
 from analysis.comparison.compare import compare
 from analysis.fit.estimates import estimates
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.tooth_circles import at_least_strength, direction_notes, unknown_directions
 from analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue

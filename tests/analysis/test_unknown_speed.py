@@ -9,7 +9,7 @@ import pytest
 from campaign_files import BELIEVED, TRUE
 
 from analysis.comparison.compare import compare
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.records.noise import noise_floor
 from analysis.records.passing_speed import heard_speed, passing_speed
 from analysis.records.segments import Segment, find_segments

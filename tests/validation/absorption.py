@@ -13,7 +13,7 @@ import numpy as np
 
 from analysis.fit.first_passes import first_nuisances
 from analysis.fit.fit_state import State
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.starts import base_fit, polish
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from concurrent.futures import ProcessPoolExecutor
 
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.search.diagnose import diagnose
 from testbed.catalogue import DECOYS, catalogue
 from testbed.cli._fitting import plant_of

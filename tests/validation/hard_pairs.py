@@ -15,7 +15,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.search.diagnose import diagnose
 from analysis.search.diagnosis import Diagnosis
 from testbed.campaign import Record

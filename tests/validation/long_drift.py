@@ -24,7 +24,7 @@ def _one(seconds: float, drifts: tuple[tuple[float, float], ...], seed: int) -> 
     from functools import partial
 
     from analysis.comparison.compare import compare
-    from analysis.fit.observed import observe
+    from analysis.fit.observe import observe
     from testbed.catalogue import catalogue
     from testbed.cli._fitting import plant_of
     from testbed.cut import Cut

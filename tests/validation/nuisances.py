@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from analysis.comparison.compare import Comparison, compare
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from testbed.campaign import Record, load_campaign
 from testbed.catalogue import catalogue
 from testbed.cut import Cut

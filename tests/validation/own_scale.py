@@ -18,7 +18,7 @@ from scipy.signal import cont2discrete, lfilter, ss2tf
 from analysis.comparison.compare import compare
 from analysis.fit.held_guesses import Held, with_guesses_held
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.taken import taken_notes
 from analysis.search.add_effect import add_effects
 from analysis.search.diagnose import diagnose

@@ -21,7 +21,7 @@ import numpy as np
 from analysis.fit.fit_state import WaveformFit
 from analysis.fit.held_guesses import with_guesses_held
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.fit.told import what_is_told
 from analysis.linear.planar_multipliers import cut_multipliers
 from testbed.catalogue import catalogue

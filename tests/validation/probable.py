@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from analysis.comparison.compare import compare
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.linear.stability import sharpened_limit, stability_chart
 from analysis.probable.chance import by_surface, chance_of, each_drawn
 from analysis.probable.posterior import posterior, why_no_chance
@@ -145,8 +145,8 @@ def check(machines: int = MACHINES, damped: int = DAMPED) -> Section:
         tables.append((f"{damped} machines with process damping, {name}", header, tuple(counted(some))))
     return Section("Chance of stability", claims, tuple(tables),
                    f"Machines of one mode, 1 to 3 flutes; {CUTS} stable cuts of each, with a tachometer and loud noise (a "
-                   f"third of the motion to all of it); {DRAWS} machines drawn. Cells: up to {SPEEDS} speeds, {DEPTHS} depths within "
-                   f"{REACH:g} standard deviations of the limit, where there is one.")
+                   f"third of the motion to all of it); {DRAWS} machines drawn. Cells: up to {SPEEDS} speeds, {DEPTHS} depths "
+                   f"within {REACH:g} standard deviations of the limit, where there is one.")
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ import numpy as np
 from analysis.fit.estimates import estimates
 from analysis.fit.held_out import errors_in_fit, pooled
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from testbed.campaign import Record
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of

@@ -24,7 +24,7 @@ from typing import Any
 from analysis.fit.estimates import estimates
 from analysis.fit.held_out import held_out_errors, pooled
 from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.engines import predict

@@ -20,7 +20,7 @@ import sys
 import tempfile
 from typing import Any
 
-from analysis.fit.observed import observe
+from analysis.fit.observe import observe
 from analysis.force.explain_force import formula_text, left_unexplained, write_effect
 from analysis.force.formula_trial import Jury
 from analysis.search.add_effect import add_effect
