@@ -157,10 +157,12 @@ def check() -> Section:
     rows = tuple((str(one["seed"]), one["kind"], one["how"], one["verdict"], "yes" if hit else "no",
                   " + ".join(one["effects"]) or "none", f"{one['processor']:.0f} s")
                  for one, hit in zip(answers, hits, strict=True))
+    # a few campaigns judge nothing
+    of_all = sum(hits) >= 0.95 * len(hits) if len(hits) >= len(EACH) else None
     return Section(
         "A condition written down wrongly in all records, by `testbed diagnose`",
-        (Claim("named as such, no effect beside it", ">= 95 %", f"{sum(hits)} of {len(hits)}", sum(hits) >= 0.95 * len(hits)),
-         Claim("an effect is named", "0", str(len(effects)), not effects),
+        (Claim("named as such, no effect beside it", f">= 95 % of {len(EACH)}", f"{sum(hits)} of {len(hits)}", of_all),
+         Claim("an effect is named", "0", str(len(effects)), False if effects else None if of_all is None else True),
          Claim("neither", "told", str(len(silent)), None)),
         (("Campaign by campaign (written over true)",
           ("seed", "condition", "how", "verdict", "named", "effects", "processor"), rows),),
