@@ -144,12 +144,13 @@ def check() -> Section:
     for name, most in PROMISED.items():
         rows = [row for path, row in found["rows"].items() if base_parameter(path) == name]
         worst = max(abs(value - truth) / (1.0 if name == "direction" else truth) for truth, value, _, _ in rows)
-        claims.append(below(f"three modes, six cuts, 1 um: {name}", worst, most))
+        unit = " rad" if name == "direction" else ""
+        claims.append(below(f"three modes, six cuts, 1 um: {name}", worst, most, unit))
     counted = [json.loads(line) for line in RESULTS.read_text().splitlines()]
     inside = [low <= truth <= high for run in counted for truth, _, low, high in run["rows"].values()]
     share = float(np.mean(inside))
     claims.append(Claim("true values within their 95 % intervals", "0.90 to 0.99", f"{share:.3f}", 0.90 <= share <= 0.99,
-                        f"{len(inside)} of {len(counted)} machines of 1 to 3 modes"))
+                        f"{len(inside)} intervals, {len(counted)} machines of 1 to 3 modes"))
     astray = [run["seed"] for run in counted if not run["converged"] or run["left"] > MOST_LEFT or any(
         abs(value - truth) > FAR * (high - low) for truth, value, low, high in run["rows"].values())]
     claims.append(Claim("fits that end elsewhere (more than noise left, or five standard errors off)", "0", str(len(astray)),
