@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from analysis.comparison.adequacy import FALSE_DISCOVERIES
+from analysis.comparison.tapped import TappedParameter
+from analysis.estimate import Estimate
 from analysis.fit import drift, evidence, observed
 from analysis.force import explain_force
 from analysis.force.ranking import Ranked
@@ -24,6 +26,7 @@ from analysis.records.chatter_line import LineTrack
 from analysis.records.inspection import inspect
 from analysis.records.lines import CombSpeed, LineKind
 from analysis.records.noise import Basis
+from analysis.records.ring_downs import RingDown, RungMode
 from analysis.records.segments import Kind
 from analysis.search import diagnosis
 from analysis.search.diagnosis import Candidate, Diagnosis, OtherForm
@@ -40,6 +43,7 @@ from testbed.workshop import write_campaign
 from tests import doc_pages
 from tests.campaign_files import BELIEVED, TRUE
 from tests.doc_pages import ROOT, codes
+from tests.made_decays import rung
 from tests.made_taps import B2, Hammer, write_taps
 from tests.shell import Shell
 from tests.synthetic_campaign import synthetic_campaign
@@ -117,9 +121,20 @@ def test_of_data_sets(shell, files):
     agree("inspect of an exported set", *inside, scores, {"folder": "set"}, more=[PATHS["export"]])
 
 
+ONE = Estimate(1.0, 0.9, 1.1, "Hz")
+RUNG = RingDown(0.0, 1.0, (RungMode(ONE, ONE, 1.0, {"acceleration_x": ONE}, ONE),), 0.01)
+BESIDE = {"tap": [TappedParameter("natural_frequency", ONE, 0.8, 0.85, True).as_json()]}
+
+
 def test_of_tap(shell, files):
     pytest.importorskip("sdypy.EMA", reason="needs the extra package sdypy-EMA")
-    agree("tap", shell.json("tap", write_taps(files, B2[:2], "xx", Hammer(blows=2, spacing=0.5))))
+    struck = shell.json("tap", write_taps(files, B2[:2], "xx", Hammer(blows=2, spacing=0.5)))
+    motion = rung(((450.0, 0.02, 0.4, 1.0),), np.arange(4000) / 12800.0)
+    np.savetxt(files / "rung.csv", motion.T, delimiter=",", header="x,y", comments="")
+    sensed = "response: {{column: {0}, unit: m/s^2, quantity: acceleration}}"
+    (files / "rung.yaml").write_text("sampling_rate: 12800 Hz\ntaps:\n" + "".join(
+        f"  - {{file: rung.csv, direction: {axis}, {sensed.format(axis)}}}\n" for axis in "xy"))
+    agree("tap", struck, shell.json("tap", "rung.yaml"))
 
 
 def test_of_multipliers(shell):
@@ -131,14 +146,15 @@ def test_of_inspection(shell, files):
     found = inspect(files / "campaign.yaml")
     track = LineTrack(*np.ones((3, 7)))
     followed = replace(found, records=(replace(found.records[0], chatter_line=track, blows=(0.5, 2.0)),)).as_json()
-    agree("inspect", *(shell.json("inspect", name) for name in ("campaign.yaml", "tap.csv", "tap.yaml")), plain(followed))
+    agree("inspect", *(shell.json("inspect", name) for name in ("campaign.yaml", "tap.csv", "tap.yaml")), plain(followed),
+          {"records": [{"ring_downs": [plain(RUNG.as_json())]}]})
     known = {*get_args(Kind), *get_args(LineKind), *get_args(get_type_hints(CombSpeed)["basis"]), *get_args(Basis)}
     assert known <= {code for row in PATHS["inspect"].rows for code in codes(row[2])}
 
 
 def test_of_comparison(shell):
     found = shell.json("compare", "campaign.yaml", "-m", "model.yaml")
-    agree("compare", found)
+    agree("compare", found, BESIDE)
     assert all(0.8 < one["chi_square"] < 1.25 for one in found["records"])  # a mean square, as the page says
 
 
@@ -177,7 +193,7 @@ def test_of_diagnosis(shell):
     assert cuts["verdict"] == tap["verdict"] == "adequate" and cuts["held_out"] and not tap["held_out"]
     whole = plain(diagnosis.as_json(_diagnosis(), BELIEVED))
     proposed = {"proposal": plain(explain_force.as_json(_explanation()) | {"file": "proposal.py"})}
-    agree("diagnose", cuts, tap, whole, proposed)
+    agree("diagnose", cuts, tap, whole, proposed, BESIDE)
 
 
 def test_the_verdicts_are_those_of_the_program():

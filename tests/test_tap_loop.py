@@ -30,6 +30,7 @@ def shell(capsys, tmp_path, monkeypatch):
     return Shell(capsys)
 
 
+@pytest.mark.long
 def test_a_structure_that_is_softer_while_cutting_is_told(shell, tmp_path: Path) -> None:
     pytest.importorskip("sdypy.EMA", reason="needs the extra package sdypy-EMA")
     taps = write_taps(tmp_path, [Mode(2.573, STRUCK, 0.0032, 0.0, "workpiece")], "xx", SOFT)
