@@ -14,7 +14,7 @@ import pytest
 from analysis.comparison.adequacy import FALSE_DISCOVERIES
 from analysis.comparison.tapped import TappedParameter
 from analysis.estimate import Estimate
-from analysis.fit import drift, evidence, observed
+from analysis.fit import drift, evidence, observe
 from analysis.force import explain_force
 from analysis.force.ranking import Ranked
 from analysis.linear.chart_plot import ChartTest
@@ -217,7 +217,7 @@ def test_the_exit_codes_are_those_of_the_program():
     f"Above {evidence.DELTA_BIC:g} a gain is worth having", f"with {100 * FALSE_DISCOVERIES:g} % of false discoveries",
     f"a polynomial of {drift.DRIFT_ORDER} terms, and one more for each second, beyond",
     f"{drift.MOST_DRIFT} terms cubic splines of as many",
-    f"and {observed.UNRESOLVED:.0e} of the channel's".replace("e-0", "e-"),
+    f"and {observe.UNRESOLVED:.0e} of the channel's".replace("e-0", "e-"),
 ])
 def test_numbers_in_words_are_those_of_the_program(said):
     assert said in ANSWERS

@@ -53,7 +53,7 @@ BY_HAND = {
     "Hostile, wrong and damaged files":
         Claimed("command lines answered by one line and exit code 2, nothing left behind", "all", "636 of 650", "-"),
     "Long records whose sensor drifts":
-        Claimed("a right model, drift of 3 um that turns in 9 s: what is left is noise", "8 of 8", "8 of 8", "-"),
+        Claimed("a right model, drift of 3 um that turns in 9 s: what is left is noise", "all", "8 of 8", "-"),
 }  # fmt: skip
 
 
