@@ -1,13 +1,18 @@
 """`testbed chart` with chances and `testbed plan`: the same bits from a seed, and no chance without grounds."""
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from analysis.probable.chance import by_surface, chance_of, each_drawn
+from analysis.probable.draws import of_spreads
+from testbed.catalogue import catalogue
+from testbed.cli._probable import filled
 from testbed.engines import fast
-from testbed.workshop import write_campaign
+from testbed.workshop import RPM, write_campaign
 from tests.campaign_files import BELIEVED, TRUE
 from tests.shell import Shell
 from tests.synthetic_campaign import synthetic_campaign
@@ -102,3 +107,14 @@ def test_a_plan_stays_within_reach_and_risk(shell):
 ])
 def test_bad_questions_are_refused_in_one_line(shell, arguments, said):
     assert said in shell.refused(*arguments)
+
+
+def test_with_effects_a_surface_comes_to_what_every_machine_says():
+    """The sum of parabolas against the linearised loop of every machine drawn, across the limit of stability."""
+    model = replace(TRUE.with_effect("process_damping", coefficient=2e5),
+                    spreads=(("tangential_coefficient", 8e7), ("process_damping.coefficient", 6e4)))
+    known, speeds, depths = of_spreads(model, catalogue()), np.array([3200 * RPM]), np.linspace(3.3e-4, 6e-4, 4)
+    fill = partial(filled, catalogue=catalogue())
+    every = chance_of(each_drawn(fill, known, speeds, depths, 40, 1)).probability[:, 0]
+    near = chance_of(by_surface(fill, known, speeds, depths, 40, 1)).probability[:, 0]
+    assert np.all(np.abs(every - near) <= 0.051) and every[0] - every[-1] > 0.5
