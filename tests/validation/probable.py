@@ -26,7 +26,7 @@ from testbed.workshop import RPM
 from tests.synthetic_campaign import synthetic_record
 from tests.validation.claims import Claim, Section
 
-MACHINES, DAMPED = 40, 4
+MACHINES, DAMPED = 40, 5
 BINS = ((0.0, 0.2), (0.2, 0.5), (0.5, 0.8), (0.8, 0.9), (0.9, 1.0))
 SPEEDS, DEPTHS, DRAWS, CUTS = 12, 9, 200, 3
 REACH, FEW = 2.5, 30  # standard deviations of the limit, to which the cells lie on either side of it; draws that tell these
