@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.signal import hilbert
 
 from analysis.records.white_noise import rounding, white_noise
 
@@ -136,6 +135,8 @@ class FreeDecays:
         """
         others = np.delete(fit.poles, place)
         loud = int(np.argmax(np.abs(fit.residues[place]) * self.weight))
+        from scipy.signal import hilbert  # slow to load, and wanted by few
+
         signal = hilbert(self.left(others, np.delete(fit.residues, place, axis=0))[loud])
         size = np.abs(signal)
         faint = np.flatnonzero(size < max(_SEEN * self.noise[loud], _FAINT * float(size.max())))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import t
+from scipy.special import stdtrit
 
 from analysis.estimate import Estimate
 from analysis.records.ring_downs import RingDown, RungMode, ring_downs, separated
@@ -145,5 +145,5 @@ def _mean(told: Sequence[Estimate]) -> Estimate:
     weight = wide**-2.0 / np.sum(wide**-2.0)
     value = float(weight @ values)
     scatter = float(np.sqrt(weight @ (values - value) ** 2 / (len(told) - 1)))
-    half = max(float(np.sum((weight * wide) ** 2)) ** 0.5, float(t.ppf(0.975, len(told) - 1)) * scatter)
+    half = max(float(np.sum((weight * wide) ** 2)) ** 0.5, float(stdtrit(len(told) - 1, 0.975)) * scatter)
     return Estimate(value, value - half, value + half, told[0].unit, told[0].size)
