@@ -209,7 +209,7 @@ class Cutting:
         return 0.0 if self.direction == "up-milling" else math.pi - self.engagement_angle
 
 
-_STRUCTURE = ("mass", "natural_frequency", "damping_ratio")
+STRUCTURE = ("mass", "natural_frequency", "damping_ratio")
 _MODE_PATH = re.compile(r"modes\[(\d+)\]\.(\w+)")
 CUTTING = ("immersion", "tangential_coefficient", "normal_coefficient")
 BASE_UNITS = {"mass": "kg", "natural_frequency": "Hz", "damping_ratio": "1", "direction": "rad", "immersion": "1",
@@ -304,9 +304,9 @@ class Model:
         """Paths of the parameters that belong to no effect, with their SI units."""
         cutting = {name: BASE_UNITS[name] for name in CUTTING if self.cutting is not None}
         if not self.structure.planar:
-            return {name: BASE_UNITS[name] for name in _STRUCTURE} | cutting
+            return {name: BASE_UNITS[name] for name in STRUCTURE} | cutting
         modes = {self.mode_path(place, name): BASE_UNITS[name] for place in range(len(self.structure.modes))
-                 for name in (*_STRUCTURE, "direction")}
+                 for name in (*STRUCTURE, "direction")}
         return modes | cutting
 
     def mode_path(self, place: int, name: str) -> str:
@@ -328,7 +328,7 @@ class Model:
 
     def _mode_path(self, path: str) -> tuple[int, str | None]:
         """The mode and the parameter that a path names; no parameter where it names no mode's."""
-        if not self.structure.planar and path in _STRUCTURE:
+        if not self.structure.planar and path in STRUCTURE:
             return 0, path
         found = _MODE_PATH.fullmatch(path)
         if found is None:

@@ -12,12 +12,13 @@ from dataclasses import replace
 from typing import Any
 
 from testbed.effect import Effect
-from testbed.machine import Model
+from testbed.machine import BASE_UNITS, CUTTING, STRUCTURE, Model
 from testbed.units import SPREAD_SIGN, UnitProblem, format_quantity, parse_quantity
 from testbed.yaml_text import Document, Path_
 
-_MODE = {"mass": "kg", "stiffness": "N/m", "natural_frequency": "Hz", "damping_ratio": "1", "direction": "rad"}
-_CUTTING = {"immersion": "1", "tangential_coefficient": "N/m^2", "normal_coefficient": "N/m^2"}
+_ONE_MODE = {name: BASE_UNITS[name] for name in STRUCTURE}  # along the feed
+_MODE = _ONE_MODE | {"stiffness": "N/m", "direction": BASE_UNITS["direction"]}
+_CUTTING = {name: BASE_UNITS[name] for name in CUTTING}
 _BRACKETS = re.compile(r"\s*\((.*)\)(.*)", re.DOTALL)
 _BARE = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _EXAMPLE = "write for example 550 +- 50 N/mm^2"
@@ -53,7 +54,7 @@ def _places(model: dict[str, Any], catalogue: Mapping[str, Effect]) -> Iterator[
     modes = structure.get("modes") if isinstance(structure, dict) else None
     for place, mode in enumerate(modes if isinstance(modes, list) else ()):
         yield from of(mode, ("structure", "modes", place), f"modes[{place}].", _MODE)
-    yield from of(structure, ("structure",), "", {name: _MODE[name] for name in ("mass", "natural_frequency", "damping_ratio")})
+    yield from of(structure, ("structure",), "", _ONE_MODE)
     yield from of(model.get("cutting"), ("cutting",), "", _CUTTING)
     for effect, given in effects.items() if isinstance(effects, dict) else ():
         if effect in catalogue:

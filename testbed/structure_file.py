@@ -9,12 +9,12 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator
 
-from testbed.machine import Carrier, Mode, Model, Structure, repeated_mode
+from testbed.machine import BASE_UNITS, STRUCTURE, Carrier, Mode, Model, Structure, repeated_mode
 from testbed.spread_file import said
 from testbed.units import UnitProblem, format_quantity, parse_quantity
 from testbed.yaml_text import Document, Path_, Strict, above_zero, did_you_mean, in_unit, validate
 
-_SHORT = {"mass": "kg", "natural_frequency": "Hz", "damping_ratio": "1"}
+_SHORT = {name: BASE_UNITS[name] for name in STRUCTURE}
 _AXES = {"x": 0.0, "y": 0.5 * math.pi, "-x": math.pi, "-y": -0.5 * math.pi}
 
 

@@ -27,6 +27,7 @@ from analysis.fit.observed import Observed
 from analysis.fit.plausible import against_adequacy
 from analysis.fit.prediction import Plant, predict
 from analysis.fit.spindle_speed import at_modelled_speed
+from analysis.fit.told import Told
 from analysis.fit.waveform import Fitter
 from analysis.information import Z_95
 from analysis.records.segments import Segment
@@ -121,10 +122,14 @@ def mark_angle(fit: WaveformFit, pitch: float) -> float:
     return (-fit.state.angle) % pitch
 
 
-def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> Comparison:
-    """Refit the model to all records with every nuisance and say where, and by how much, it fails."""
+def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
+            told: Told | None = None) -> Comparison:
+    """Refit the model to all records with every nuisance and say where, and by how much, it fails.
+
+    told: what the records, at the speed that the model has, tell of its parameters, if that is at hand.
+    """
     records = at_modelled_speed(records, model.effects, catalogue)
-    fitter, fit = with_marks_doubted(*model_fit(plant, records, model, catalogue))
+    fitter, fit = with_marks_doubted(*model_fit(plant, records, model, catalogue, told=told))
     held = with_guesses_held(fitter, fit, model, catalogue)
     fitter, fit = held.fitter, held.fit
     errors, held_out = held_out_errors(fitter, fit), holds_out(records)

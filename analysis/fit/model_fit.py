@@ -19,7 +19,7 @@ from analysis.fit.starts import arrived, at_a_bound, base_fit, with_courses, wit
 from analysis.fit.structure_start import structure_start
 from analysis.fit.swing_start import swung_fit
 from analysis.fit.taken import asked_again
-from analysis.fit.told import what_is_told, with_strayed_modes
+from analysis.fit.told import Told, what_is_told, with_strayed_modes
 from analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -36,8 +36,10 @@ def model_fit(
     free: Sequence[Free] | None = None,
     goal: float = math.inf,
     known: float = math.nan,
+    told: Told | None = None,
 ) -> tuple[Fitter, WaveformFit]:
-    """The model refitted with every nuisance; without `free`, all that these records can speak of is unknown, see `told`.
+    """The model refitted with every nuisance; without `free`, all that these records can speak of is unknown: `told`, if that
+    is at hand.
 
     Laws with kinks have valleys beside the deepest, into which even the true scale may slip on the way from a wrong opening:
     theirs are looked for. So have free decays alone, whose phases run apart: those are fitted from their openings on.
@@ -46,7 +48,7 @@ def model_fit(
     see `length_cut`; so with what the first teeth meet and with the feed, see `taken`.
     """
     if free is None and (model.effects or model.structure.planar):
-        free = what_is_told(plant, records, model, catalogue).free
+        free = (told or what_is_told(plant, records, model, catalogue)).free
     found = _fitted(plant, records, model, catalogue, free, goal, known)
     if not (found[1].cost > goal or arrived(found[1], known)) and (beyond := _with_arc_beyond(found[1], model, catalogue)):
         found = min(found, _fitted(plant, records, beyond, catalogue, free, math.inf, known), key=lambda one: one[1].cost)

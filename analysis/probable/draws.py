@@ -106,7 +106,7 @@ def unit_of(path: str, catalogue: Mapping[str, Effect]) -> str:
     effect, _, parameter = path.rpartition(".")
     if effect in catalogue:
         return catalogue[effect].parameter(parameter).unit
-    return {**BASE_UNITS, "stiffness": "N/m", "direction": "rad"}[parameter]
+    return {**BASE_UNITS, "stiffness": "N/m"}[parameter]
 
 
 def _bounds(path: str, catalogue: Mapping[str, Effect]) -> tuple[float, float]:

@@ -133,10 +133,10 @@ class FreeDecays:
 
         Infinite where its amplitude and phase are not seen.
         """
-        others = np.delete(fit.poles, place)
-        loud = int(np.argmax(np.abs(fit.residues[place]) * self.weight))
         from scipy.signal import hilbert  # slow to load, and wanted by few
 
+        others = np.delete(fit.poles, place)
+        loud = int(np.argmax(np.abs(fit.residues[place]) * self.weight))
         signal = hilbert(self.left(others, np.delete(fit.residues, place, axis=0))[loud])
         size = np.abs(signal)
         faint = np.flatnonzero(size < max(_SEEN * self.noise[loud], _FAINT * float(size.max())))

@@ -24,7 +24,10 @@ _MANIFESTS = (".yaml", ".yml")
 
 @dataclass(frozen=True)
 class Inspection:
-    """All records of a campaign, a data set or a bare file. total: how many it has, where not all were looked at."""
+    """All records of a campaign, a data set or a bare file. total: how many it has, where not all were looked at.
+
+    time: of a bare file, the column that is its time.
+    """
 
     name: str
     path: Path
@@ -32,6 +35,7 @@ class Inspection:
     total: int
     columns: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    time: str | None = None
 
     def as_json(self) -> dict[str, Any]:
         """SI values, for `--json`."""
@@ -77,19 +81,19 @@ def _bare(path: Path, sampling_rate: float | None) -> Inspection:
     columns = {name: table.units.get(name, "") for name in table.columns}
     base, label, notes = _bare_time(table, sampling_rate)
     if base is None:
-        return Inspection(path.stem, path, (), 0, columns, (*table.notes, *notes))
+        return Inspection(path.stem, path, (), 0, columns, (*table.notes, *notes), label)
     channels = {name: values for name, values in _same_length(table) if name != label and np.isfinite(values).all()}
     skipped = [name for name in table.columns if name not in channels and name != label]
     if skipped:
         notes.append(f"not looked at, for empty fields or another length: {', '.join(skipped)}")
     if not channels:
-        return Inspection(path.stem, path, (), 0, columns, (*table.notes, *notes))
+        return Inspection(path.stem, path, (), 0, columns, (*table.notes, *notes), label)
     recording = Recording(
         channels, base.sampling_rate, {name: columns[name] for name in channels}, "measured", start=base.start
     )
     more = [note for name, values in channels.items() for note in checks.channel_notes(name, values)]
     whole = report(recording, path.stem, "file", tuple(more))
-    return Inspection(path.stem, path, (whole,), 1, columns, (*table.notes, *notes, *base.notes))
+    return Inspection(path.stem, path, (whole,), 1, columns, (*table.notes, *notes, *base.notes), label)
 
 
 def _same_length(table: Table) -> Iterator[tuple[str, np.ndarray]]:

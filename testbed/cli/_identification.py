@@ -235,10 +235,10 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
 
     observed, plant = observed_records(records, model, path, model_file), plant_of(catalogue)
     observed = at_modelled_speed(observed, model.effects, catalogue)
-    untold = tuple(what_is_told(plant, observed, model, catalogue).notes)
-    for note in untold:
+    told = what_is_told(plant, observed, model, catalogue)
+    for note in told.notes:
         say(note)
-    fitter, fit = with_marks_doubted(*model_fit(plant, observed, model, catalogue))  # as testbed compare does
+    fitter, fit = with_marks_doubted(*model_fit(plant, observed, model, catalogue, told=told))  # as testbed compare does
     held = with_guesses_held(fitter, fit, model, catalogue)
     fitter, fit, found = held.fitter, held.fit, held.values
     chi_square = fit.squares / max(1, sum(residual.size for residual in fit.residuals) - len(fit.names))
@@ -248,4 +248,4 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     quality = {"chi_square": chi_square, "converged": fit.converged, "noise_floor": noise}
     return Identified(held.model, found, rows, quality, at_bound(fitter.free, found),
                       (*taken_notes(observed, fitter.records), *clock_note(fitter, fit), *remarks_on(model, held.model)),
-                      untold)
+                      tuple(told.notes))

@@ -31,6 +31,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     from analysis.comparison.tapped import beside_the_tap, said_of_the_tap
     from analysis.fit.estimates import clock_note
     from analysis.fit.plausible import remarks_on
+    from analysis.fit.spindle_speed import at_modelled_speed
     from analysis.fit.switched import switch_note
     from analysis.fit.taken import taken_notes
     from analysis.fit.told import what_is_told
@@ -42,11 +43,11 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     pictures = output_folder(output) if output else None
     catalogue = catalogue_of(folders)
     model, records, read = read_both(campaign, model_file, catalogue, planar=True)
-    untold = what_is_told(plant_of(catalogue), records, model, catalogue).notes
-    for note in untold:  # before the fit
+    told = what_is_told(plant_of(catalogue), at_modelled_speed(records, model.effects, catalogue), model, catalogue)
+    for note in told.notes:  # before the fit
         answer.say(note)
     with sign_of_life("fitting the believed model to all records", quiet):
-        found = compare(plant_of(catalogue), records, model, catalogue)
+        found = compare(plant_of(catalogue), records, model, catalogue, told)
         turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
     unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
     notes = [*notes_on(read, model), *turned, *unlike, *taken_notes(records, found.fitter.records),
@@ -75,7 +76,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
                                 notes=[f"{campaign} against {model_file}", *notes])
             report = page.write(pictures / "report.html")
         answer.say(f"{len(paths)} pictures are in {pictures}; open {report}")
-    answer.finish(as_json(found) | {"tap": [one.as_json() for one in tapped], "notes": [*untold, *notes]})
+    answer.finish(as_json(found) | {"tap": [one.as_json() for one in tapped], "notes": [*told.notes, *notes]})
 
 
 def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:

@@ -50,18 +50,11 @@ def command(files: tuple[str, ...], output: str, quiet: bool) -> None:
 
 def _look(file: str) -> Any:
     from analysis.records.inspection import inspect
-    from testbed.readers import read_table
     from testbed.starter import Found
 
     path = Path(file)
     if path.suffix.lower() in (".yaml", ".yml"):
         raise InputProblem(file, "is no measured file", "name files such as cut_1.csv")
-    seen, table = inspect(path), read_table(path)
+    seen = inspect(path)
     rate = seen.records[0].recording.sampling_rate if seen.records else None
-    return Found(path, seen.columns, rate, table.time_column() or _first_if_time(seen))
-
-
-def _first_if_time(seen: Any) -> str | None:
-    """The first column where it was taken for time without being called so."""
-    first = next(iter(seen.columns), None)
-    return first if any(note.startswith(f"column '{first}' rises evenly") for note in seen.notes) else None
+    return Found(path, seen.columns, rate, seen.time)

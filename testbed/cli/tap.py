@@ -100,8 +100,7 @@ def _write(found: Any, base: Any, output: str, catalogue: Any, taps_file: str) -
         spreads = tuple(one for one in base.spreads if one[0].partition(".")[0] in {*base.effects, *CUTTING})
         model = replace(base, structure=structure, machine=None, not_determined=(), spreads=spreads)
     names = ("natural_frequency", "damping_ratio", "mass", "direction")
-    paths = {(place, name): f"modes[{place}].{name}" if model.structure.planar else name
-             for place in range(len(known)) for name in names}
+    paths = {(place, name): model.mode_path(place, name) for place in range(len(known)) for name in names}
     guessed = tuple(path for (place, name), path in paths.items()
                     if path in model.base_parameters and not getattr(known[place][0], name).determined)
     tapped = {path: (one.low, one.high) for (place, name), path in paths.items()
