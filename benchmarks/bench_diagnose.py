@@ -21,8 +21,8 @@ sys.path.insert(0, str(ROOT))
 
 from analysis.fit.observe import observe
 from analysis.search.diagnose import diagnose
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import mujoco_engine
 from tests.campaign_files import BELIEVED, TRUE
 from tests.synthetic_campaign import synthetic_campaign

@@ -12,8 +12,8 @@ from analysis.fit.observe import observe
 from analysis.search import candidate_round as cr
 from analysis.search.begun_anew import from_believed
 from analysis.search.first_looks import Entry
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 
 KNOWN = catalogue()

@@ -10,8 +10,8 @@ from synthetic_campaign import synthetic_campaign
 
 from analysis.comparison.compare import compare
 from analysis.fit.observe import observe
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from testbed.readers.assemble import Source, assemble
 from testbed.readers.bridge import bridged, unmeasured

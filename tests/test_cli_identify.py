@@ -9,8 +9,8 @@ import pytest
 import analysis.multipliers.identify
 from analysis.estimate import Estimate
 from analysis.multipliers.identify import at_an_end
+from testbed.api.identification import identify_by_multipliers
 from testbed.cli._answer import interval_shown
-from testbed.cli._identification import identify_by_multipliers
 from testbed.engines import fast
 from testbed.model_file import read_model
 from testbed.workshop import write_campaign

@@ -10,8 +10,8 @@ from analysis.fit.effect_start import Origin, switched_on
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observe import observe
 from analysis.search.candidate_round import candidate_of, with_effect
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from testbed.machine import Cutter, Cutting, Model, Structure
 

@@ -32,9 +32,9 @@ from analysis.search import diagnosis
 from analysis.search.diagnosis import Candidate, Diagnosis, OtherForm
 from analysis.search.next_test import NextTest
 from testbed import interruption
+from testbed.api.result import plain
 from testbed.cli import doctor
 from testbed.cli import testbed as commands
-from testbed.cli._answer import plain
 from testbed.effect import HOOKS
 from testbed.engines import fast
 from testbed.proposal import Coefficient, ForceTerm

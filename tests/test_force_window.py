@@ -6,9 +6,9 @@ from scipy import signal
 from analysis.fit.force_window import windowed
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observe import observe
+from testbed.api.fitting import plant_of
 from testbed.campaign import Record
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.machine import Model, Structure
 from testbed.recording import Recording
 

@@ -17,9 +17,9 @@ from synthetic_cut import milling_record
 from analysis.records.inspection import inspect
 from analysis.records.inspection_plot import envelope
 from analysis.records.lines import follow_line
+from testbed.api.fitting import doubts
 from testbed.campaign import load_campaign
 from testbed.cli import main
-from testbed.cli._fitting import doubts
 from testbed.cli.inspect import _conditions, command
 
 

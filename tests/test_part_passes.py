@@ -16,8 +16,8 @@ from analysis.fit.observe import observe
 from analysis.fit.own_course import own_course
 from analysis.fit.part_search import FINE, PARTS, VALLEYS, _parts, _placed, best_ends, reachable
 from analysis.fit.parts_of_passes import with_parts_of_passes
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.cut import Cut, Sampling, whole_cut_sampling
 from testbed.engines import fast, mujoco_engine
 

@@ -5,9 +5,9 @@ import numpy as np
 from analysis.fit.observe import observe
 from analysis.search.diagnose import diagnose
 from analysis.search.diagnosis import SILENT
+from testbed.api.fitting import plant_of
 from testbed.campaign import Record
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.manifest import Feed
 from testbed.recording import Recording
 from testbed.workshop import RPM

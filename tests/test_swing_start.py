@@ -14,8 +14,8 @@ from analysis.fit.observe import observe
 from analysis.fit.swing_start import Clock, marks_show, swing_clocks, swung_fit
 from analysis.search.add_effect import add_effect
 from analysis.search.diagnose import diagnose
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 
 AMPLITUDE, FREQUENCY = 0.05, 4.0

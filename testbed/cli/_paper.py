@@ -68,8 +68,8 @@ def make_one(work: Work, name: str) -> tuple[Any, float]:
     from analysis.paper.bench import Bench
     from analysis.paper.part import as_dict, from_dict
     from analysis.paper.style import journal, save
+    from testbed.api.result import plain
     from testbed.atomic import write_text
-    from testbed.cli._answer import plain
     from testbed.engines import fast, mujoco_engine
 
     began = time.perf_counter()

@@ -170,7 +170,7 @@ def _from_campaign(asked: Asked) -> Sure:
     """What the campaign's records tell, after the fit that `compare` makes."""
     from analysis.comparison.compare import compare
     from analysis.probable.posterior import posterior, why_no_chance
-    from testbed.cli._fitting import notes_on, plant_of, read_both, sign_of_life
+    from testbed.api.fitting import notes_on, plant_of, read_both, sign_of_life
 
     assert asked.campaign is not None
     believed, records, read = read_both(asked.campaign, asked.model_file, asked.catalogue)

@@ -31,7 +31,7 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
     """
     from analysis.fit.plausible import unlike_a_machine
     from analysis.search.add_effect import add_effects, as_json
-    from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
+    from testbed.api.fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
     from testbed.model_file import write_model
 
     answer = Answer(json_file, quiet)

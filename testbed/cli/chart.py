@@ -6,18 +6,9 @@ from typing import Any
 
 import click
 
+from testbed.api.believed import cutting_model, guesses_note, in_the_work, refuse_planar_effects
 from testbed.cli._answer import Answer, progress
-from testbed.cli._options import (
-    DEPTH,
-    SPEED,
-    catalogue_of,
-    cutting_model,
-    effects_option,
-    guesses_note,
-    in_the_work,
-    refuse_planar_effects,
-    shared,
-)
+from testbed.cli._options import DEPTH, SPEED, catalogue_of, effects_option, shared
 from testbed.cli._places import output_folder
 from testbed.cli._probable import RISK, Asked, chances, said_chances, unasked
 from testbed.problem import InputProblem
@@ -62,7 +53,7 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     if len(speed) * len(depth) > MOST_CELLS:
         raise click.UsageError(f"{len(speed) * len(depth)} cells: give at most {MOST_CELLS}")
     catalogue = catalogue_of(folders)
-    model, left_out = in_the_work(cutting_model(model_file, catalogue))
+    model, left_out = in_the_work(cutting_model(model_file, catalogue)[0])
     refuse_planar_effects(model, model_file)
     tests = _tests(model, data) if data else []
     folder = output_folder(output)
@@ -118,7 +109,7 @@ def with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: bo
     import numpy as np
 
     from analysis.linear.stability import CLASSES, StabilityChart
-    from testbed.cli.multipliers import multipliers
+    from testbed.api.multipliers import of_cut as multipliers
     from testbed.cut import Cut
 
     largest = np.full((depths.size, speeds.size), np.nan + 0j)
@@ -150,8 +141,8 @@ def _tests(model: Any, data: str) -> list[Any]:
     from analysis.linear.chart_plot import ChartTest
     from analysis.linear.stability import classify
     from analysis.multipliers.recorded_cut import measured_multipliers
-    from testbed.cli._identification import cut_tests
-    from testbed.cli._records import load_records
+    from testbed.api.identification import cut_tests
+    from testbed.api.records import load_records
 
     flutes = model.cutter.flutes
     overlay = []

@@ -37,7 +37,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     from analysis.fit.told import what_is_told
     from analysis.search.mark_delay import delay_note
     from analysis.search.other_way import other_way_note
-    from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
+    from testbed.api.fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
 
     answer = Answer(json_file, quiet)
     pictures = output_folder(output) if output else None

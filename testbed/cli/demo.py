@@ -203,8 +203,8 @@ class _Demo:
 
     def missing_effect(self) -> None:
         """A hidden effect diagnosed from a workshop's files, added, and revealed; the truth is opened last."""
+        from testbed.api.fitting import sign_of_life
         from testbed.cli._demo_loop import add_story, make, open_truth, run_loop
-        from testbed.cli._fitting import sign_of_life
 
         self._begin("Which effect is missing? A workshop's campaign, one effect hidden")
         began = time.perf_counter()

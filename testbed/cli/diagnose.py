@@ -47,8 +47,8 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     from analysis.search.diagnosis import as_json, unaided
     from analysis.search.other_way import other_way_note
     from analysis.search.rules import rules_of
+    from testbed.api.fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
     from testbed.catalogue import DECOYS
-    from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
     from testbed.model_file import effect_text
 
     answer = Answer(json_file, quiet)
@@ -124,7 +124,7 @@ def _force_maps(found: Any, catalogue: Any) -> list[Any]:
     """Force-state maps of what the best model still lacks; none where that is but noise."""
     from analysis.force.force_state import force_states
     from analysis.search.diagnosis import ADEQUATE
-    from testbed.cli._fitting import plant_of
+    from testbed.api.fitting import plant_of
 
     best = found.best
     if best.fit is None or best.error_held_out <= ADEQUATE * found.noise_floor:
@@ -138,7 +138,7 @@ def _propose(answer: Answer, found: Any, records: Any, model: Any, catalogue: An
     """Estimate what force is missing, say what it depends on, and write it as an effect; None where nothing is left."""
     from analysis.force.explain_force import as_json, left_unexplained, write_effect
     from analysis.force.formula_trial import Jury
-    from testbed.cli._fitting import plant_of, sign_of_life
+    from testbed.api.fitting import plant_of, sign_of_life
     from testbed.proposal import free_name
 
     try:
@@ -173,7 +173,7 @@ def _decoys(answer: Answer, found: Any, catalogue: Any) -> dict[str, Any]:
 
 def _false_alarms(answer: Answer, found: Any, catalogue: Any, count: int, seed: int) -> dict[str, Any]:
     from analysis.search.false_alarms import false_alarms
-    from testbed.cli._fitting import plant_of, sign_of_life
+    from testbed.api.fitting import plant_of, sign_of_life
 
     with sign_of_life("diagnosing campaigns without a hidden effect", answer.quiet) as say:
         told = false_alarms(plant_of(catalogue), found.base, catalogue, count, seed, say)

@@ -75,8 +75,8 @@ def _show(name: str, catalogue: Any, answer: Answer, drawn: bool) -> None:
 
 
 def _draw(effect: Any, catalogue: Any, answer: Answer) -> None:
+    from testbed.api.fitting import sign_of_life
     from testbed.cli._fingerprint import fingerprint, picture
-    from testbed.cli._fitting import sign_of_life
 
     with sign_of_life("compiling, once per version of the file", answer.quiet):
         found = fingerprint(effect, catalogue)

@@ -6,8 +6,9 @@ from typing import Any
 
 import click
 
+from testbed.api.believed import check_cutting, refuse_planar
 from testbed.cli._answer import Answer, interval_shown, shown
-from testbed.cli._options import catalogue_of, check_cutting, effects_option, model_option, refuse_planar, shared
+from testbed.cli._options import catalogue_of, effects_option, model_option, shared
 from testbed.cli._places import check_place
 from testbed.problem import InputProblem
 
@@ -38,9 +39,9 @@ def command(data: str, model_file: str, output: str | None, method: str | None, 
     """
     from analysis.fit.plausible import unlike_a_machine
     from analysis.search.diagnosis import FAINT_REST, SILENT
-    from testbed.cli._fitting import doubts, of_the_mass, of_the_parts, uncalibrated
-    from testbed.cli._identification import identify_by_multipliers, identify_by_waveform
-    from testbed.cli._records import load_records
+    from testbed.api.fitting import doubts, of_the_mass, of_the_parts, uncalibrated
+    from testbed.api.identification import identify_by_multipliers, identify_by_waveform
+    from testbed.api.records import load_records
     from testbed.model_file import read_model, write_model
 
     answer = Answer(json_file, quiet)
@@ -136,7 +137,7 @@ def _speeds_found(records: Any, found: Any) -> list[str]:
 
 def _of_the_ratio(found: Any) -> str:
     """That the ratio of the coefficients is not found, what hangs on it, and what the intervals allow for."""
-    from testbed.cli._identification import RATIO_DOUBT
+    from testbed.api.identification import RATIO_DOUBT
 
     cutting, more = found.model.cutting, (1.0 + RATIO_DOUBT) ** found.quality["ratio_slope"] - 1.0
     ratio = cutting.normal_coefficient / cutting.tangential_coefficient

@@ -55,7 +55,7 @@ def command(campaign: str, model_file: str, speed: list[float], depth: list[floa
     import numpy as np
 
     from analysis.probable.plan import plan
-    from testbed.cli._fitting import plant_of, read_both
+    from testbed.api.fitting import plant_of, read_both
 
     answer = Answer(json_file, quiet)
     if len(speed) * len(depth) > MOST_CUTS:
@@ -92,7 +92,7 @@ def _explanations(plant: Any, records: Any, model: Any, catalogue: Any, quiet: b
     from analysis.probable.plan import Explanation
     from analysis.probable.posterior import posterior, why_no_chance
     from analysis.search.diagnose import diagnose, rivals_of
-    from testbed.cli._fitting import sign_of_life
+    from testbed.api.fitting import sign_of_life
 
     with sign_of_life("fitting the believed model to all records", quiet) as say:
         found = compare(plant, records, model, catalogue)

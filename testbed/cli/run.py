@@ -7,7 +7,8 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, plain, progress
+from testbed.api.result import plain
+from testbed.cli._answer import Answer, progress
 from testbed.cli._options import catalogue_of, effects_option, shared
 from testbed.cli._places import check_place
 

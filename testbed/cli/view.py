@@ -43,7 +43,7 @@ def command(machine: str, output: str, camera: str, width: int, height: int, qui
 
 def _draw_plane(model_file: str, output: str, width: int) -> None:
     from analysis.report.plane import plot_plane
-    from testbed.cli._options import cutting_model
+    from testbed.api.believed import cutting_model, effects_of
 
-    figure = plot_plane(cutting_model(model_file))
+    figure = plot_plane(cutting_model(model_file, effects_of(()).known)[0])
     figure.savefig(output, dpi=width / figure.get_figwidth())

@@ -8,8 +8,8 @@ from synthetic_campaign import synthetic_campaign
 
 from analysis.fit.observe import observe
 from analysis.search.add_effect import add_effect, add_effects, as_json
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 
 KNOWN = catalogue()

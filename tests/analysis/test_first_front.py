@@ -11,8 +11,8 @@ from analysis.fit.first_passes import first_nuisances
 from analysis.fit.fit_state import State
 from analysis.fit.observe import observe
 from analysis.fit.taken import taken_notes
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
 from testbed.engines import fast
 from testbed.workshop import RPM, Measurement, measured_cut

@@ -9,8 +9,8 @@ from analysis.fit.effect_start import effect_parameters
 from analysis.force.explain_force import explanations
 from analysis.force.formula_trial import Jury, _Trial
 from analysis.force.trial_law import NAME, trial_law
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 
 STRENGTH = 4e20
 

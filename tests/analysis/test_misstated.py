@@ -11,8 +11,8 @@ from analysis.fit.starts import base_fit
 from analysis.search.diagnose import diagnose
 from analysis.search.misstated import misstated
 from analysis.search.unheard import agreed
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.campaign_files import BELIEVED, TRUE
 from tests.synthetic_campaign import synthetic_record

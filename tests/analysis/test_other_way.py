@@ -11,8 +11,8 @@ from analysis.comparison.compare import compare
 from analysis.fit.observe import observe
 from analysis.search.diagnose import diagnose
 from analysis.search.other_way import _ways, other_way_note
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 
 KNOWN = catalogue()

@@ -15,8 +15,8 @@ from analysis.fit.observe import observe
 from analysis.fit.own_course import own_course
 from analysis.fit.pass_search import recently_entered, settle_passes
 from analysis.search.diagnose import diagnose
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 
 TESTS = ((3500, 0.8), (2850, 2.9), (3900, 2.2))

@@ -13,8 +13,8 @@ from analysis.fit.spindle_speed import at_modelled_speed, speed_swing
 from analysis.records.spindle_clock import along_marks
 from analysis.search.add_effect import add_effect
 from analysis.search.diagnose import diagnose
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 
 KNOWN = {name: catalogue()[name] for name in ("speed_variation", "edge_force", "process_damping")}

@@ -14,8 +14,8 @@ from analysis.fit.observe import observe
 from analysis.fit.waveform import Fitter
 from analysis.search.candidate_round import candidate_of
 from analysis.search.steady_speed import no_swing
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 
 FREQUENCY = 3.0

@@ -14,8 +14,8 @@ from analysis.fit.observe import observe
 from analysis.fit.table_feed import feed_note, with_other_feed
 from analysis.fit.taken import taken_notes
 from analysis.search.diagnose import diagnose
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
 from testbed.engines import fast
 from testbed.manifest import Feed

@@ -11,8 +11,8 @@ from analysis.fit.model_fit import model_fit
 from analysis.fit.observe import observe
 from analysis.fit.own_course import ANGLES, angles_tried, own_course
 from analysis.fit.pass_search import settle_passes
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.campaign_files import BELIEVED, TRUE
 from tests.synthetic_campaign import synthetic_record

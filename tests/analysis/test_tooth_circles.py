@@ -13,8 +13,8 @@ from analysis.fit.model_fit import model_fit
 from analysis.fit.observe import observe
 from analysis.fit.tooth_circles import at_least_strength, direction_notes, unknown_directions
 from analysis.fit.waveform import Fitter
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from testbed.machine import Cutter, Cutting, Model, Structure
 

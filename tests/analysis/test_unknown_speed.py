@@ -13,8 +13,8 @@ from analysis.fit.observe import observe
 from analysis.records.noise import noise_floor
 from analysis.records.passing_speed import heard_speed, passing_speed
 from analysis.records.segments import Segment, find_segments
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
 from testbed.engines import fast
 from testbed.machine import Cutter, Cutting, Model, Structure

@@ -18,9 +18,9 @@ from analysis.fit.estimates import estimates
 from analysis.fit.held_out import errors_in_fit, pooled
 from analysis.fit.model_fit import model_fit
 from analysis.fit.observe import observe
+from testbed.api.fitting import plant_of
 from testbed.campaign import Record
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from testbed.machine import Cutter, Cutting, Model, Structure
 from tests.synthetic_campaign import TESTS, synthetic_record
