@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analysis.records.record_report import RecordReport, report
-from testbed.campaign import Campaign, load_campaign
+from testbed.analysis.records.record_report import RecordReport, report
+from testbed.files.campaign import Campaign, load_campaign
 from testbed.problem import InputProblem
 from testbed.readers import checks, read_table
 from testbed.readers.table import Table
 from testbed.readers.timebase import TimeBase, from_column, looks_like_time
 from testbed.recording import Recording
-from testbed.shards import NOTE
+from testbed.sweeps.shards import NOTE
 
 if TYPE_CHECKING:
-    from testbed.data_set import DataSet
+    from testbed.store.data_set import DataSet
 
 _MANIFESTS = (".yaml", ".yml")
 
@@ -63,7 +63,7 @@ def inspect(
     path = Path(path)
     if path.suffix.lower() in _MANIFESTS:
         return inspect_campaign(load_campaign(path, folder))
-    from testbed.data_set import is_data_set, read_data_set
+    from testbed.store.data_set import is_data_set, read_data_set
 
     if is_data_set(path) or (path / NOTE).is_file():  # a file, or a folder of shards, also an unfinished one, which says so
         return inspect_data_set(read_data_set(path), path, most)

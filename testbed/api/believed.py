@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from testbed.problem import InputProblem
 
 if TYPE_CHECKING:
-    from testbed.campaign import Campaign
-    from testbed.data_set import DataSet
     from testbed.effect import Effect
+    from testbed.files.campaign import Campaign
     from testbed.machine import Model
+    from testbed.store.data_set import DataSet
 
 File: TypeAlias = "str | os.PathLike[str]"
 ModelLike: TypeAlias = "File | Model"
@@ -63,8 +63,8 @@ def effects_of(given: EffectsLike) -> Effects:
 def model_of(given: ModelLike, catalogue: Mapping[str, Effect]) -> tuple[Model, str]:
     """(a model, its name for messages): read where a file is named. InputProblem."""
     from testbed.catalogue import unknown_effect
+    from testbed.files.model_file import read_model
     from testbed.machine import Model
-    from testbed.model_file import read_model
 
     if isinstance(given, (str, os.PathLike)):
         return read_model(Path(given), catalogue), os.fspath(given)

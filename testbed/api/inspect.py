@@ -18,8 +18,8 @@ from testbed.problem import InputProblem
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from analysis.records.inspection import Inspection as Seen
-    from analysis.records.record_report import RecordReport
+    from testbed.analysis.records.inspection import Inspection as Seen
+    from testbed.analysis.records.record_report import RecordReport
 
 FASTEST = 1e9  # Hz: no recorder of vibration comes near it
 
@@ -49,7 +49,7 @@ class Inspection(Result):
 
     def plot(self, name: str | None = None) -> Figure:
         """One record, by default the first: its channels over time with the segments shaded, and its spectrum."""
-        from analysis.records.inspection_plot import draw
+        from testbed.analysis.records.inspection_plot import draw
 
         if not self.records:
             raise InputProblem(self.path, "holds no record to be drawn", "give its sampling rate")
@@ -57,7 +57,7 @@ class Inspection(Result):
 
     def save_plots(self, folder: File, progress: Progress = None) -> list[Path]:
         """Draw every record as PNG and SVG into a folder that is there; the paths written."""
-        from analysis.records.inspection_plot import save
+        from testbed.analysis.records.inspection_plot import save
 
         written: list[Path] = []
         with working(progress) as watch, watch.counted("drawing") as tell:
@@ -110,9 +110,9 @@ def inspect(data: DataLike, *, folder: File | None = None, rate: Quantity | None
 
 
 def _seen(data: DataLike, folder: File | None, hertz: float | None, most: int) -> Seen:
-    from analysis.records.inspection import inspect as looked_over
-    from analysis.records.inspection import inspect_campaign, inspect_data_set
-    from testbed.campaign import Campaign
+    from testbed.analysis.records.inspection import inspect as looked_over
+    from testbed.analysis.records.inspection import inspect_campaign, inspect_data_set
+    from testbed.files.campaign import Campaign
 
     if isinstance(data, (str, os.PathLike)):
         return looked_over(Path(data), folder=None if folder is None else Path(folder), sampling_rate=hertz, most=most)

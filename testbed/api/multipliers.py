@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from analysis.linear.stability import StabilityClass
+    from testbed.analysis.linear.stability import StabilityClass
 
 MOST_SWINGS = 1000.0  # periods of the structure within a tooth pass up to which a loop with effects is linearised
 TOLERANCE = 1e-6  # of the largest multiplier before its last correction
@@ -58,7 +58,7 @@ class Multipliers(Result):
 
     def plot(self) -> Figure:
         """The multipliers in the complex plane, with the unit circle."""
-        from analysis.linear.chart_plot import plot_multipliers
+        from testbed.analysis.linear.chart_plot import plot_multipliers
 
         return shown_here(plot_multipliers({"this cut": (self.multipliers[:0], self.multipliers)}))  # type: ignore[no-any-return]
 
@@ -104,8 +104,8 @@ def of_cut(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, Any]:
     """
     import numpy as np
 
-    from analysis.linear.planar_multipliers import cut_multipliers
-    from analysis.linear.stability import classify
+    from testbed.analysis.linear.planar_multipliers import cut_multipliers
+    from testbed.analysis.linear.stability import classify
 
     refuse_planar_effects(model, name)
     try:
@@ -128,7 +128,7 @@ def _of_loop(model: Any, cut: Any, catalogue: Any) -> tuple[Any, Any, int]:
     """Multipliers of a loop with effects, how much each changes on pieces twice as long, and their period in passes."""
     import numpy as np
 
-    from analysis.linear.linearise import linearise
+    from testbed.analysis.linear.linearise import linearise
     from testbed.engines.regenerative_loop import regenerative_loop
 
     loop: Any = regenerative_loop(model, cut, catalogue)

@@ -27,7 +27,7 @@ def one_thread_from_the_start() -> None:
 def home_for_pictures() -> None:
     """Give matplotlib a folder for what it keeps, where the user has no home to be written to."""
     if not os.access(os.path.expanduser("~"), os.W_OK):
-        from testbed.kernel_cache import lodge_matplotlib
+        from testbed.system.kernel_cache import lodge_matplotlib
 
         lodge_matplotlib()
 

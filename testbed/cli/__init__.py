@@ -19,9 +19,9 @@ from typing import Any, NoReturn
 import click
 
 from testbed.api.working import home_for_pictures, one_thread_from_the_start
-from testbed.door import is_shortage
-from testbed.interruption import INTERRUPTED, interrupted, leave, listen, say_interrupted
+from testbed.files.door import is_shortage
 from testbed.problem import InputProblem, InputWarning, shortened
+from testbed.system.interruption import INTERRUPTED, interrupted, leave, listen, say_interrupted
 
 FOLDER = Path(__file__).parent
 # The order of `testbed --help`, along a user's way; a command not named here comes after, by the alphabet.

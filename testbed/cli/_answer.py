@@ -12,8 +12,8 @@ import click
 
 from testbed.api.result import json_text
 from testbed.api.watch import Bars, Watch
-from testbed.atomic import write_text
 from testbed.cli._places import check_outputs, check_place
+from testbed.system.atomic import write_text
 
 MOST_DIGITS = 12  # of a number, however narrow its interval
 NOT_DETERMINED = "not determined"  # in place of an interval that spans decades

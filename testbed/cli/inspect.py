@@ -12,9 +12,9 @@ from testbed.cli._options import shared
 from testbed.cli._places import output_folder
 
 if TYPE_CHECKING:
-    from analysis.records.chatter import Chatter
-    from analysis.records.record_report import RecordReport
-    from analysis.records.ring_downs import RingDown
+    from testbed.analysis.records.chatter import Chatter
+    from testbed.analysis.records.record_report import RecordReport
+    from testbed.analysis.records.ring_downs import RingDown
     from testbed.api.inspect import Inspection
 
 KINDS = {"neimark_sacker": "Neimark-Sacker", "flip": "flip (period doubling)", None: "of a kind that this record does not tell",
