@@ -28,8 +28,8 @@ TURN = 0.7 * 2.0 * math.pi  # rad in a delay by which the coefficients' own chan
 MOST_OF_A_TRIAL = 40.0 * 2.0 * math.pi  # rad in the cut
 MOST_UNKNOWNS = 800  # about 150 oscillations in the cut
 FINER = (0, 1, 2, 4, 6)  # points more in every element, as long as the largest multiplier has not settled
-TOLERANCE = 1e-5  # of the largest multiplier over max(1, modulus), as the map has it: one point more leaves a tenth
-FINE = 1e-6  # the same, aimed at where one cut is asked for, and not a chart of many
+# of the largest multiplier over max(1, modulus), as the map has it: one point more leaves a tenth; FINE: where one cut is asked for
+TOLERANCE, FINE = 1e-5, 1e-6
 
 
 def _tables() -> tuple[np.ndarray, ...]:
