@@ -1,6 +1,69 @@
-"""Virtual machining testbed: simulate a flexible workpiece being milled, and learn what a model of it lacks."""
+"""Virtual machining testbed: simulate a flexible workpiece being milled, and learn what a model of it lacks.
+
+    import testbed
+
+    model = testbed.load("model.yaml")
+    campaign = testbed.load("campaign.yaml")
+    found = testbed.compare(campaign, model)
+    found.plot()
+
+Every command of the command line is a function of the same name here and gives the same answer, as a frozen object: with
+`.plot()`, `.to_pandas()`, `.to_xarray()`, `.report(folder)` where the command writes a page, and `.json`, what the command
+writes with `--json`. Quantities are texts with their units ("3810 rpm", "2.9 mm") or plain numbers in SI units (rad/s, m).
+Bad input raises `testbed.InputProblem`, a ValueError, with the command's one line. Nothing heavy is loaded before it is used.
+"""
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 if not (Path(__file__).parent / "analysis").is_dir():  # a source tree, where these stand beside: a wheel holds them inside
     __path__.append(str(Path(__file__).parents[1]))
+
+if TYPE_CHECKING:
+    from testbed.api.compare import Comparison as Comparison
+    from testbed.api.compare import Waveform as Waveform
+    from testbed.api.compare import compare as compare
+    from testbed.api.identify import Identification as Identification
+    from testbed.api.identify import identify as identify
+    from testbed.api.inspect import Inspection as Inspection
+    from testbed.api.inspect import inspect as inspect
+    from testbed.api.multipliers import Multipliers as Multipliers
+    from testbed.api.multipliers import multipliers as multipliers
+    from testbed.problem import InputProblem as InputProblem
+    from testbed.problem import InputWarning as InputWarning
+
+    __version__: str
+
+# Where each public name is found once it is asked for.
+_HOMES = {
+    "testbed.api.compare": ("Comparison", "Waveform", "compare"),
+    "testbed.api.identify": ("Identification", "identify"),
+    "testbed.api.inspect": ("Inspection", "inspect"),
+    "testbed.api.multipliers": ("Multipliers", "multipliers"),
+    "testbed.problem": ("InputProblem", "InputWarning"),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+__all__ = ["__version__", *sorted(_HOME_OF)]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, loaded now (PEP 562)."""
+    if name == "__version__":
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            found: Any = version("machining-testbed")
+        except PackageNotFoundError:  # run from its source
+            found = "0+source"
+    elif name in _HOME_OF:
+        from importlib import import_module
+
+        found = getattr(import_module(_HOME_OF[name]), name)
+    else:
+        raise AttributeError(f"module 'testbed' has no attribute '{name}'")
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -77,11 +77,11 @@ def model_of(given: ModelLike, catalogue: Mapping[str, Effect]) -> tuple[Model, 
     return given, name
 
 
-def name_of(given: DataLike) -> str:
-    """The name of a campaign or data set for messages: its file's."""
+def name_of(given: DataLike | ModelLike) -> str:
+    """The name of a campaign, a data set or a model for messages: its file's."""
     if isinstance(given, (str, os.PathLike)):
         return os.fspath(given)
-    return str(getattr(given, "file", None) or getattr(given, "path", "the records"))
+    return str(getattr(given, "file", "") or getattr(given, "path", "") or f"the {type(given).__name__.lower()}")
 
 
 def cutting_model(given: ModelLike, catalogue: Mapping[str, Effect], otherwise: str = "") -> tuple[Model, str]:

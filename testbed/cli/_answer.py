@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
@@ -10,13 +9,12 @@ from typing import Any
 
 import click
 
+from testbed.api.places import check_place
 from testbed.api.result import json_text
 from testbed.api.watch import Bars, Watch
-from testbed.cli._places import check_outputs, check_place
+from testbed.cli._places import check_outputs
 from testbed.system.atomic import write_text
 
-MOST_DIGITS = 12  # of a number, however narrow its interval
-NOT_DETERMINED = "not determined"  # in place of an interval that spans decades
 _NUMBER = re.compile(r"[+-]?\.?\d|[+-]?(inf|nan)\b|-?$|unknown$|not determined$")  # or what stands where there is none
 
 
@@ -85,22 +83,3 @@ def progress(title: str, quiet: bool = False, counted: str = "") -> AbstractCont
     counted: what is counted, such as `runs`; the rate is then shown too.
     """
     return (Watch() if quiet else Bars()).counted(title, counted)
-
-
-def shown(value: float, unit: str, digits: int = 5, path: str = "") -> str:
-    """A quantity for people: an SI value in the unit that is usual for it, or for a parameter of that path."""
-    from testbed.units import format_quantity
-
-    usual = {"rad/s": "rpm", "N/m^2": "N/mm^2"}.get(unit, "deg" if path.endswith(".direction") else unit)
-    return "-" if not math.isfinite(value) else format_quantity(value, usual, digits)
-
-
-def interval_shown(one: Any, path: str = "") -> tuple[str, str, str]:
-    """Value, low and high of an estimate for people, with as many digits as tell the ends apart. path: of the parameter."""
-    width = one.high - one.low
-    if not one.determined:
-        return shown(one.value, one.unit, path=path), NOT_DETERMINED, NOT_DETERMINED
-    digits = 5 if width <= 0.0 or one.value == 0.0 else math.ceil(math.log10(abs(one.value) / width)) + 2
-    digits = min(max(digits, 5), MOST_DIGITS)
-    value, low, high = (shown(number, one.unit, digits, path) for number in (one.value, one.low, one.high))
-    return value, low, high

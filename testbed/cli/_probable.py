@@ -10,7 +10,8 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, progress, shown
+from testbed.api.words import shown
+from testbed.cli._answer import Answer, progress
 from testbed.problem import InputProblem
 
 # seconds a cell, rounded up: one mode along the feed, a machine in x and y, a loop with effects

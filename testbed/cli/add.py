@@ -6,9 +6,11 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, interval_shown
+from testbed.api.places import check_place
+from testbed.api.words import interval_shown
+from testbed.cli._answer import Answer
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
-from testbed.cli._places import check_place, output_folder
+from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
 

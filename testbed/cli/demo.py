@@ -10,7 +10,8 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, progress, shown
+from testbed.api.words import shown
+from testbed.cli._answer import Answer, progress
 from testbed.cli._options import shared
 from testbed.cli._places import output_folder
 

@@ -10,7 +10,8 @@ from typing import Any
 import click
 
 from testbed.analysis.fit.budget import BUDGET
-from testbed.cli._answer import Answer, shown
+from testbed.api.words import shown
+from testbed.cli._answer import Answer
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
 from testbed.cli._places import output_folder
 from testbed.problem import InputProblem

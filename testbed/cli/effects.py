@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
+from testbed.api.places import check_place
 from testbed.cli._answer import Answer
 from testbed.cli._options import catalogue_of, effects_option, shared
-from testbed.cli._places import check_place
 from testbed.problem import InputProblem
 
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from testbed.cli._answer import Answer, interval_shown
+from testbed.api.words import interval_shown
+from testbed.cli._answer import Answer
 from testbed.cli._options import shared
 from testbed.cli._places import output_folder
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import click
 
+from testbed.api.places import check_place
 from testbed.api.result import plain
 from testbed.cli._answer import Answer, progress
 from testbed.cli._options import catalogue_of, effects_option, shared
-from testbed.cli._places import check_place
 
 FAR_WORKERS = 32  # batches are cut for at least so many on a cluster, which may grow while it computes
 

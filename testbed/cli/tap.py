@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from testbed.cli._answer import Answer, interval_shown
+from testbed.api.places import check_place
+from testbed.api.words import interval_shown
+from testbed.cli._answer import Answer
 from testbed.cli._options import catalogue_of, effects_option, shared
-from testbed.cli._places import check_place, output_folder
+from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
 if TYPE_CHECKING:

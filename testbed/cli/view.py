@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
+from testbed.api.places import check_place
 from testbed.cli._answer import Answer
-from testbed.cli._places import check_place
 from testbed.problem import InputProblem
 
 

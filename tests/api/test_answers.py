@@ -1,0 +1,135 @@
+"""The Python API gives the very answers of the command line, and its objects do what a notebook asks of them."""
+
+import json
+from functools import partial
+from pathlib import Path
+
+import matplotlib.figure
+import numpy as np
+import pytest
+
+import testbed
+from testbed.engines import fast
+from testbed.workshop import write_campaign
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.shell import Shell
+from tests.support.synthetic_campaign import TESTS, synthetic_campaign
+
+SIMULATE = partial(fast.simulate, steps=37)  # another step size than the fit's
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("campaign")
+    write_campaign(folder, synthetic_campaign(SIMULATE, TRUE, tests=TESTS[:3]), BELIEVED)
+    return folder
+
+
+@pytest.fixture
+def shell(capsys, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    return Shell(capsys)
+
+
+def same(shell, found, *command):
+    """The command's JSON, to the last digit and in the same order."""
+    assert shell(*command, "--json", "-") == 0, shell.err
+    assert found.json == shell.out and found.to_dict() == json.loads(shell.out)
+    assert len(found.json) > 200
+    return found
+
+
+def behaves(found):
+    """What every answer does."""
+    assert repr(found).startswith(f"<{type(found).__name__}: ") and len(repr(found)) < 500
+    html = found._repr_html_()
+    assert html.startswith("<p><b>") and html.count("<tr>") > 1
+    frame, arrays = found.to_pandas(), found.to_xarray()
+    assert len(frame) > 0 and all(len(variable) == len(frame) for variable in arrays.variables.values())
+    with pytest.raises(AttributeError):
+        found.notes = ()
+
+
+def test_multipliers(shell):
+    found = same(shell, testbed.multipliers("model.yaml", "3810 rpm", "2.9 mm"),
+                 "multipliers", "model.yaml", "--speed", "3810", "--depth", "2.9")
+    behaves(found)
+    assert found.stability == "stable" and found.spectral_radius == abs(found.multipliers[0]) > 0.5
+    assert isinstance(found.plot(), matplotlib.figure.Figure)
+    again = testbed.multipliers("model.yaml", found.spindle_speed, found.axial_depth_of_cut)
+    assert again.json == found.json  # plain numbers are SI
+
+
+def test_multipliers_with_effects(shell):
+    Path("damped.yaml").write_text(Path("model.yaml").read_text() + "effects: {process_damping: {coefficient: 1.0e5 N/m}}\n")
+    same(shell, testbed.multipliers("damped.yaml", "3810 rpm", "2.9 mm", feed="0.2 mm/tooth", count=3),
+         "multipliers", "damped.yaml", "--speed", "3810", "--depth", "2.9", "--feed", "0.2 mm/tooth", "--count", "3")
+
+
+def test_inspect(shell, tmp_path):
+    found = same(shell, testbed.inspect("campaign.yaml"), "inspect", "campaign.yaml")
+    behaves(found)
+    assert len(found.records) == found.total == 3 and found.records[0].speed_basis == "tachometer"
+    assert len(found.plot(found.records[1].name).axes) == 3
+    assert len(found.save_plots(tmp_path, progress=False)) == 6
+    bare = same(shell, testbed.inspect("cut_0.csv", rate="12.8 kHz"), "inspect", "cut_0.csv", "--rate", "12.8 kHz")
+    assert bare.columns and bare.records[0].recording.sampling_rate == 12800.0
+
+
+def test_compare(shell, tmp_path):
+    told = []
+    found = same(shell, testbed.compare("campaign.yaml", "model.yaml", progress=lambda *step: told.append(step)),
+                 "compare", "campaign.yaml", "-m", "model.yaml")
+    behaves(found)
+    assert told == [("fitting the believed model to all records", 0, None)]
+    assert found.adequate and found.converged and 0.9 < found.error / found.noise_floor < 1.05
+    assert found.model.structure.natural_frequency == found.parameters["natural_frequency"].value
+    seen = found.waveform(found.records[0].name)
+    assert np.ptp(seen.predicted) > 10 * np.ptp(seen.residual) > 0
+    whole = seen.to_xarray()
+    assert whole.measured.dims == ("channel", "time") and float(abs(whole.measured - whole.predicted - whole.residual).max()) == 0
+    assert {"worst_record", "residual_spectrum", "misfit_on_chart"} <= set(found.plots)
+    assert len(found.plot("residual_by_record").axes) == 1 and len(seen.plot().axes) == 2
+    with pytest.raises(testbed.InputProblem, match="there are residual_by_record"):
+        found.plot("nonsense")
+    page = found.report(tmp_path / "page", progress=False)
+    assert page == tmp_path / "page" / "report.html" and "campaign.yaml against model.yaml" in page.read_text()
+
+
+@pytest.mark.parametrize("method", ["multipliers", "waveform"])
+def test_identify(shell, method, tmp_path):
+    found = same(shell, testbed.identify("campaign.yaml", "model.yaml", method=method),
+                 "identify", "campaign.yaml", "-m", "model.yaml", "--method", method, "-o", str(tmp_path / "told.yaml"))
+    behaves(found)
+    assert found.parameters["natural_frequency"].value == pytest.approx(146.42, abs=0.05)
+    assert found.save_model(tmp_path / "new.yaml").read_bytes() == (tmp_path / "told.yaml").read_bytes()
+    assert len(found.plot().axes) == 1
+
+
+@pytest.mark.parametrize(("ask", "command"), [
+    (lambda: testbed.multipliers("nix.yaml", "3810 rpm", "2 mm"), "multipliers nix.yaml --speed 3810 --depth 2"),
+    (lambda: testbed.multipliers("model.yaml", "0.01 rpm", "2 mm"), "multipliers model.yaml --speed 0.01 --depth 2"),
+    (lambda: testbed.compare("model.yaml", "model.yaml"), "compare model.yaml -m model.yaml"),
+    (lambda: testbed.inspect("nix.csv"), "inspect nix.csv"),
+])
+def test_bad_input_is_told_in_the_command_s_one_line(shell, ask, command):
+    with pytest.raises(testbed.InputProblem) as problem:
+        ask()
+    assert isinstance(problem.value, ValueError)
+    assert shell.refused(*command.split()) == f"error: {problem.value}\n"
+
+
+@pytest.mark.parametrize(("speed", "depth", "said"), [
+    ("3810", "2 mm", "speed: '3810' has no unit: write '3810 rpm'"),
+    (3810e6, "2 mm", "speed: 3.81e.09 rad/s is beyond any cut"),
+    (400.0, 2.9e4, "depth: 29000 m is beyond any cut"),
+    (400.0, "2.9 kg", "depth: '2.9 kg' is not a range"),
+    (0.0, "2 mm", "speed: 0 rad/s must be above 0"),
+    (float("nan"), "2 mm", "speed: nan is not finite"),
+    ("2000:3000:3 rpm", "2 mm", "speed: '2000:3000:3 rpm' is not a range"),
+    ("2000 rpm:3000 rpm:3", "2 mm", "speed: '2000 rpm:3000 rpm:3' is a range"),
+    (True, "2 mm", "speed: True is no quantity"),
+])
+def test_quantities_are_checked(shell, speed, depth, said):
+    with pytest.raises(testbed.InputProblem, match=said):
+        testbed.multipliers("model.yaml", speed, depth)
