@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from testbed.api.inspect import inspect as inspect
     from testbed.api.multipliers import Multipliers as Multipliers
     from testbed.api.multipliers import multipliers as multipliers
+    from testbed.api.tap import TapTest as TapTest
+    from testbed.api.tap import tap as tap
     from testbed.problem import InputProblem as InputProblem
     from testbed.problem import InputWarning as InputWarning
 
@@ -40,6 +42,7 @@ _HOMES = {
     "testbed.api.identify": ("Identification", "identify"),
     "testbed.api.inspect": ("Inspection", "inspect"),
     "testbed.api.multipliers": ("Multipliers", "multipliers"),
+    "testbed.api.tap": ("TapTest", "tap"),
     "testbed.problem": ("InputProblem", "InputWarning"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
