@@ -20,9 +20,18 @@ if not (Path(__file__).parent / "analysis").is_dir():  # a source tree, where th
     __path__.append(str(Path(__file__).parents[1]))
 
 if TYPE_CHECKING:
+    from testbed.api.add import Addition as Addition
+    from testbed.api.add import add as add
+    from testbed.api.believed import Effects as Effects
+    from testbed.api.chart import Chart as Chart
+    from testbed.api.chart import chart as chart
     from testbed.api.compare import Comparison as Comparison
     from testbed.api.compare import Waveform as Waveform
     from testbed.api.compare import compare as compare
+    from testbed.api.diagnose import Diagnosis as Diagnosis
+    from testbed.api.diagnose import FalseAlarms as FalseAlarms
+    from testbed.api.diagnose import Proposal as Proposal
+    from testbed.api.diagnose import diagnose as diagnose
     from testbed.api.identify import Identification as Identification
     from testbed.api.identify import identify as identify
     from testbed.api.inspect import Inspection as Inspection
@@ -38,7 +47,11 @@ if TYPE_CHECKING:
 
 # Where each public name is found once it is asked for.
 _HOMES = {
+    "testbed.api.add": ("Addition", "add"),
+    "testbed.api.believed": ("Effects",),
+    "testbed.api.chart": ("Chart", "chart"),
     "testbed.api.compare": ("Comparison", "Waveform", "compare"),
+    "testbed.api.diagnose": ("Diagnosis", "FalseAlarms", "Proposal", "diagnose"),
     "testbed.api.identify": ("Identification", "identify"),
     "testbed.api.inspect": ("Inspection", "inspect"),
     "testbed.api.multipliers": ("Multipliers", "multipliers"),

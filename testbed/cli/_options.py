@@ -57,6 +57,27 @@ class _Noise(click.ParamType):
 NOISE = _Noise()
 
 
+class _Risk(click.ParamType):
+    """A chance between 0 and 1, or in percent."""
+
+    name = "chance"
+
+    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> float:
+        """The chance; click's error where it is none."""
+        from testbed.units import UnitProblem, parse_quantity
+
+        try:
+            risk = parse_quantity(value, "1")
+        except UnitProblem as problem:
+            self.fail(str(problem), parameter, context)
+        if not 0.0 < risk < 1.0:
+            self.fail(f"'{value}' is no chance between 0 and 100 %: give for example 5%", parameter, context)
+        return risk
+
+
+RISK = _Risk()
+
+
 def shared(function: Callable[..., Any]) -> Callable[..., Any]:
     """--json, --seed and --quiet, which every command that computes takes."""
     for option in reversed((

@@ -8,9 +8,9 @@ from typing import Any
 
 import click
 
+from testbed.api.probable import Asked, Sure, linear_where_it_can, with_chances
 from testbed.cli._answer import Answer, progress
-from testbed.cli._options import DEPTH, SPEED, catalogue_of, effects_option, model_option, shared
-from testbed.cli._probable import RISK, Asked, Sure, linear_where_it_can, with_chances
+from testbed.cli._options import DEPTH, RISK, SPEED, catalogue_of, effects_option, model_option, shared
 from testbed.problem import InputProblem
 
 SPEEDS, DEPTHS = 11, 6  # looked at where no number of them is given
@@ -72,7 +72,8 @@ def command(campaign: str, model_file: str, speed: list[float], depth: list[floa
         answer.say(f"no cut is planned: {why}")
         answer.finish(said)
         return
-    asked = Asked(model, model_file, campaign, catalogue, np.array(speed), np.array(depth), draws, seed or 0, risk, quiet)
+    asked = Asked(model, model_file, campaign, catalogue, np.array(speed), np.array(depth), draws, seed or 0, risk,
+                  answer.watch)
     stable, said["notes"] = _stable(open_, asked)
     within = [(at, b, float(stable[row, column])) for row, b in enumerate(depth) for column, at in enumerate(speed)
               if b > 0.0 and stable[row, column] * draws / (draws + 1.0) >= 1.0 - risk]

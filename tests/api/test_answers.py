@@ -108,6 +108,31 @@ def test_identify(shell, method, tmp_path):
     assert len(found.plot().axes) == 1
 
 
+def test_chart(shell, tmp_path):
+    grid = ("--speed", "2500:4500:9", "--depth", "0.5:4:5")
+    found = same(shell, testbed.chart("model.yaml", "2500 rpm:4500 rpm:9", "0.5 mm:4 mm:5", data="campaign.yaml"),
+                 "chart", "model.yaml", *grid, "--data", "campaign.yaml", "-o", str(tmp_path))
+    assert found.largest_multiplier.shape == found.error.shape == (5, 9) and len(found.tests) == 3
+    assert len(found.to_pandas()) == 45 and found.to_xarray().modulus.dims == ("axial_depth_of_cut", "spindle_speed")
+    assert repr(found).startswith("<Chart: 9 speeds x 5 depths, ") and found._repr_html_().count("<tr>") == 10
+    shown = [path.name for path in found.save_plots(tmp_path)]
+    assert shown == ["stability_chart.png", "stability_chart.svg"]
+    with pytest.raises(testbed.InputProblem, match="no chance is known"):
+        found.plot_chance()
+    numbers = testbed.chart("model.yaml", found.spindle_speed, found.axial_depth_of_cut.tolist(), data="campaign.yaml")
+    assert numbers.json == found.json
+
+
+def test_chart_with_chances(shell, tmp_path):
+    Path("unsure.yaml").write_text(Path("model.yaml").read_text().replace("630 N/mm^2", "630 +- 60 N/mm^2"))
+    found = same(shell, testbed.chart("unsure.yaml", "3000 rpm:4200 rpm:7", "0.5 mm:3 mm:4", draws=40, seed=3, risk="10%"),
+                 "chart", "unsure.yaml", "--speed", "3000:4200:7", "--depth", "0.5:3:4", "--draws", "40", "--seed", "3",
+                 "--risk", "10%", "-o", str(tmp_path))
+    assert 0.0 <= found.stable_probability.min() < found.stable_probability.max() <= 1.0
+    assert found.to_xarray().stable_probability.shape == (4, 7) and found.recommended.stable_probability >= 0.9
+    assert len(found.plot_chance().axes) >= 1
+
+
 def test_tap(shell, tmp_path, monkeypatch):
     pytest.importorskip("sdypy.EMA")
     path = write_taps(tmp_path, B2, hammer=Hammer(blows=2, spacing=1.0))
