@@ -36,12 +36,27 @@ if TYPE_CHECKING:
     from testbed.api.identify import identify as identify
     from testbed.api.inspect import Inspection as Inspection
     from testbed.api.inspect import inspect as inspect
+    from testbed.api.load import load as load
     from testbed.api.multipliers import Multipliers as Multipliers
     from testbed.api.multipliers import multipliers as multipliers
+    from testbed.api.simulate import simulate as simulate
+    from testbed.api.sweep import Sweep as Sweep
+    from testbed.api.sweep import Workers as Workers
+    from testbed.api.sweep import sweep as sweep
     from testbed.api.tap import TapTest as TapTest
     from testbed.api.tap import tap as tap
+    from testbed.cutter import Cutter as Cutter
+    from testbed.files.campaign import Campaign as Campaign
+    from testbed.files.taps_file import Taps as Taps
+    from testbed.machine import Cutting as Cutting
+    from testbed.machine import Model as Model
     from testbed.problem import InputProblem as InputProblem
     from testbed.problem import InputWarning as InputWarning
+    from testbed.recording import Recording as Recording
+    from testbed.scenario.scenario import Scenario as Scenario
+    from testbed.store.data_set import DataSet as DataSet
+    from testbed.structure import Mode as Mode
+    from testbed.structure import Structure as Structure
 
     __version__: str
 
@@ -54,9 +69,20 @@ _HOMES = {
     "testbed.api.diagnose": ("Diagnosis", "FalseAlarms", "Proposal", "diagnose"),
     "testbed.api.identify": ("Identification", "identify"),
     "testbed.api.inspect": ("Inspection", "inspect"),
+    "testbed.api.load": ("load",),
     "testbed.api.multipliers": ("Multipliers", "multipliers"),
+    "testbed.api.simulate": ("simulate",),
+    "testbed.api.sweep": ("Sweep", "Workers", "sweep"),
     "testbed.api.tap": ("TapTest", "tap"),
+    "testbed.cutter": ("Cutter",),
+    "testbed.files.campaign": ("Campaign",),
+    "testbed.files.taps_file": ("Taps",),
+    "testbed.machine": ("Cutting", "Model"),
     "testbed.problem": ("InputProblem", "InputWarning"),
+    "testbed.recording": ("Recording",),
+    "testbed.scenario.scenario": ("Scenario",),
+    "testbed.store.data_set": ("DataSet",),
+    "testbed.structure": ("Mode", "Structure"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = ["__version__", *sorted(_HOME_OF)]

@@ -134,8 +134,8 @@ def add(effect: str | Sequence[str], campaign: CampaignLike, model: ModelLike, *
     """Add an effect, or several of them, to a model and fit all parameters jointly to a campaign.
 
     effect: a name of the catalogue, or names, strongest first: those of a Diagnosis. campaign: a campaign.yaml, or testbed.load
-    of one. model: a model.yaml or a Model. effects: folders of one's own effects. progress: a function of (title, done, all), or
-    False. Raises InputProblem where an effect is unknown, is in the model already, or could show in no record.
+    of one. model: a model.yaml or a Model. effects: folders of one's own effects. progress: a function of (title, done, all),
+    or False. Raises InputProblem where an effect is unknown, is in the model already, or could show in no record.
     """
     names = (effect,) if isinstance(effect, str) else tuple(effect)
     if not names:

@@ -23,10 +23,10 @@ from testbed.api.believed import (
 from testbed.api.multipliers import of_cut
 from testbed.api.probable import Asked, Sure, chances, unasked
 from testbed.api.quantity import DEPTH, SPEED, Quantities, Quantity, quantity
-from testbed.api.result import Result, Table, optional, shown_here, with_units
+from testbed.api.result import Result, Table, shown_here, with_units
 from testbed.api.watch import Progress, Watch
 from testbed.api.working import working
-from testbed.problem import InputProblem
+from testbed.problem import InputProblem, optional
 
 if TYPE_CHECKING:
     import pandas

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 from testbed.api.believed import CampaignLike, Effects, EffectsLike, File, ModelLike, effects_of, name_of
 from testbed.api.fitting import channel_units, notes_on, plant_of, read_both
 from testbed.api.places import page_place
-from testbed.api.result import Result, Table, estimates_table, optional, shown_here, with_units
+from testbed.api.result import Result, Table, estimates_table, shown_here, with_units
 from testbed.api.watch import Progress, Watch
 from testbed.api.working import working
-from testbed.problem import InputProblem
+from testbed.problem import InputProblem, optional
 
 if TYPE_CHECKING:
     import pandas

@@ -11,7 +11,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from testbed.problem import InputProblem
+from testbed.problem import optional
 
 if TYPE_CHECKING:
     import pandas
@@ -137,16 +137,6 @@ def estimates_table(parameters: Mapping[str, Any]) -> Table:
                                "low": [one.low if one.known else math.nan for one in found],
                                "high": [one.high if one.known else math.nan for one in found],
                                "unit": [one.unit for one in found], "determined": [one.determined for one in found]}, {})
-
-
-def optional(package: str) -> Any:
-    """A package that testbed does not need by itself. InputProblem where it is not installed."""
-    from importlib import import_module
-
-    try:
-        return import_module(package)
-    except ImportError:
-        raise InputProblem(package, "is not installed", f"pip install {package}") from None
 
 
 def shown_here(figure: Any) -> Any:

@@ -147,11 +147,50 @@ def test_tap(shell, tmp_path, monkeypatch):
     assert found.report("tap.html").read_text().startswith("<!")
 
 
+@pytest.fixture(scope="module")
+def damped(tmp_path_factory):
+    """A campaign of short cuts with an effect that the model lacks."""
+    folder = tmp_path_factory.mktemp("damped")
+    cuts = synthetic_campaign(SIMULATE, TRUE.with_effect("process_damping", coefficient=2e5), seed=4, tests=TESTS[:2],
+                              rate=3200.0, course=(10, 35, 15))
+    write_campaign(folder, cuts, BELIEVED)
+    return folder
+
+
+@pytest.mark.long
+def test_diagnose(shell, damped, tmp_path, monkeypatch):
+    monkeypatch.chdir(damped)
+    campaign, model = testbed.load("campaign.yaml"), testbed.load("model.yaml")
+    found = same(shell, testbed.diagnose(campaign, model), "diagnose", "campaign.yaml", "-m", "model.yaml", "-o", str(tmp_path))
+    behaves(found)
+    assert found.verdict == "missing_effect" and found.effects == ("process_damping",)
+    assert found.error["with_effects"] < found.error["baseline"] and "process_damping" in found.model.effects
+    assert found.report(tmp_path / "ours.html").read_bytes() == (tmp_path / "report.html").read_bytes()
+    assert len(found.plot().axes) == 1
+
+
+@pytest.mark.long
+def test_add(shell, damped, tmp_path, monkeypatch):
+    monkeypatch.chdir(damped)
+    found = same(shell, testbed.add("process_damping", testbed.load("campaign.yaml"), testbed.load("model.yaml")), "add",
+                 "process_damping", "-m", "model.yaml", "-c", "campaign.yaml", "-o", str(tmp_path / "told.yaml"))
+    behaves(found)
+    assert found.after < found.before and found.save_model(tmp_path / "new.yaml").read_bytes() == \
+        (tmp_path / "told.yaml").read_bytes()
+    assert found.report(tmp_path).read_text().startswith("<!") and len(found.plot().axes) == 1
+    assert testbed.multipliers(found.model, "3810 rpm", "2 mm").stability == "stable"
+
+
 @pytest.mark.parametrize(("ask", "command"), [
     (lambda: testbed.multipliers("nix.yaml", "3810 rpm", "2 mm"), "multipliers nix.yaml --speed 3810 --depth 2"),
     (lambda: testbed.multipliers("model.yaml", "0.01 rpm", "2 mm"), "multipliers model.yaml --speed 0.01 --depth 2"),
     (lambda: testbed.compare("model.yaml", "model.yaml"), "compare model.yaml -m model.yaml"),
     (lambda: testbed.inspect("nix.csv"), "inspect nix.csv"),
+    (lambda: testbed.add("runnout", "campaign.yaml", "model.yaml"), "add runnout -m model.yaml -c campaign.yaml -o new.yaml"),
+    (lambda: testbed.diagnose("campaign.yaml", "nix.yaml"), "diagnose campaign.yaml -m nix.yaml"),
+    (lambda: testbed.chart("nix.yaml", "3000 rpm", "2 mm"), "chart nix.yaml --speed 3000 --depth 2 -o pictures"),
+    (lambda: testbed.tap("model.yaml"), "tap model.yaml"),
+    (lambda: testbed.sweep("nix.yaml", "nix.h5"), "run nix.yaml -o nix.h5"),
 ])
 def test_bad_input_is_told_in_the_command_s_one_line(shell, ask, command):
     with pytest.raises(testbed.InputProblem) as problem:
