@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from testbed.api.load import load as load
     from testbed.api.multipliers import Multipliers as Multipliers
     from testbed.api.multipliers import multipliers as multipliers
+    from testbed.api.plan import Plan as Plan
+    from testbed.api.plan import plan as plan
     from testbed.api.simulate import simulate as simulate
     from testbed.api.sweep import Sweep as Sweep
     from testbed.api.sweep import Workers as Workers
@@ -71,6 +73,7 @@ _HOMES = {
     "testbed.api.inspect": ("Inspection", "inspect"),
     "testbed.api.load": ("load",),
     "testbed.api.multipliers": ("Multipliers", "multipliers"),
+    "testbed.api.plan": ("Plan", "plan"),
     "testbed.api.simulate": ("simulate",),
     "testbed.api.sweep": ("Sweep", "Workers", "sweep"),
     "testbed.api.tap": ("TapTest", "tap"),

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,7 +10,6 @@ from typing import Any
 
 from testbed.api.believed import DataLike, ModelLike, model_of, name_of, refuse_planar
 from testbed.api.records import load_records, unfit
-from testbed.api.watch import Bars, Watch
 from testbed.problem import InputProblem
 
 MOST_NOTES = 12
@@ -136,8 +134,3 @@ def channel_units(records: Sequence[Any]) -> dict[str, str]:
     """The unit of every channel of the records, SI or its own, by its own name and by the engines'."""
     seen = [recording for record in records for recording in (record.recording, record.recording.in_the_plane())]
     return {name: unit for recording in seen for name, unit in recording.units.items()}
-
-
-def sign_of_life(title: str, quiet: bool = False) -> AbstractContextManager[Callable[[str], None]]:
-    """A function of what is being done now, shown on a terminal with the time gone by; nothing in a pipe."""
-    return (Watch() if quiet else Bars()).busy(title)

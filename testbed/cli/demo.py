@@ -204,7 +204,6 @@ class _Demo:
 
     def missing_effect(self) -> None:
         """A hidden effect diagnosed from a workshop's files, added, and revealed; the truth is opened last."""
-        from testbed.api.fitting import sign_of_life
         from testbed.cli._demo_loop import add_story, make, open_truth, run_loop
 
         self._begin("Which effect is missing? A workshop's campaign, one effect hidden")
@@ -218,7 +217,7 @@ class _Demo:
         self._say(f"the truth is sealed in {sealed.truth}, SHA-256 {sealed.digest}")
         self._code(f"testbed diagnose {sealed.campaign} -m {sealed.model}")
         began = time.perf_counter()
-        with sign_of_life("fitting the believed model to all records", self.quiet) as say:
+        with self.answer.watch.busy("fitting the believed model to all records") as say:
             loop = run_loop(sealed, say)
         self._say(loop.diagnosis.sentence)
         for number, added in enumerate(loop.additions):

@@ -75,10 +75,9 @@ def _show(name: str, catalogue: Any, answer: Answer, drawn: bool) -> None:
 
 
 def _draw(effect: Any, catalogue: Any, answer: Answer) -> None:
-    from testbed.api.fitting import sign_of_life
     from testbed.cli._fingerprint import fingerprint, picture
 
-    with sign_of_life("compiling, once per version of the file", answer.quiet):
+    with answer.watch.busy("compiling, once per version of the file"):
         found = fingerprint(effect, catalogue)
     answer.say(f"  at its example values, in {found.story}:")
     for title, values in (("displacement", found.with_effect), ("change by the effect", found.change)):

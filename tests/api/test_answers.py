@@ -170,6 +170,17 @@ def test_diagnose(shell, damped, tmp_path, monkeypatch):
 
 
 @pytest.mark.long
+def test_plan(shell, damped, monkeypatch):
+    monkeypatch.chdir(damped)
+    grid = ("--speed", "2600:4400:4", "--depth", "0.4:2:3", "--draws", "40", "--seed", "2", "--count", "2")
+    found = same(shell, testbed.plan("campaign.yaml", "model.yaml", "2600 rpm:4400 rpm:4", "0.4 mm:2 mm:3", draws=40, seed=2,
+                                     count=2), "plan", "campaign.yaml", "-m", "model.yaml", *grid)
+    behaves(found)
+    assert len(found.next) == 2 and found.no_plan is None and found.candidates == 12
+    assert found.explanations == ("process_damping",) and len(found.plot().axes) == 1
+
+
+@pytest.mark.long
 def test_add(shell, damped, tmp_path, monkeypatch):
     monkeypatch.chdir(damped)
     found = same(shell, testbed.add("process_damping", testbed.load("campaign.yaml"), testbed.load("model.yaml")), "add",
