@@ -80,6 +80,14 @@ class Model:
         effects = tuple((name, tuple(values.items())) for name, values in self.effects.items())
         return hash((self.structure, self.cutter, self.cutting, effects, self.machine))
 
+    def _repr_html_(self) -> str:
+        """For a notebook: every parameter with its unit; those that are guesses are marked."""
+        own = {f"{name}.{one}": "" for name, values in self.effects.items() for one in values}
+        rows = "".join(f"<tr><td>{path}</td><td>{self.value(path):.6g} {unit if unit != '1' else ''}"
+                       f"{' (a guess)' if path in self.not_determined else ''}</td></tr>"
+                       for path, unit in {**self.base_parameters, **own}.items())
+        return f"<p><b>Model</b> {self.file}</p><table><tbody>{rows}</tbody></table>"
+
     def with_effect(self, name: str, **parameters: float) -> Model:
         """The same machine with one effect more, or with that effect's parameters changed."""
         return replace(self, effects={**self.effects, name: {**self.effects.get(name, {}), **parameters}},

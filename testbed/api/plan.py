@@ -53,7 +53,8 @@ class Plan(Result):
                      [one.axial_depth_of_cut * 1e3 for one in self.next],
                      [30 + 270 * one.information / most for one in self.next], c="#2b7bba", alpha=0.7)
         for number, one in enumerate(self.next, 1):
-            axes.annotate(str(number), (one.spindle_speed * 30 / math.pi, one.axial_depth_of_cut * 1e3))
+            axes.annotate(str(number), (one.spindle_speed * 30 / math.pi, one.axial_depth_of_cut * 1e3), xytext=(8, 8),
+                          textcoords="offset points")
         axes.set(xlabel="spindle speed [rpm]", ylabel="axial depth of cut [mm]", title=self._headline())
         return shown_here(figure)  # type: ignore[no-any-return]
 

@@ -82,6 +82,7 @@ def test_a_file_is_loaded_by_what_it_is(shell):
     assert isinstance(campaign, testbed.Campaign) and repr(campaign) == "<Campaign: one, 1 records, campaign.yaml>"
     assert len(testbed.inspect(campaign).records) == 1
     assert testbed.inspect(campaign).json == testbed.inspect("campaign.yaml").json
+    assert "<td>damping_ratio</td><td>0.0032 </td>" in model._repr_html_()
     assert testbed.multipliers(model, "3810 rpm", "2 mm").json == testbed.multipliers("model.yaml", "3810 rpm", "2 mm").json
     Path("own").mkdir()
     (Path("own") / "notes.py").write_text("x = 1\n")

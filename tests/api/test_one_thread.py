@@ -33,6 +33,23 @@ def test_one_thread_inside_and_what_was_there_after():
     assert json.loads(done.stdout) == [[2], [[1], "1"], [1], [1], [2], None]
 
 
+def test_the_answer_is_the_command_line_s_whatever_threads_the_caller_has(tmp_path):
+    (tmp_path / "model.yaml").write_text("""structure: {mass: 2.573 kg, natural_frequency: 146.6 Hz, damping_ratio: 0.0032}
+cutter: {flutes: 1, diameter: 19.05 mm}
+cutting: {immersion: 0.162, tangential_coefficient: 550 N/mm^2, normal_coefficient: 200 N/mm^2}
+effects: {process_damping: {coefficient: 1.0e5 N/m}}
+""")
+    ours = "import numpy; numpy.ones((500, 500)) @ numpy.ones((500, 500)); import testbed; " \
+           "print(testbed.multipliers('model.yaml', '3810 rpm', '2.9 mm').json, end='')"
+    theirs = "import sys; from testbed.cli import main; main(['multipliers', 'model.yaml', '--speed', '3810', '--depth', '2.9', " \
+             "'--json', '-'])"
+    bare = {name: value for name, value in os.environ.items() if name not in THREADS}
+    bare["PYTHONPATH"] = os.pathsep.join(place for place in sys.path if place)
+    one, other = (subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path,
+                                 env=bare).stdout for code in (ours, theirs))
+    assert one == other and len(one) > 400
+
+
 def test_the_limit_ends_with_the_last_who_works():
     before = {name: os.environ.get(name) for name in THREADS}
     inside, go = threading.Barrier(2), threading.Event()
