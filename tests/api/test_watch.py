@@ -20,8 +20,8 @@ def cell(monkeypatch):
         shown.append(content["text/html"])
         return SimpleNamespace(update=lambda content, raw: shown.append(content["text/html"]))
 
-    names = {"IPython": {}, "IPython.core": {}, "IPython.core.getipython": {"get_ipython": lambda: SimpleNamespace(kernel="one")},
-             "IPython.display": {"display": display}}
+    shell = {"get_ipython": lambda: SimpleNamespace(kernel="one")}
+    names = {"IPython": {}, "IPython.core": {}, "IPython.core.getipython": shell, "IPython.display": {"display": display}}
     for name, inside in names.items():
         module = ModuleType(name)
         vars(module).update(inside)
