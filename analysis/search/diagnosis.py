@@ -13,7 +13,7 @@ from analysis.fit.fit_state import WaveformFit
 from analysis.fit.held_out import RecordError, holds_out, pooled_doubt, pooled_where_known
 from analysis.fit.waveform import Fitter
 from analysis.search.next_test import NextTest
-from testbed.machine import BASE_UNITS, Model
+from testbed.machine import BASE_UNITS, Model, base_parameter
 
 ADEQUATE = 1.02  # error over noise floor up to which nothing is looked for
 FAINT_REST = 1.05  # error over noise floor up to which what no effect lowers is no claim that something is missing
@@ -307,7 +307,8 @@ def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
     carries the numbers of what it was to be added to.
     """
     after = result.best.fit.state.model if result.best.fit is not None else before
-    names = [name for name in (result.base.fit.names if result.base.fit else ()) if name in BASE_UNITS]
+    units = {name: unit for name in (result.base.fit.names if result.base.fit else ())
+             if (unit := BASE_UNITS.get(base_parameter(name) or "")) is not None}
     return {
         "verdict": result.verdict,
         "effects": list(result.effects),
@@ -327,7 +328,7 @@ def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
             for one in result.candidates
         ],
         "base_parameters": {
-            name: {"before": before.value(name), "after": after.value(name), "unit": BASE_UNITS[name]} for name in names
+            name: {"before": before.value(name), "after": after.value(name), "unit": unit} for name, unit in units.items()
         },
         "next_test": None
         if result.next_test is None

@@ -39,7 +39,7 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
     folder = output_folder(report) if report else None
     catalogue = catalogue_of(folders)
     effects = _effects(names, catalogue)
-    model, records, read = read_both(campaign, model_file, catalogue)
+    model, records, read = read_both(campaign, model_file, catalogue, planar=True)
     for name in names:
         if name in model.effects:
             raise InputProblem(model_file, f"has {name} already",

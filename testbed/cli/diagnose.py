@@ -56,7 +56,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     if propose:
         output_folder(propose)
     catalogue = catalogue_of((*folders, str(DECOYS)) if decoys else folders)
-    model, records, read = read_both(campaign, model_file, catalogue)
+    model, records, read = read_both(campaign, model_file, catalogue, planar=True)
     with sign_of_life("fitting the believed model to all records", quiet) as say:
         found = diagnose(plant_of(catalogue), records, model, catalogue, say=say, budget=budget,
                          **({"most": MANY} if until_adequate else {}))
