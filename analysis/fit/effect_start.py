@@ -162,7 +162,7 @@ def origins_of(plant: Plant, model: Model, fitter: Fitter, fit: WaveformFit, anc
     """Where candidates start: the fit, and, where it is bad, the small-amplitude structure of the model as believed."""
     origins = [Origin(fit.state, fit.parts)]
     if anchored:
-        scanned, state = anchored_states(plant, fitter.records, model)
+        scanned, state = anchored_states(plant, fitter.records, model, fitter.unknowns)
         origins.append(Origin(state, fitter.linearise_all(state), scanned))
     return origins
 

@@ -54,17 +54,9 @@ def free_parameters(records: Sequence[Observed], model: Model) -> list[Free]:
     moving = not all(record.forces_only for record in records)
     free = []
     if moving:
-        for place, mode in enumerate(model.structure.modes):
-            free += [
-                Free(model.mode_path(place, "natural_frequency"), 0.01 * mode.natural_frequency,
-                     frequency_bounds(records, mode.natural_frequency)),
-                Free(model.mode_path(place, "damping_ratio"), max(0.2 * mode.damping_ratio, 1e-4), _DAMPING_BOUNDS),
-            ]
-            if model.structure.planar:
-                free.append(Free(model.mode_path(place, "direction"), DIRECTION_STEP, (-math.pi, math.pi), periodic=True))
+        free += [one for place in range(len(model.structure.modes)) for one in how_a_mode_rings(records, model, place)]
     if "excited" in kinds or moving and model.structure.planar:
-        free += [Free(model.mode_path(place, "mass"), 0.05 * mode.mass, mass_bounds(records, mode.mass))
-                 for place, mode in enumerate(model.structure.modes)]
+        free += [mass_of_a_mode(records, model, place) for place in range(len(model.structure.modes))]
     if "cut" in kinds and model.cutting is not None:
         size = max(abs(model.cutting.tangential_coefficient), abs(model.cutting.normal_coefficient))
         free += [
@@ -72,6 +64,25 @@ def free_parameters(records: Sequence[Observed], model: Model) -> list[Free]:
             Free("normal_coefficient", 0.2 * size, (-20 * size, 100 * size)),
         ]
     return free
+
+
+def how_a_mode_rings(records: Sequence[Observed], model: Model, place: int) -> list[Free]:
+    """Frequency, damping ratio and, in the plane, direction of the mode at a place, as unknowns."""
+    mode = model.structure.modes[place]
+    free = [
+        Free(model.mode_path(place, "natural_frequency"), 0.01 * mode.natural_frequency,
+             frequency_bounds(records, mode.natural_frequency)),
+        Free(model.mode_path(place, "damping_ratio"), max(0.2 * mode.damping_ratio, 1e-4), _DAMPING_BOUNDS),
+    ]
+    if model.structure.planar:
+        free.append(Free(model.mode_path(place, "direction"), DIRECTION_STEP, (-math.pi, math.pi), periodic=True))
+    return free
+
+
+def mass_of_a_mode(records: Sequence[Observed], model: Model, place: int) -> Free:
+    """The mass of the mode at a place, as an unknown."""
+    mass = model.structure.modes[place].mass
+    return Free(model.mode_path(place, "mass"), 0.05 * mass, mass_bounds(records, mass))
 
 
 def at_a_bound(free: Sequence[Free], model: Model) -> bool:
@@ -160,17 +171,17 @@ def polish(
     return fit
 
 
-def anchored_states(plant: Plant, records: Sequence[Observed], model: Model) -> tuple[State, State]:
+def anchored_states(plant: Plant, records: Sequence[Observed], model: Model, unknowns: Sequence[Free]) -> tuple[State, State]:
     """The best of a scan with the coefficients' ratio as believed; and, from there, the cut fitted softly.
 
-    Frequency and damping are held at what the small end of the free decays shows.
+    Frequency and damping are held at what the small end of the free decays shows. unknowns: of the fit that this is a start of.
 
     Where the structure is not linear, a free fit bends its frequency to the large amplitudes and never comes back; this
     start keeps it.
     """
     started = decay_start(records, model)
     soft = [softened(record) for record in records]
-    free = [one for one in free_parameters(records, started) if one.path.endswith("_coefficient")]
+    free = [one for one in unknowns if one.path.endswith("_coefficient")]
     fitter = Fitter(plant, soft, free)
     scanned = scan_starts(plant, soft, started, 1)[0]
     return scanned, polish(fitter, scanned, rounds=2, iterations=8).state

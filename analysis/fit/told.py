@@ -78,8 +78,12 @@ class Told:
         return [one.said(self.channels) for one in self.held]
 
 
-def what_is_told(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> Told:
-    """The parameters that a fit of these records may leave free; of one mode along the feed all that are known to be told."""
+def what_is_told(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
+                 helps: bool = True) -> Told:  # fmt: skip
+    """The parameters that a fit of these records may leave free; of one mode along the feed all that are known to be told.
+
+    helps: whether it is asked, too, which other sensors would tell what is held.
+    """
     free = all_free(records, model, catalogue)
     channels = tuple(dict.fromkeys(channel for record in records for channel in record.channels))
     if not model.structure.planar:
@@ -92,7 +96,7 @@ def what_is_told(plant: Plant, records: Sequence[Observed], model: Model, catalo
     order = _held(known, doubt, free)
     if not order:
         return Told(tuple(free), (), channels)
-    more = _of_other_sensors(plant, records, state, free)
+    more = _of_other_sensors(plant, records, state, free) if helps else {}
     held = []
     for count, place in enumerate(order):
         others = [one for one in range(len(free)) if one not in order[:count]]
@@ -100,9 +104,9 @@ def what_is_told(plant: Plant, records: Sequence[Observed], model: Model, catalo
         rest = [one for one in others if one != place]
         after = dict(zip(rest, _errors(known, doubt, rest), strict=True))
         entangled = tuple(free[one].path for one in rest if before[one] > SHARPER * after[one] and one not in order)
-        helps = [name for name, added in more.items() if _errors(known + added, doubt, others)[others.index(place)] < 1.0]
+        helping = [name for name, added in more.items() if _errors(known + added, doubt, others)[others.index(place)] < 1.0]
         path = free[place].path
-        held.append(Untold(path, model.value(path), unit_of(path, catalogue), entangled, tuple(helps[:MOST_HELP])))
+        held.append(Untold(path, model.value(path), unit_of(path, catalogue), entangled, tuple(helping[:MOST_HELP])))
     kept = {one.path for one in held}
     return Told(tuple(one for one in free if one.path not in kept), tuple(held), channels)
 

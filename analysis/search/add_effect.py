@@ -226,7 +226,7 @@ def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect])
                         f"{format_quantity(one.value, one.unit, 5)}, as believed")
         if path not in bounds:  # held
             continue
-        name, _, parameter = path.partition(".")
+        name, _, parameter = ("", "", "") if base_parameter(path) else path.partition(".")
         low, high = bounds[path]
         half = 0.5 * (one.high - one.low)
         nothing = half <= 0.0 or not math.isfinite(half) or not one.bounded

@@ -30,6 +30,7 @@ from analysis.search.irregular import followed, irregular
 from analysis.search.judged import as_far_as, foretells_little, of_a_machine, too_slow
 from analysis.search.law_form import with_form_asked, with_other_form
 from analysis.search.misstated import contradicted
+from analysis.search.missing_mode import explains_more, missing_mode, with_mode
 from analysis.search.next_test import next_test
 from analysis.search.odd_records import with_odd_records
 from analysis.search.other_way import other_way
@@ -116,11 +117,16 @@ def _diagnosed(plant: Budgeted, records: Sequence[Observed], model: Model, catal
         restated = explained_otherwise(base, model, catalogue, say)
         if restated is not None and base.error_where_known > PLAINLY * (noise := pooled(base.errors)[1]):
             return written_wrongly(verdict_of(base, base, [base], (), noise, ()), restated[0])
+        added = None if restated is not None else missing_mode(base, model, say)
+        if added is not None and base.error_where_known > PLAINLY * pooled(base.errors)[1]:
+            return with_mode(verdict_of(base, base, [base], (), pooled(base.errors)[1], ()), base, added, list(model.effects))
         found, first = _without_irregular(base, plant, model, catalogue, most, say)
         if found is None:
             found = _search(base, plant, model, catalogue, most, say, first)
             found = _without_late(found, base, plant, model, catalogue, most, say)
         found = instead_of(found, restated)
+        if added is not None and explains_more(added, found):
+            found = with_mode(found, base, added, list(model.effects))
         return told_of_base(with_odd_records(_with_next_test(found, plant, records, say), plant, model, catalogue, say))
     found = _search(_as_believed(plant, parts, model, catalogue, say), plant, model, catalogue, most, say)
     say("fitting the whole records")

@@ -96,7 +96,8 @@ class OtherForm:
 class Diagnosis:
     """The verdict and the numbers behind it. form: another one of a named effect's law, where that explains more.
 
-    misstated: a condition that was written down wrongly in all records, and the true one over that (of flutes, their number).
+    misstated: a condition that was written down wrongly in all records, and the true one over that (of flutes, their number; 1
+    where it is no factor). mode: one that the structure lacks, as a model file has it.
     """
 
     verdict: str
@@ -113,6 +114,7 @@ class Diagnosis:
     separates: tuple[str, ...] = ()
     form: OtherForm | None = None
     misstated: tuple[str, float] | None = None
+    mode: str | None = None
 
     @property
     def held_out(self) -> bool:
@@ -339,6 +341,7 @@ def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
             "difference": result.next_test.difference,
         },
         "misstated": None if result.misstated is None else dict(zip(("condition", "factor"), result.misstated, strict=True)),
+        "mode": result.mode,
         "other_law": None if result.form is None else result.form.as_json(),
         "history": [
             {"effects": list(step.effects), "error": step.error_held_out, "noise_floor": result.noise_floor}
