@@ -15,22 +15,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.fit.effect_start import all_free
-from analysis.fit.evidence import DELTA_BIC, bic, effective_size
-from analysis.fit.fit_state import Free
-from analysis.fit.held_out import pooled
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observe import heard_in
-from analysis.fit.observed import Observed
-from analysis.fit.plausible import unlike_a_machine
-from analysis.fit.prediction import Plant
-from analysis.fit.starts import glance
-from analysis.fit.structure_start import structure_start
-from analysis.fit.told import what_is_told
-from analysis.search.begun_anew import from_believed
-from analysis.search.candidate_round import candidate_of
-from analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis
-from analysis.search.planar_slips import planar_slips
+from testbed.analysis.fit.effect_start import all_free
+from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
+from testbed.analysis.fit.fit_state import Free
+from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observe import heard_in
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.plausible import unlike_a_machine
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.starts import glance
+from testbed.analysis.fit.structure_start import structure_start
+from testbed.analysis.fit.told import what_is_told
+from testbed.analysis.search.begun_anew import from_believed
+from testbed.analysis.search.candidate_round import candidate_of
+from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis
+from testbed.analysis.search.planar_slips import planar_slips
 from testbed.effect import Effect
 from testbed.machine import Model
 

@@ -11,15 +11,15 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from analysis.fit.evidence import DELTA_BIC, bic, effective_size
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.held_out import pooled
-from analysis.fit.observed import Observed
-from analysis.fit.recurring_start import residual_peaks
-from analysis.fit.starts import how_a_mode_rings, mass_of_a_mode, polish
-from analysis.fit.waveform import Fitter
-from analysis.search.candidate_round import by_noise, candidate_of
-from analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, verdict_of
+from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.recurring_start import residual_peaks
+from testbed.analysis.fit.starts import how_a_mode_rings, mass_of_a_mode, polish
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.candidate_round import by_noise, candidate_of
+from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, verdict_of
 from testbed.machine import CARRIERS, Mode, Model, Structure
 
 NAMES = ("second_mode", "third_mode")  # of effects that are a mode more

@@ -13,8 +13,8 @@ from itertools import combinations
 
 import numpy as np
 
-from analysis.fit.fit_state import Free
-from analysis.fit.observed import Observed
+from testbed.analysis.fit.fit_state import Free
+from testbed.analysis.fit.observed import Observed
 from testbed.machine import CARRIERS, DIRECTIONS, Mode, Model, Structure
 from testbed.recording import motion_channel, quantity_of, sensor_of
 

@@ -25,18 +25,18 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.estimates import estimates
-from analysis.fit.observe import observe
-from analysis.search.diagnose import diagnose
-from testbed.campaign import Record
+from testbed.analysis.fit.estimates import estimates
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling, whole_cut_sampling
 from testbed.engines import fast, mujoco_engine
 from testbed.engines.predict import predict_cuts
+from testbed.files.campaign import Record
+from testbed.files.manifest import Feed
 from testbed.machine import Cutter, Cutting, Mode, Model, Structure
-from testbed.manifest import Feed
 from testbed.recording import Recording, motion_channel, quantity_of
-from tests.planar_campaign import RPM, UNITS
+from tests.support.planar_campaign import RPM, UNITS
 from tests.validation.blind.count import counted, share
 from tests.validation.blind.draw import HELD, LIMIT, SINGLES
 from tests.validation.blind.judge import FOLDER, PLANT, answered, known_seeds, options_of
