@@ -165,13 +165,6 @@ class Model:
             raise KeyError(path)
         return int(found[1])
 
-    def _with_pitches(self, values: Mapping[int, float]) -> Cutter | None:
-        """The cutter with the pitch of some teeth (rad) replaced, the last one's such that they close the circle."""
-        if self.cutter is None or not values:
-            return self.cutter
-        pitches = [values.get(tooth, pitch) for tooth, pitch in enumerate(self.cutter.pitches)][:-1]
-        return replace(self.cutter, pitch_angles=(*pitches, 2.0 * math.pi - math.fsum(pitches)))
-
     def with_values(self, values: Mapping[str, float]) -> Model:
         """The same machine with parameters, named by their paths, replaced. KeyError on an unknown path."""
         pitches: dict[int, float] = {}
@@ -193,5 +186,6 @@ class Model:
                 effects[effect][parameter] = float(number)
         further = tuple(replace(mode, **modes.get(place, {})) for place, mode in enumerate(self.structure.further, 1))
         return replace(self, structure=replace(self.structure, further=further, **modes.get(0, {})),
-                       cutter=self._with_pitches(pitches), cutting=replace(self.cutting, **cutting) if self.cutting else None, effects=effects,
+                       cutter=self.cutter.with_pitches(pitches) if self.cutter and pitches else self.cutter,
+                       cutting=replace(self.cutting, **cutting) if self.cutting else None, effects=effects,
                        spreads=self._spreads_but(values))

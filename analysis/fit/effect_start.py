@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbed.analysis.fit.fit_state import Free, Linearised, State, WaveformFit
+from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.length_cut import asks_length
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.pass_search import begun_otherwise, place_entries, settle_passes, turn_phases
 from testbed.analysis.fit.prediction import Plant
 from testbed.analysis.fit.recurring_start import SCREENED, recurring_starts, residual_peaks
 from testbed.analysis.fit.shown_range import parameter_bounds
-from testbed.analysis.fit.starts import anchored_states, free_parameters, polish, softened
+from testbed.analysis.fit.starts import anchored_states, polish, softened
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model

@@ -13,6 +13,7 @@ from testbed.analysis.fit.first_front import with_front_found
 from testbed.analysis.fit.first_passes import FirstPasses, first_nuisances
 from testbed.analysis.fit.first_state import begun_as_seen
 from testbed.analysis.fit.fit_state import Free, State, WaveformFit
+from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.held_out import own_refit
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
@@ -28,7 +29,6 @@ from testbed.analysis.fit.pass_search import (
     settle_passes,
 )
 from testbed.analysis.fit.prediction import Plant, predict
-from testbed.analysis.fit.shown_range import frequency_bounds, mass_bounds
 from testbed.analysis.fit.structure_start import decay_start, structure_start
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.threads import threaded
@@ -46,50 +46,6 @@ LOST = 2.0  # where another has more than this: a law that is a little wrong lea
 LATE = 4.0  # standard errors of a mean square, by which a record that starts in its cut is off
 FEWEST = 3  # such records, that the course of others may be found again by them
 UNEVEN = 1.5  # mean square residual of the worst record over the median's, from which the worst are doubted
-DIRECTION_STEP = 0.1  # rad: a natural step of a mode's direction
-_DAMPING_BOUNDS = (1e-6, 0.9)
-
-
-def free_parameters(records: Sequence[Observed], model: Model) -> list[Free]:
-    """The base parameters these records can speak of.
-
-    A displacement under a cut knows stiffness and cutting coefficients only relative to the mass, which stays as believed;
-    a measured force that drives the structure makes the mass known. A dynamometer's forces say nothing of the structure.
-    Of a structure that moves in the plane, all that any records could tell: see `told` for what these do.
-    """
-    kinds = {record.kind for record in records}
-    moving = not all(record.forces_only for record in records)
-    free = []
-    if moving:
-        free += [one for place in range(len(model.structure.modes)) for one in how_a_mode_rings(records, model, place)]
-    if "excited" in kinds or moving and model.structure.planar:
-        free += [mass_of_a_mode(records, model, place) for place in range(len(model.structure.modes))]
-    if "cut" in kinds and model.cutting is not None:
-        size = max(abs(model.cutting.tangential_coefficient), abs(model.cutting.normal_coefficient))
-        free += [
-            Free("tangential_coefficient", 0.2 * size, (1e-3 * size, 100 * size)),
-            Free("normal_coefficient", 0.2 * size, (-20 * size, 100 * size)),
-        ]
-    return free
-
-
-def how_a_mode_rings(records: Sequence[Observed], model: Model, place: int) -> list[Free]:
-    """Frequency, damping ratio and, in the plane, direction of the mode at a place, as unknowns."""
-    mode = model.structure.modes[place]
-    free = [
-        Free(model.mode_path(place, "natural_frequency"), 0.01 * mode.natural_frequency,
-             frequency_bounds(records, mode.natural_frequency)),
-        Free(model.mode_path(place, "damping_ratio"), max(0.2 * mode.damping_ratio, 1e-4), _DAMPING_BOUNDS),
-    ]
-    if model.structure.planar:
-        free.append(Free(model.mode_path(place, "direction"), DIRECTION_STEP, (-math.pi, math.pi), periodic=True))
-    return free
-
-
-def mass_of_a_mode(records: Sequence[Observed], model: Model, place: int) -> Free:
-    """The mass of the mode at a place, as an unknown."""
-    mass = model.structure.modes[place].mass
-    return Free(model.mode_path(place, "mass"), 0.05 * mass, mass_bounds(records, mass))
 
 
 def at_a_bound(free: Sequence[Free], model: Model) -> bool:

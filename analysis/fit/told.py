@@ -17,10 +17,11 @@ import numpy as np
 from testbed.analysis.fit.effect_start import all_free
 from testbed.analysis.fit.estimates import unit_of
 from testbed.analysis.fit.fit_state import Free, State, WaveformFit
+from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.held_out import own_refit
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Plant, predict
-from testbed.analysis.fit.starts import free_parameters, scan_starts
+from testbed.analysis.fit.starts import scan_starts
 from testbed.analysis.fit.structure_start import structure_start
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect

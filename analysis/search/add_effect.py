@@ -32,7 +32,7 @@ from testbed.analysis.search.candidate_round import candidate_of, with_effect
 from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, judged_on
 from testbed.analysis.search.unheard import SOUND, agreed, misfit
 from testbed.effect import Effect
-from testbed.machine import Model
+from testbed.machine import Model, base_parameter
 from testbed.units import format_quantity
 
 WIDE = 0.5  # half an interval over its value from which the value is called poorly known

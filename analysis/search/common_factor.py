@@ -181,7 +181,8 @@ def explained_otherwise(
         return glance(plant, asked, structure_start(asked, machine), [*unknown, *more])
 
     stated = opening(records, model)
-    costs = [(opening(one.records, one.model, one.more), number, one) for number, one in enumerate(restatements(records, model))]
+    costs = [(opening(one.records, one.model, one.more), number, one)
+             for number, one in enumerate(restatements(records, model))]
     if not costs:
         return None
     for cost, _, one in sorted(costs)[:FITTED]:

@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 
 from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.free_parameters import how_a_mode_rings, mass_of_a_mode
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.recurring_start import residual_peaks
-from testbed.analysis.fit.starts import how_a_mode_rings, mass_of_a_mode, polish
+from testbed.analysis.fit.starts import polish
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.candidate_round import by_noise, candidate_of
 from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, verdict_of
@@ -55,7 +56,7 @@ class FoundMode:
 
 
 def missing_mode(base: Candidate, model: Model, say: Callable[[str], None]) -> FoundMode | None:
-    """The mode with which the believed `model`, fitted as `base`, leaves but noise; None where it moves in x alone, or none does."""
+    """The mode with which the believed `model`, fitted as `base`, leaves but noise; None where none does, or all is along x."""
     assert base.fitter is not None and base.fit is not None
     if not base.fit.state.model.structure.planar or base.error_where_known <= ADEQUATE * pooled(base.errors)[1]:
         return None

@@ -43,8 +43,9 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 
     An honest "these records cannot tell" is an answer too. Only --false-alarms draws random numbers, from --seed.
     """
+    from testbed.analysis.search.answer import as_json
     from testbed.analysis.search.diagnose import diagnose
-    from testbed.analysis.search.diagnosis import as_json, unaided
+    from testbed.analysis.search.diagnosis import unaided
     from testbed.analysis.search.other_way import other_way_note
     from testbed.analysis.search.rules import rules_of
     from testbed.catalogue import DECOYS

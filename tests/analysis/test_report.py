@@ -27,7 +27,8 @@ from testbed.analysis.report.machine import said_change
 from testbed.analysis.report.packed import packed, thinned
 from testbed.analysis.report.page import Page, Panel, heat_colour
 from testbed.analysis.report.story_page import addition_page, diagnosis_page
-from testbed.analysis.search.diagnosis import as_json, unaided
+from testbed.analysis.search.answer import as_json
+from testbed.analysis.search.diagnosis import unaided
 from testbed.analysis.search.diagnosis import verdict_of as verdict_over
 from testbed.analysis.search.false_alarms import FalseAlarms
 from testbed.cli.diagnose import _force_maps
