@@ -157,6 +157,12 @@ def glance(plant: Plant, records: Sequence[Observed], model: Model, free: Sequen
     return opening.descend(place_entries(opening, start), iterations=GLANCE).cost
 
 
+def noise_of_openings(records: Sequence[Observed]) -> float:
+    """What the noise alone costs in a soft fit to the openings."""
+    pairs = [(record.opening().loudest(OPENING), record.noise) for record in records]
+    return 0.5 * sum(part.count * float(np.sum((noise / softened(part).noise) ** 2)) for part, noise in pairs)
+
+
 def fitter_of_openings(plant: Plant, records: Sequence[Observed], free: Sequence[Free]) -> Fitter:
     """A soft fit to the openings of all records."""
     return Fitter(plant, [softened(record.opening().loudest(OPENING)) for record in records], free)

@@ -75,7 +75,7 @@ class BelievedLook:
 
     def _begun(self, names: Sequence[str]) -> tuple[Model, list[Free]]:
         """The believed machine with these effects, its structure as free decays show it; and what is unknown of it."""
-        if self.model.structure.planar:  # what these records do not tell of the machine is held
+        if self.model.structure.planar and self.base.fitter is not None:  # what these records do not tell is held
             own = [free for name in names for free in effect_parameters(self.catalogue[name], self.records)]
             return with_examples(self._started, names, self.catalogue, self._turned), [*self.base.fitter.unknowns, *own]
         free = all_free(self.records, with_examples(self.model, names, self.catalogue), self.catalogue)

@@ -24,7 +24,7 @@ from testbed.analysis.fit.observe import heard_in
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.plausible import unlike_a_machine
 from testbed.analysis.fit.prediction import Plant
-from testbed.analysis.fit.starts import glance
+from testbed.analysis.fit.starts import glance, noise_of_openings
 from testbed.analysis.fit.structure_start import structure_start
 from testbed.analysis.fit.told import what_is_told
 from testbed.analysis.search.begun_anew import from_believed
@@ -51,7 +51,10 @@ OFF_COURSE = 100.0  # mean square residual is no more than a record a pass off i
 RINGS = 0.1  # relative difference of the natural frequency, within which the sampling rate is not doubted
 PLAINLY = 3.0  # error over noise floor from which a statement that leaves but noise is believed before effects are tried
 ALIKE = 1e-3  # relative difference below which two factors are one
-GLANCED = 3  # records of a machine in x and y whose openings tell which statements are fitted to all
+OF_KIND = ("channels", "sign", "carrier", "direction", "milling")  # statements that no strength of an effect is like
+OF_THE_REST = 0.3  # share of what the openings leave beyond noise that a statement may leave there to be fitted to all: with
+# so many unknowns and statements some always seem better
+GLANCED = 2  # records of a machine in x and y whose openings tell which statements are fitted to all
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,11 @@ class Restated:
     said: Callable[[Model], str] | None = None
 
     @property
+    def of_kind(self) -> bool:
+        """Whether the statement is one of kind, without a number that could make up for an effect."""
+        return self.condition in OF_KIND
+
+    @property
     def sentence(self) -> str:
         """In words, what is to be checked."""
         return (f"The records agree with the model down to their noise {self.told}: check what was written down. No effect is "
@@ -76,8 +84,8 @@ class Restated:
 
 def restatements(records: Sequence[Observed], model: Model) -> Iterator[Restated]:
     """The usual ways in which one condition of all cuts may have been written down wrongly."""
-    for slip in planar_slips(records, model) if model.planar else ():
-        yield Restated(slip.condition, 1.0, slip.records, slip.model, slip.said(slip.model), slip.more, slip.said)
+    for one in planar_slips(records, model) if model.planar else ():
+        yield Restated(one.condition, 1.0, one.records, one.model, one.said(one.model), one.more, one.said)
     if model.cutter is None or all(record.cut is None for record in records):
         return
     cutter, flutes = model.cutter, model.cutter.flutes
@@ -185,8 +193,10 @@ def explained_otherwise(
              for number, one in enumerate(restatements(records, model))]
     if not costs:
         return None
+    noise = noise_of_openings([records[place] for place in places])
+    worth = noise + OF_THE_REST * max(stated - noise, 0.0) if model.planar else BETTER * stated
     for cost, _, one in sorted(costs)[:FITTED]:
-        if cost > min(BETTER * stated, NEAR_BEST * min(costs)[0]):
+        if cost > min(worth, NEAR_BEST * min(costs)[0]):
             break
         say(f"fitting the model {one.told}")
         goal = max(OFF_COURSE * 0.5 * sum(record.size for record in one.records), WORTH * base.fit.cost)

@@ -114,12 +114,14 @@ def _diagnosed(plant: Budgeted, records: Sequence[Observed], model: Model, catal
         plant.known = plant.known or base
         if foretells_little(base):
             plant.allow(FEW)
-        restated = explained_otherwise(base, model, catalogue, say)
-        if restated is not None and base.error_where_known > PLAINLY * (noise := pooled(base.errors)[1]):
+        noise = pooled(base.errors)[1]
+        plain = base.error_where_known > PLAINLY * noise
+        added = missing_mode(base, model, say)
+        if added is not None and plain:
+            return with_mode(verdict_of(base, base, [base], (), noise, ()), base, added, list(model.effects))
+        restated = None if added is not None else explained_otherwise(base, model, catalogue, say)
+        if restated is not None and (plain or restated[0].of_kind and base.error_where_known > COMPLETE * noise):
             return written_wrongly(verdict_of(base, base, [base], (), noise, ()), restated[0])
-        added = None if restated is not None else missing_mode(base, model, say)
-        if added is not None and base.error_where_known > PLAINLY * pooled(base.errors)[1]:
-            return with_mode(verdict_of(base, base, [base], (), pooled(base.errors)[1], ()), base, added, list(model.effects))
         found, first = _without_irregular(base, plant, model, catalogue, most, say)
         if found is None:
             found = _search(base, plant, model, catalogue, most, say, first)

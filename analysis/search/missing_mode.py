@@ -11,20 +11,24 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.free_parameters import how_a_mode_rings, mass_of_a_mode
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.recurring_start import residual_peaks
 from testbed.analysis.fit.starts import polish
 from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.records.lines import standing_out
 from testbed.analysis.search.candidate_round import by_noise, candidate_of
 from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, verdict_of
 from testbed.machine import CARRIERS, Mode, Model, Structure
 
 NAMES = ("second_mode", "third_mode")  # of effects that are a mode more
 PEAKS = 3  # lines of what is left, at which a mode is looked for
+CLEAR = 5.5  # times its surroundings that a line must stand
+FEWEST = 64  # samples of a part that rings
 SAME = 0.02  # relative distance from a mode's own frequency, at which a line is that mode's
 STIFFER = (1.0, 6.0)  # times the softest mode's stiffness, as that of the new mode begins
 DAMPING = 0.015  # damping ratio that it begins with
@@ -109,10 +113,32 @@ def _as_effect(name: str, base: Candidate, mode: Mode) -> dict[str, float]:
 
 
 def _lines(records: Sequence[Observed], fit: WaveformFit) -> list[float]:
-    """Frequencies (Hz) of what is left, but for those of modes that the model has."""
+    """Frequencies (Hz) of what is left where the structure rings freely, but for those of modes that the model has.
+
+    No law of the cut is at work there. Where no record shows it ringing, of all that is left.
+    """
+    rows = [(record, record.on_samples(rest)) for record, rest in zip(records, fit.residuals, strict=True)]
+    ringing = [(part, record.rate) for record, values in rows for part in _where_it_rings(record, values)]
     known = [mode.natural_frequency for mode in fit.state.model.structure.modes]
-    return [peak for peak in residual_peaks(records, fit)
-            if all(abs(peak / one - 1.0) > SAME for one in known)][:PEAKS]
+    found = [(amplitude, frequency) for part, rate in ringing or [(values, record.rate) for record, values in rows]
+             for row in part for frequency, amplitude, height in standing_out(row, rate, PEAKS + len(known)) if height > CLEAR]
+    kept: list[float] = []
+    for _, frequency in sorted(found, reverse=True):
+        if all(abs(frequency / one - 1.0) > SAME for one in (*known, *kept)):
+            kept.append(frequency)
+    return kept[:PEAKS]
+
+
+def _where_it_rings(record: Observed, values: np.ndarray) -> list[np.ndarray]:
+    """Those parts of what is left (channels, samples) in which nothing cuts, from the channels of motion."""
+    found = []
+    for segment in record.segments:
+        begun = segment.start - record.start + (record.period if record.cut is not None else 0.0)  # where no tooth still cuts
+        first, last = max(0, round(begun * record.rate)), round((segment.stop - record.start) * record.rate)
+        part = values[[sensor is not None for sensor in record.sensors], first:last]
+        if segment.kind == "ring-down" and part.size and part.shape[1] >= FEWEST:
+            found.append(part)
+    return found
 
 
 def _begun(base: Fitter, fit: WaveformFit, peaks: Sequence[float]) -> list[tuple[Fitter, State]]:

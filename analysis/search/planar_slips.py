@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from functools import partial
 
 import numpy as np
 
@@ -22,7 +22,7 @@ PITCH_STEP = 0.02  # rad: a natural step of a tooth's pitch
 UNEVEN = 0.02  # rad, by which the fit of unequal pitches begins uneven: of equal ones the engine knows no slope
 WIDEST = 0.9  # of the mean pitch, that all teeth but the last may take from it together
 SLOT = 0.499  # immersion from which up- and down-milling are one
-_TURNS = (0.25 * math.pi, 0.5 * math.pi, 0.75 * math.pi)  # rad, of a mode's direction: the others of four round the half circle
+_TURNS = (math.pi / 3.0, 2.0 * math.pi / 3.0)  # rad, of a mode's direction: the others of three round the half circle
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def _of_channels(records: Sequence[Observed], model: Model) -> Iterator[Slip]:
     def renamed(names: Sequence[str], other: Callable[[str], str], told: str) -> Slip:
         new = {name: other(name) for name in names}
         changed = [replace(record, channels=tuple(new.get(name, name) for name in record.channels)) for record in records]
-        return Slip("channels", changed, model, lambda fitted: told)
+        return Slip("channels", changed, model, partial(_plainly, told))
 
     groups = [(motions, ""), *((names, f" of the {on}") for on, names in parts.items() if names and len(names) < len(motions))]
     for names, whose in groups:
@@ -69,16 +69,15 @@ def _of_channels(records: Sequence[Observed], model: Model) -> Iterator[Slip]:
     if motions:
         yield renamed(motions, _other_part, "if the sensors on tool and workpiece are exchanged (`on` of every channel), or "
                                             "tool and workpiece in the model's modes")
-    for names in _groups_turned(channels, motions, parts["tool"]):
-        which = ", ".join(map(_in_words, names))
-        yield Slip("sign", [_turned(record, names) for record in records], model,
-                   lambda fitted, which=which: f"if {which} {'count' if ',' in which else 'counts'} the other way (scale: -1)")
+    for group in _groups_turned(channels, motions, parts["tool"]):
+        told = f"if {', '.join(map(_in_words, group))} {'count' if len(group) > 1 else 'counts'} the other way (scale: -1)"
+        yield Slip("sign", [_turned(record, group) for record in records], model, partial(_plainly, told))
 
 
 def _groups_turned(channels: Sequence[str], motions: Sequence[str], tool: Sequence[str]) -> list[tuple[str, ...]]:
-    """Channels whose sign may be turned: each alone, two of them, those along one axis, those of the tool; all together."""
+    """Channels whose sign may be turned: each alone, those along one axis, those of the tool, all of motion."""
     axes = [tuple(name for name in channels if _along(name) == axis) for axis in (0, 1)]
-    found = [*((name,) for name in channels), *axes, tuple(tool), *combinations(motions, 2), tuple(motions)]
+    found = [*((name,) for name in channels), *axes, tuple(tool), tuple(motions)]
     return [names for names in dict.fromkeys(tuple(sorted(one)) for one in found) if names]
 
 
@@ -89,15 +88,13 @@ def _of_modes(records: Sequence[Observed], model: Model) -> Iterator[Slip]:
         other = next(on for on in CARRIERS if on != mode.on)
         moved = _with_mode(model, place, replace(mode, on=other))
         if moved is not None and len(modes) > 1:  # of one mode alone that is another slip, of the sensors
-            yield Slip("carrier", records, moved, lambda fitted, place=place, other=other, own=mode.on:
-                       f"if the {other} carries modes[{place}], not the {own} (`on` of the mode)")
+            told = f"if the {other} carries modes[{place}], not the {mode.on} (`on` of the mode)"
+            yield Slip("carrier", records, moved, partial(_plainly, told))
     for place, mode in enumerate(modes):
         for turn in _TURNS:
             moved = _with_mode(model, place, replace(mode, direction=_half_turn(mode.direction + turn)))
             if moved is not None:
-                yield Slip("direction", records, moved, lambda fitted, place=place, own=mode.direction: (
-                    f"if modes[{place}] moves along {_degrees(fitted.structure.modes[place].direction)}, not "
-                    f"{_degrees(own)} (from x towards y)"))
+                yield Slip("direction", records, moved, partial(_moves_along, place, mode.direction))
 
 
 def _of_side(records: Sequence[Observed], model: Model) -> Iterator[Slip]:
@@ -106,7 +103,7 @@ def _of_side(records: Sequence[Observed], model: Model) -> Iterator[Slip]:
     if cutting is not None and cutting.immersion < SLOT and any(record.cut is not None for record in records):
         other = next(one for one in DIRECTIONS if one != cutting.direction)
         yield Slip("milling", records, replace(model, cutting=replace(cutting, direction=other)),
-                   lambda fitted: f"if the cut was {other}, not {cutting.direction}")
+                   partial(_plainly, f"if the cut was {other}, not {cutting.direction}"))
 
 
 def _of_pitch(records: Sequence[Observed], model: Model) -> Slip:
@@ -135,6 +132,16 @@ def _with_mode(model: Model, place: int, mode: Mode) -> Model | None:
     except ValueError:
         return None
     return replace(model, structure=structure) if structure.planar else None
+
+
+def _plainly(told: str, fitted: Model) -> str:
+    """What is said whatever the fit finds."""
+    return told
+
+
+def _moves_along(place: int, believed: float, fitted: Model) -> str:
+    direction = fitted.structure.modes[place].direction
+    return f"if modes[{place}] moves along {_degrees(direction % math.pi)}, not {_degrees(believed)} (from x towards y)"
 
 
 def _half_turn(direction: float) -> float:

@@ -31,7 +31,7 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
     """
     from testbed.analysis.fit.plausible import unlike_a_machine
     from testbed.analysis.search.add_effect import add_effects, as_json
-    from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
+    from testbed.cli._fitting import channel_units, notes_on, of_what_is_held, plant_of, read_both, sign_of_life
     from testbed.files.model_file import write_model
 
     answer = Answer(json_file, quiet)
@@ -52,7 +52,7 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
     except ValueError as problem:
         raise InputProblem(campaign, str(problem), "add a record that shows it") from None
     write_model(found.model, output, catalogue, unlike_a_machine(found.model))
-    notes = notes_on(read, model)
+    notes = [*notes_on(read, model), *of_what_is_held(records, model, catalogue)]
     _say(answer, found, notes)
     answer.say(f"written: {output}")
     if folder is not None:

@@ -49,7 +49,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     from testbed.analysis.search.other_way import other_way_note
     from testbed.analysis.search.rules import rules_of
     from testbed.catalogue import DECOYS
-    from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
+    from testbed.cli._fitting import channel_units, notes_on, of_what_is_held, plant_of, read_both, sign_of_life
     from testbed.files.model_file import effect_text
 
     answer = Answer(json_file, quiet)
@@ -62,10 +62,10 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         found = diagnose(plant_of(catalogue), records, model, catalogue, say=say, budget=budget,
                          **({"most": MANY} if until_adequate else {}))
         turned = []
-        if found.candidates:  # else no search was made, for what was found before it
+        if found.candidates and not model.structure.planar:  # else no search was made, for what was found before it
             turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
     stuck, guesses, of_the_fit, tapped = _of_the_best_fit(found, records, model, catalogue)
-    notes = [*notes_on(read, model), *turned, *of_the_fit]
+    notes = [*notes_on(read, model), *of_what_is_held(records, model, catalogue), *turned, *of_the_fit]
     for note in notes:
         answer.say(note)
     said = as_json(found, model) | {"rules": rules_of(found), "at_bound": list(stuck), "tap": tapped, "notes": notes}
