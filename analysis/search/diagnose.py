@@ -35,6 +35,7 @@ from testbed.analysis.search.next_test import next_test
 from testbed.analysis.search.odd_records import with_odd_records
 from testbed.analysis.search.other_way import other_way
 from testbed.analysis.search.second_look import looked_again
+from testbed.analysis.search.strayed import with_strayed_directions
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -66,7 +67,8 @@ def diagnose(
     records = at_modelled_speed(records, model.effects, catalogue)
     counted = Budgeted(plant, records, budget, say)
     try:
-        return of_a_machine(_at_its_speed(counted, records, model, catalogue, most, say), model, catalogue)
+        found = of_a_machine(_at_its_speed(counted, records, model, catalogue, most, say), model, catalogue)
+        return with_strayed_directions(found, model)
     except BudgetSpent as spent:
         return as_far_as(spent, counted, records, say)
 

@@ -31,7 +31,7 @@ from tests.validation.planar_fits import stable_tests
 KINDS = {"one": 0.4, "pair": 0.1, "none": 0.15, "unknown": 0.1, "slip": 0.25}
 SLIPS = ("mode", "direction", "carrier", "axes", "parts", "sign", "pitch", "flutes")
 RATE = 4000.0  # Hz
-COURSE = (4, 12, 6)  # revolutions of idling, cutting, ringing down
+COURSE = (14, 12, 7)  # revolutions of idling, cutting, ringing down
 OFF = {"natural_frequency": 0.02, "damping_ratio": 0.2, "tangential_coefficient": 0.2, "normal_coefficient": 0.2}
 ASKEW_RAD = math.radians(6)
 WEAKEST, STRONGEST = 0.03, 0.5  # share of the motion that an effect leaves unexplained, log-uniform
@@ -112,6 +112,7 @@ def draw(seed: int, makers: Mapping, kind: str | None = None, names: Sequence[st
     noise = math.exp(random.uniform(math.log(QUIETEST), math.log(NOISIEST)))
     if error:
         believed, sensors = _slipped(random, error, believed, sensors)
+    makers = makers if kind == "unknown" else known  # whose kernels are compiled anyway
     effects = {name: _strength(random, model, makers[name], makers, tests, sensors) for name in chosen}
     for name, values in effects.items():
         model = model.with_effect(name, **values)
@@ -158,7 +159,7 @@ def _left(model: Model, effect: Any, makers: Mapping, tests: Sequence[tuple[floa
         found = []
         for cut in cuts:
             turn = 2 * math.pi / cut.spindle_speed
-            sampling = Sampling(RATE, round(20 * turn * RATE), 0.01 + late * turn)
+            sampling = Sampling(RATE, round(18 * turn * RATE), 0.01 + late * turn)
             found.append(predict_cuts([one], [cut], [sampling], names, catalogue=makers)[0])
         whole = np.concatenate([one - one.mean(axis=1, keepdims=True) for one in found], axis=1)
         return whole / size if size is not None else whole
@@ -206,6 +207,7 @@ def _strength(random: np.random.Generator, model: Model, effect: Any, makers: Ma
 def measured(truth: Hidden, makers: Mapping) -> list[Record]:
     """The records as the user has them. ValueError where a cut ran away."""
     names = [motion_channel(*one) for one in truth.sensors]
+    makers = makers if truth.kind == "unknown" else catalogue()
     random, found, flutes = np.random.default_rng([5757, truth.seed, 1]), [], truth.model.cutter.flutes
     sizes: np.ndarray | None = None
     for number, (rpm, depth) in enumerate(truth.tests):
