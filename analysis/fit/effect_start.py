@@ -125,8 +125,7 @@ def is_required(name: str, names: Iterable[str], catalogue: Mapping[str, Effect]
 
 def all_free(records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> list[Free]:
     """The base parameters these records can speak of, and those of the effects the model has."""
-    own = [free for name in model.effects for free in effect_parameters(catalogue[name], records)]
-    return [*free_parameters(records, model), *own]
+    return sum((effect_parameters(catalogue[name], records) for name in model.effects), free_parameters(records, model))
 
 
 def applicable(effect: Effect, records: Sequence[Observed], present: Container[str] | None = None) -> bool:

@@ -40,7 +40,6 @@ from testbed.analysis.search.first_looks import (
 )
 from testbed.analysis.search.steady_speed import no_swing
 from testbed.effect import Effect
-from testbed.machine import base_parameter
 
 LEADERS = 4  # candidates refitted in full
 HOPE = 0.2  # share of the gain the gate asks for that the first step of a candidate must bring to be refitted at all
@@ -61,7 +60,7 @@ def candidate_of(
 ) -> Candidate:
     """A set of effects as it was fitted: errors held out and in sample, parameters, and its gain in BIC over a reference."""
     errors = held_out_errors(fitter, fit)
-    parameters = {path: fit.state.model.value(path) for path in fit.names if "." in path and not base_parameter(path)}
+    parameters = {path: fit.state.model.value(path) for path in fit.names if path.partition(".")[0] in fit.state.model.effects}
     if fitter.shifting:  # every record has its own: the first one's is told
         first = fit.state.nuisances[0].shifted(fit.state.model)
         parameters |= {one.path: first.value(one.path) for one in fitter.shifting}
