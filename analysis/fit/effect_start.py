@@ -87,7 +87,7 @@ def starting_points(
 
 def effect_parameters(effect: Effect, records: Sequence[Observed]) -> list[Free]:
     """The effect's parameters as unknowns of a fit, but for those that no channel of these records shows."""
-    recorded = {channel for record in records for channel in record.channels}
+    recorded = {channel.removeprefix("tool_") for record in records for channel in record.channels}  # whatever a sensor sits on
     swinging = tuple((f"{effect.name}.{position}", f"{effect.name}.{rate}") for position, rate in effect.oscillators)
     free = []
     for parameter in effect.parameters:

@@ -31,11 +31,11 @@ from testbed.analysis.search.judged import as_far_as, foretells_little, of_a_mac
 from testbed.analysis.search.law_form import with_form_asked, with_other_form
 from testbed.analysis.search.missing_mode import explains_more, missing_mode, with_mode
 from testbed.analysis.search.misstated import contradicted
+from testbed.analysis.search.modes_told import with_modes_told
 from testbed.analysis.search.next_test import next_test
 from testbed.analysis.search.odd_records import with_odd_records
 from testbed.analysis.search.other_way import other_way
 from testbed.analysis.search.second_look import looked_again
-from testbed.analysis.search.strayed import with_strayed_directions
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -68,7 +68,7 @@ def diagnose(
     counted = Budgeted(plant, records, budget, say)
     try:
         found = of_a_machine(_at_its_speed(counted, records, model, catalogue, most, say), model, catalogue)
-        return with_strayed_directions(found, model)
+        return with_modes_told(found, model)
     except BudgetSpent as spent:
         return as_far_as(spent, counted, records, say)
 
