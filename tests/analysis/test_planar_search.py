@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from testbed.analysis.estimate import Estimate
-from testbed.analysis.fit.effect_start import origins_of
+from testbed.analysis.fit.effect_start import effect_parameters, origins_of
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.nuisances import Nuisances
@@ -24,6 +24,7 @@ from testbed.analysis.search.diagnose import diagnose
 from testbed.analysis.search.diagnosis import verdict_of
 from testbed.analysis.search.each_alone import differing
 from testbed.analysis.search.judged import too_slow
+from testbed.analysis.search.modes_told import with_modes_told
 from testbed.analysis.search.planar_slips import planar_slips
 from testbed.catalogue import catalogue
 from testbed.engines import fast
@@ -180,3 +181,27 @@ def test_a_mode_of_the_tool_that_is_missing_is_found_with_its_frequency_directio
     assert math.degrees(values["second_mode.direction"]) == pytest.approx(50.0, abs=3.0)
     assert values["second_mode.mass_ratio"] == pytest.approx(2.5, rel=0.1)
 
+
+
+def test_a_second_mode_is_told_by_frequency_direction_and_carrier_and_a_turned_mode_too(base):
+    values = {"mass_ratio": 0.5, "frequency": 480.0, "damping_ratio": 0.01, "participation": 1.0,
+              "direction": -math.radians(140)}
+    model = BELIEVED.with_effect("second_mode", **values)
+    fit = replace(base.fit, state=replace(base.fit.state, model=model), covariance=np.zeros((len(base.fit.names),) * 2))
+    found = replace(verdict_of(base, base, [base], (), 0.1, ()), verdict="missing_effect", effects=("second_mode",),
+                    best=replace(base, fit=fit))
+    said = with_modes_told(found, BELIEVED).sentence
+    assert "480 Hz that moves along 40 deg (from x towards y), carried by the workpiece" in said and "mend" not in said
+    elsewhere = with_modes_told(found, BELIEVED.with_values({"modes[1].direction": math.radians(10)})).sentence
+    assert "modes[1] moves along 104 deg, not along 10 deg" in elsewhere and "modes[0]" not in elsewhere
+    turned = with_modes_told(found, BELIEVED.with_values({"modes[1].direction": math.radians(-76)})).sentence
+    assert "mend" not in turned  # half a turn is the same direction
+
+
+def test_a_sensor_of_the_tool_tells_the_direction_of_a_second_mode_too(observed):
+    paths = {one.path for one in effect_parameters(KNOWN["second_mode"], observed)}
+    on_tool = [replace(record, channels=("tool_displacement_x", "tool_displacement_y"), data=record.data[:2])
+               for record in observed]
+    assert {one.path for one in effect_parameters(KNOWN["second_mode"], on_tool)} == paths
+    along_x = [replace(record, channels=("displacement",), data=record.data[:1]) for record in observed]
+    assert "second_mode.direction" not in {one.path for one in effect_parameters(KNOWN["second_mode"], along_x)}
