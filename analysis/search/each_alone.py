@@ -6,6 +6,7 @@ them, and a search would only look for what nibbles at the difference.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -78,10 +79,12 @@ def differing(found: Mapping[str, Mapping[str, Estimate]]) -> list[Differing]:
         if len(values) < FEWEST:
             continue
         value = np.array([one.value for one in values.values()])
+        turns = base_parameter(path) == "direction"  # half a turn is the same, and 0 is no size
+        value = value[0] + np.remainder(value - value[0] + 0.5 * math.pi, math.pi) - 0.5 * math.pi if turns else value
         error = np.array([max(one.high - one.low, TRUSTED * abs(one.value)) / (2.0 * Z_95) for one in values.values()])
         mean = float(np.sum(value / error**2) / np.sum(error**-2.0))
         chance = float(chdtrc(len(value) - 1, float(np.sum(((value - mean) / error) ** 2))))
-        if chance < BY_CHANCE and float(value.std(ddof=1)) > matters(path) * abs(mean):
+        if chance < BY_CHANCE and float(value.std(ddof=1)) > matters(path) * (1.0 if turns else abs(mean)):
             told.append(Differing(path, values, chance))
     return sorted(told, key=lambda one: one.chance)
 

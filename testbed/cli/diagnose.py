@@ -57,7 +57,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     if propose:
         output_folder(propose)
     catalogue = catalogue_of((*folders, str(DECOYS)) if decoys else folders)
-    model, records, read = read_both(campaign, model_file, catalogue, planar=True)
+    model, records, read = read_both(campaign, model_file, catalogue, planar=not propose)  # a missing force is along x so far
     with sign_of_life("fitting the believed model to all records", quiet) as say:
         found = diagnose(plant_of(catalogue), records, model, catalogue, say=say, budget=budget,
                          **({"most": MANY} if until_adequate else {}))
@@ -71,7 +71,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     said = as_json(found, model) | {"rules": rules_of(found), "at_bound": list(stuck), "tap": tapped, "notes": notes}
     for name, one in said["base_parameters"].items():
         one["determined"] = name not in guesses
-    next_step = next_command(found, campaign, model_file, bool(propose), folders)
+    next_step = "" if found.mode else next_command(found, campaign, model_file, bool(propose) or model.planar, folders)
     _say(answer, found, said, unaided(model))
     if found.form is not None:
         answer.say(f"with that law, model.yaml has: {effect_text(catalogue[found.form.effect], found.form.parameters)}")
@@ -135,7 +135,7 @@ def _force_maps(found: Any, catalogue: Any) -> list[Any]:
     from testbed.cli._fitting import plant_of
 
     best = found.best
-    if best.fit is None or best.error_held_out <= ADEQUATE * found.noise_floor:
+    if best.fit is None or best.fit.state.model.planar or best.error_held_out <= ADEQUATE * found.noise_floor:
         return []
     states = force_states(plant_of(catalogue), best.fitter, best.fit, best.errors, catalogue)
     return [(one.name, one.x, one.v, one.force) for one in states]

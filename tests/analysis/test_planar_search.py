@@ -17,6 +17,7 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.structure_start import decay_start
 from testbed.analysis.fit.told import what_is_told
 from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.linear.planar_multipliers import cut_multipliers
 from testbed.analysis.search.answer import as_json
 from testbed.analysis.search.candidate_round import candidate_of
 from testbed.analysis.search.common_factor import restatements
@@ -25,8 +26,10 @@ from testbed.analysis.search.diagnosis import verdict_of
 from testbed.analysis.search.each_alone import differing
 from testbed.analysis.search.judged import too_slow
 from testbed.analysis.search.modes_told import with_modes_told
+from testbed.analysis.search.next_test import next_test
 from testbed.analysis.search.planar_slips import planar_slips
 from testbed.catalogue import catalogue
+from testbed.cut import Cut
 from testbed.engines import fast
 from testbed.engines import predict as engine
 from testbed.machine import Cutter, Cutting, Mode, Model, Structure
@@ -37,6 +40,7 @@ PLANT = SimpleNamespace(predict_cuts=engine.predict_cuts, predict_driven=engine.
 TWO = Model(Structure.of((Mode(2.5, 146.6, 0.01, math.radians(12)), Mode(0.6, 310.0, 0.02, math.radians(100), "tool"))),
             Cutter(2, 20e-3), Cutting("down-milling", 0.2, 6e8, 2e8))
 UNEVEN = replace(TWO, cutter=Cutter(2, 20e-3, pitch_angles=(math.radians(172), math.radians(188))))
+EDGE = {"tangential": 2e4, "normal": 1e4}  # N/m
 TESTS = ((3800, 0.3e-3), (3300, 0.2e-3), (4500, 0.3e-3))
 BELIEVED = TWO.with_values({"modes[0].natural_frequency": 147.5, "modes[1].natural_frequency": 308.0,
                             "tangential_coefficient": 6.6e8, "modes[1].direction": math.radians(104)})
@@ -181,6 +185,17 @@ def test_a_mode_of_the_tool_that_is_missing_is_found_with_its_frequency_directio
     assert math.degrees(values["second_mode.direction"]) == pytest.approx(50.0, abs=3.0)
     assert values["second_mode.mass_ratio"] == pytest.approx(2.5, rel=0.1)
 
+
+
+@pytest.mark.parametrize("true", [TWO, UNEVEN])
+def test_the_next_test_of_two_explanations_is_a_stable_cut_within_reach(observed, true):
+    rivals = true.with_effect("edge_force", **EDGE), true.with_effect("process_damping", coefficient=1e5)
+    found = next_test(PLANT, observed if true is TWO else observed_of(UNEVEN, BELIEVED), *rivals)
+    assert found is not None and found.difference > 3.0
+    assert 0.8 * 3300 < found.spindle_speed * 30 / math.pi < 1.2 * 4500 and 0 < found.depth_of_cut <= 1.25 * 0.3e-3
+    cut = Cut(found.spindle_speed, found.depth_of_cut)
+    values, _, passes = cut_multipliers(true, cut)
+    assert np.abs(values).max() ** (1 / passes) < 0.95
 
 
 def test_a_second_mode_is_told_by_frequency_direction_and_carrier_and_a_turned_mode_too(base):
