@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from testbed.structure import require
@@ -50,6 +51,11 @@ class Cutter:
     def pitch(self) -> float:
         """Angle between neighbouring teeth, rad: the mean one where they are not equal."""
         return 2.0 * math.pi / self.flutes
+
+    def with_pitches(self, values: Mapping[int, float]) -> Cutter:
+        """The cutter with the pitch of some teeth (rad) replaced, the last one's such that they close the circle."""
+        pitches = [values.get(tooth, pitch) for tooth, pitch in enumerate(self.pitches)][:-1]
+        return replace(self, pitch_angles=(*pitches, 2.0 * math.pi - math.fsum(pitches)))
 
     @property
     def pitches(self) -> tuple[float, ...]:

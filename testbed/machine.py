@@ -26,15 +26,17 @@ LEAST_DAMPING_RATIO, MOST_DAMPING_RATIO = 1e-5, 0.5
 
 STRUCTURE = ("mass", "natural_frequency", "damping_ratio")
 _MODE_PATH = re.compile(r"modes\[(\d+)\]\.(\w+)")
+_PITCH_PATH = re.compile(r"pitch\[(\d+)\]")  # of a tooth; the last one closes the circle
 CUTTING = ("immersion", "tangential_coefficient", "normal_coefficient")
-BASE_UNITS = {"mass": "kg", "natural_frequency": "Hz", "damping_ratio": "1", "direction": "rad", "immersion": "1",
-              "tangential_coefficient": "N/m^2", "normal_coefficient": "N/m^2"}
+BASE_UNITS = {"mass": "kg", "natural_frequency": "Hz", "damping_ratio": "1", "direction": "rad", "pitch": "rad",
+              "immersion": "1", "tangential_coefficient": "N/m^2", "normal_coefficient": "N/m^2"}
 
 
 def base_parameter(path: str) -> str | None:
-    """Which parameter of the machine itself a path names: `mass` for `mass` and for `modes[1].mass`; None for an effect's."""
+    """Which parameter of the machine itself a path names: `mass` for `mass` and for `modes[1].mass`, `pitch` for a tooth's;
+    None for an effect's."""
     found = _MODE_PATH.fullmatch(path)
-    name = path if found is None else found[2]
+    name = found[2] if found else "pitch" if _PITCH_PATH.fullmatch(path) else path
     return name if name in BASE_UNITS else None
 
 
@@ -140,11 +142,13 @@ class Model:
 
     def value(self, path: str) -> float:
         """A parameter by its path: `natural_frequency` or, where there are several, `modes[0].natural_frequency`;
-        `tangential_coefficient`, `process_damping.coefficient`. KeyError where there is none."""
+        `tangential_coefficient`, `pitch[0]`, `process_damping.coefficient`. KeyError where there is none."""
         if path in CUTTING:
             if self.cutting is None:
                 raise KeyError(path)
             return float(getattr(self.cutting, path))
+        if (tooth := self._tooth(path)) is not None:
+            return self.cutter.pitches[tooth]  # type: ignore[union-attr]
         place, name = self._mode_path(path)
         if name is not None:
             return float(getattr(self.structure.modes[place], name))
@@ -162,8 +166,18 @@ class Model:
             raise KeyError(path)
         return int(found[1]), found[2]
 
+    def _tooth(self, path: str) -> int | None:
+        """The tooth whose pitch a path names, any but the last; None where it names none."""
+        found = _PITCH_PATH.fullmatch(path)
+        if found is None:
+            return None
+        if self.cutter is None or int(found[1]) >= self.cutter.flutes - 1:
+            raise KeyError(path)
+        return int(found[1])
+
     def with_values(self, values: Mapping[str, float]) -> Model:
         """The same machine with parameters, named by their paths, replaced. KeyError on an unknown path."""
+        pitches: dict[int, float] = {}
         effects = {name: dict(params) for name, params in self.effects.items()}
         modes: dict[int, dict[str, Any]] = {}
         cutting: dict[str, Any] = {}
@@ -173,6 +187,8 @@ class Model:
                 modes.setdefault(place, {})[name] = float(number)
             elif path in CUTTING and self.cutting is not None:
                 cutting[path] = float(number)
+            elif (tooth := self._tooth(path)) is not None:
+                pitches[tooth] = float(number)
             else:
                 effect, _, parameter = path.partition(".")
                 if effect not in effects or not parameter:
@@ -180,5 +196,6 @@ class Model:
                 effects[effect][parameter] = float(number)
         further = tuple(replace(mode, **modes.get(place, {})) for place, mode in enumerate(self.structure.further, 1))
         return replace(self, structure=replace(self.structure, further=further, **modes.get(0, {})),
+                       cutter=self.cutter.with_pitches(pitches) if self.cutter and pitches else self.cutter,
                        cutting=replace(self.cutting, **cutting) if self.cutting else None, effects=effects,
                        spreads=self._spreads_but(values), file="")

@@ -21,8 +21,8 @@ from testbed.analysis.comparison.adequacy import Adequacy, controlled
 from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.estimates import estimates, matters
 from testbed.analysis.fit.fit_state import Free, WaveformFit
+from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.starts import free_parameters
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.information import Z_95
 from testbed.analysis.threads import threaded

@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbed.analysis.fit.fit_state import Free, Linearised, State, WaveformFit
+from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.length_cut import asks_length
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.pass_search import begun_otherwise, place_entries, settle_passes, turn_phases
 from testbed.analysis.fit.prediction import Plant
 from testbed.analysis.fit.recurring_start import SCREENED, recurring_starts, residual_peaks
 from testbed.analysis.fit.shown_range import parameter_bounds
-from testbed.analysis.fit.starts import anchored_states, free_parameters, polish, softened
+from testbed.analysis.fit.starts import anchored_states, polish, softened
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -86,7 +87,7 @@ def starting_points(
 
 def effect_parameters(effect: Effect, records: Sequence[Observed]) -> list[Free]:
     """The effect's parameters as unknowns of a fit, but for those that no channel of these records shows."""
-    recorded = {channel for record in records for channel in record.channels}
+    recorded = {channel.removeprefix("tool_") for record in records for channel in record.channels}  # whatever a sensor sits on
     swinging = tuple((f"{effect.name}.{position}", f"{effect.name}.{rate}") for position, rate in effect.oscillators)
     free = []
     for parameter in effect.parameters:
@@ -124,8 +125,7 @@ def is_required(name: str, names: Iterable[str], catalogue: Mapping[str, Effect]
 
 def all_free(records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> list[Free]:
     """The base parameters these records can speak of, and those of the effects the model has."""
-    own = [free for name in model.effects for free in effect_parameters(catalogue[name], records)]
-    return [*free_parameters(records, model), *own]
+    return sum((effect_parameters(catalogue[name], records) for name in model.effects), free_parameters(records, model))
 
 
 def applicable(effect: Effect, records: Sequence[Observed], present: Container[str] | None = None) -> bool:
@@ -162,7 +162,7 @@ def origins_of(plant: Plant, model: Model, fitter: Fitter, fit: WaveformFit, anc
     """Where candidates start: the fit, and, where it is bad, the small-amplitude structure of the model as believed."""
     origins = [Origin(fit.state, fit.parts)]
     if anchored:
-        scanned, state = anchored_states(plant, fitter.records, model)
+        scanned, state = anchored_states(plant, fitter.records, model, fitter.unknowns)
         origins.append(Origin(state, fitter.linearise_all(state), scanned))
     return origins
 

@@ -48,7 +48,7 @@ def model_fit(
     see `length_cut`; so with what the first teeth meet and with the feed, see `taken`.
     """
     if free is None and (model.effects or model.structure.planar):
-        free = (told or what_is_told(plant, records, model, catalogue)).free
+        free = (told or what_is_told(plant, records, model, catalogue, helps=False)).free
     found = _fitted(plant, records, model, catalogue, free, goal, known)
     if not (found[1].cost > goal or arrived(found[1], known)) and (beyond := _with_arc_beyond(found[1], model, catalogue)):
         found = min(found, _fitted(plant, records, beyond, catalogue, free, math.inf, known), key=lambda one: one[1].cost)

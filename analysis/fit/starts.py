@@ -13,6 +13,7 @@ from testbed.analysis.fit.first_front import with_front_found
 from testbed.analysis.fit.first_passes import FirstPasses, first_nuisances
 from testbed.analysis.fit.first_state import begun_as_seen
 from testbed.analysis.fit.fit_state import Free, State, WaveformFit
+from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.held_out import own_refit
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
@@ -28,7 +29,6 @@ from testbed.analysis.fit.pass_search import (
     settle_passes,
 )
 from testbed.analysis.fit.prediction import Plant, predict
-from testbed.analysis.fit.shown_range import frequency_bounds, mass_bounds
 from testbed.analysis.fit.structure_start import decay_start, structure_start
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.threads import threaded
@@ -46,39 +46,6 @@ LOST = 2.0  # where another has more than this: a law that is a little wrong lea
 LATE = 4.0  # standard errors of a mean square, by which a record that starts in its cut is off
 FEWEST = 3  # such records, that the course of others may be found again by them
 UNEVEN = 1.5  # mean square residual of the worst record over the median's, from which the worst are doubted
-DIRECTION_STEP = 0.1  # rad: a natural step of a mode's direction
-_DAMPING_BOUNDS = (1e-6, 0.9)
-
-
-def free_parameters(records: Sequence[Observed], model: Model) -> list[Free]:
-    """The base parameters these records can speak of.
-
-    A displacement under a cut knows stiffness and cutting coefficients only relative to the mass, which stays as believed;
-    a measured force that drives the structure makes the mass known. A dynamometer's forces say nothing of the structure.
-    Of a structure that moves in the plane, all that any records could tell: see `told` for what these do.
-    """
-    kinds = {record.kind for record in records}
-    moving = not all(record.forces_only for record in records)
-    free = []
-    if moving:
-        for place, mode in enumerate(model.structure.modes):
-            free += [
-                Free(model.mode_path(place, "natural_frequency"), 0.01 * mode.natural_frequency,
-                     frequency_bounds(records, mode.natural_frequency)),
-                Free(model.mode_path(place, "damping_ratio"), max(0.2 * mode.damping_ratio, 1e-4), _DAMPING_BOUNDS),
-            ]
-            if model.structure.planar:
-                free.append(Free(model.mode_path(place, "direction"), DIRECTION_STEP, (-math.pi, math.pi), periodic=True))
-    if "excited" in kinds or moving and model.structure.planar:
-        free += [Free(model.mode_path(place, "mass"), 0.05 * mode.mass, mass_bounds(records, mode.mass))
-                 for place, mode in enumerate(model.structure.modes)]
-    if "cut" in kinds and model.cutting is not None:
-        size = max(abs(model.cutting.tangential_coefficient), abs(model.cutting.normal_coefficient))
-        free += [
-            Free("tangential_coefficient", 0.2 * size, (1e-3 * size, 100 * size)),
-            Free("normal_coefficient", 0.2 * size, (-20 * size, 100 * size)),
-        ]
-    return free
 
 
 def at_a_bound(free: Sequence[Free], model: Model) -> bool:
@@ -167,17 +134,17 @@ def polish(
     return fit
 
 
-def anchored_states(plant: Plant, records: Sequence[Observed], model: Model) -> tuple[State, State]:
+def anchored_states(plant: Plant, records: Sequence[Observed], model: Model, unknowns: Sequence[Free]) -> tuple[State, State]:
     """The best of a scan with the coefficients' ratio as believed; and, from there, the cut fitted softly.
 
-    Frequency and damping are held at what the small end of the free decays shows.
+    Frequency and damping are held at what the small end of the free decays shows. unknowns: of the fit that this is a start of.
 
     Where the structure is not linear, a free fit bends its frequency to the large amplitudes and never comes back; this
     start keeps it.
     """
     started = decay_start(records, model)
     soft = [softened(record) for record in records]
-    free = [one for one in free_parameters(records, started) if one.path.endswith("_coefficient")]
+    free = [one for one in unknowns if one.path.endswith("_coefficient")]
     fitter = Fitter(plant, soft, free)
     scanned = scan_starts(plant, soft, started, 1)[0]
     return scanned, polish(fitter, scanned, rounds=2, iterations=8).state
@@ -188,6 +155,12 @@ def glance(plant: Plant, records: Sequence[Observed], model: Model, free: Sequen
     opening = fitter_of_openings(plant, records, free)
     start = scan_starts(plant, opening.records, model, 1, (1.0,))[0]
     return opening.descend(place_entries(opening, start), iterations=GLANCE).cost
+
+
+def noise_of_openings(records: Sequence[Observed]) -> float:
+    """What the noise alone costs in a soft fit to the openings."""
+    pairs = [(record.opening().loudest(OPENING), record.noise) for record in records]
+    return 0.5 * sum(part.count * float(np.sum((noise / softened(part).noise) ** 2)) for part, noise in pairs)
 
 
 def fitter_of_openings(plant: Plant, records: Sequence[Observed], free: Sequence[Free]) -> Fitter:

@@ -20,6 +20,8 @@ LEAVES = 2.0  # times the noise, beyond which one vibration leaves others of a d
 
 def decay_start(records: Sequence[Observed], model: Model) -> Model:
     """The model with frequency and damping of the records' free decays, weighted by how well each knows its decay."""
+    if model.structure.planar:
+        return modes_start(records, model)
     found = []
     for record in records:
         for segment in record.segments:
@@ -114,6 +116,5 @@ def excited_start(records: Sequence[Observed], model: Model) -> Model:
 
 def structure_start(records: Sequence[Observed], model: Model) -> Model:
     """The model with the structure as free decays and driven records show it, before any fit."""
-    if model.structure.planar:
-        return modes_start(records, model)
-    return excited_start(records, decay_start(records, model))
+    started = decay_start(records, model)
+    return started if model.structure.planar else excited_start(records, started)

@@ -17,10 +17,11 @@ import numpy as np
 from testbed.analysis.fit.effect_start import all_free
 from testbed.analysis.fit.estimates import unit_of
 from testbed.analysis.fit.fit_state import Free, State, WaveformFit
+from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.held_out import own_refit
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Plant, predict
-from testbed.analysis.fit.starts import free_parameters, scan_starts
+from testbed.analysis.fit.starts import scan_starts
 from testbed.analysis.fit.structure_start import structure_start
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
@@ -78,8 +79,12 @@ class Told:
         return [one.said(self.channels) for one in self.held]
 
 
-def what_is_told(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> Told:
-    """The parameters that a fit of these records may leave free; of one mode along the feed all that are known to be told."""
+def what_is_told(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
+                 helps: bool = True) -> Told:  # fmt: skip
+    """The parameters that a fit of these records may leave free; of one mode along the feed all that are known to be told.
+
+    helps: whether it is asked, too, which other sensors would tell what is held.
+    """
     free = all_free(records, model, catalogue)
     channels = tuple(dict.fromkeys(channel for record in records for channel in record.channels))
     if not model.structure.planar:
@@ -92,7 +97,7 @@ def what_is_told(plant: Plant, records: Sequence[Observed], model: Model, catalo
     order = _held(known, doubt, free)
     if not order:
         return Told(tuple(free), (), channels)
-    more = _of_other_sensors(plant, records, state, free)
+    more = _of_other_sensors(plant, records, state, free) if helps else {}
     held = []
     for count, place in enumerate(order):
         others = [one for one in range(len(free)) if one not in order[:count]]
@@ -100,9 +105,9 @@ def what_is_told(plant: Plant, records: Sequence[Observed], model: Model, catalo
         rest = [one for one in others if one != place]
         after = dict(zip(rest, _errors(known, doubt, rest), strict=True))
         entangled = tuple(free[one].path for one in rest if before[one] > SHARPER * after[one] and one not in order)
-        helps = [name for name, added in more.items() if _errors(known + added, doubt, others)[others.index(place)] < 1.0]
+        helping = [name for name, added in more.items() if _errors(known + added, doubt, others)[others.index(place)] < 1.0]
         path = free[place].path
-        held.append(Untold(path, model.value(path), unit_of(path, catalogue), entangled, tuple(helps[:MOST_HELP])))
+        held.append(Untold(path, model.value(path), unit_of(path, catalogue), entangled, tuple(helping[:MOST_HELP])))
     kept = {one.path for one in held}
     return Told(tuple(one for one in free if one.path not in kept), tuple(held), channels)
 

@@ -32,7 +32,7 @@ from testbed.analysis.search.candidate_round import candidate_of, with_effect
 from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, judged_on
 from testbed.analysis.search.unheard import SOUND, agreed, misfit
 from testbed.effect import Effect
-from testbed.machine import Model
+from testbed.machine import Model, base_parameter
 from testbed.units import format_quantity
 
 WIDE = 0.5  # half an interval over its value from which the value is called poorly known
@@ -226,7 +226,7 @@ def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect])
                         f"{format_quantity(one.value, one.unit, 5)}, as believed")
         if path not in bounds:  # held
             continue
-        name, _, parameter = path.partition(".")
+        name, _, parameter = ("", "", "") if base_parameter(path) else path.partition(".")
         low, high = bounds[path]
         half = 0.5 * (one.high - one.low)
         nothing = half <= 0.0 or not math.isfinite(half) or not one.bounded

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
-from testbed.analysis.fit.effect_start import all_free, applicable
+from testbed.analysis.fit.effect_start import all_free, applicable, effect_parameters
 from testbed.analysis.fit.fit_state import Free
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.starts import glance, opening_fit
@@ -75,6 +75,9 @@ class BelievedLook:
 
     def _begun(self, names: Sequence[str]) -> tuple[Model, list[Free]]:
         """The believed machine with these effects, its structure as free decays show it; and what is unknown of it."""
+        if self.model.structure.planar and self.base.fitter is not None:  # what these records do not tell is held
+            own = [free for name in names for free in effect_parameters(self.catalogue[name], self.records)]
+            return with_examples(self._started, names, self.catalogue, self._turned), [*self.base.fitter.unknowns, *own]
         free = all_free(self.records, with_examples(self.model, names, self.catalogue), self.catalogue)
         return with_examples(self._started, names, self.catalogue, self._turned), free
 

@@ -60,7 +60,7 @@ def candidate_of(
 ) -> Candidate:
     """A set of effects as it was fitted: errors held out and in sample, parameters, and its gain in BIC over a reference."""
     errors = held_out_errors(fitter, fit)
-    parameters = {path: fit.state.model.value(path) for path in fit.names if "." in path}
+    parameters = {path: fit.state.model.value(path) for path in fit.names if path.partition(".")[0] in fit.state.model.effects}
     if fitter.shifting:  # every record has its own: the first one's is told
         first = fit.state.nuisances[0].shifted(fit.state.model)
         parameters |= {one.path: first.value(one.path) for one in fitter.shifting}

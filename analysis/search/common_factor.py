@@ -1,4 +1,5 @@
 """A condition that was written down wrongly in all records alike: would another feed, flute number, speed or rate explain them?
+Of a machine in x and y, too: channels, modes or teeth, see `planar_slips`.
 
 A slip of the pen bends every parameter and looks like missing physics. Each of the usual ones (a feed a revolution as one a
 tooth, an insert taken out, inches for millimetres, rad/s for rpm, another sampling rate) is a hypothesis of its own without a
@@ -12,17 +13,24 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from testbed.analysis.fit.effect_start import all_free
 from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
+from testbed.analysis.fit.fit_state import Free
 from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import heard_in
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.plausible import unlike_a_machine
 from testbed.analysis.fit.prediction import Plant
-from testbed.analysis.fit.starts import glance
+from testbed.analysis.fit.starts import glance, noise_of_openings
 from testbed.analysis.fit.structure_start import structure_start
+from testbed.analysis.fit.told import what_is_told
 from testbed.analysis.search.begun_anew import from_believed
+from testbed.analysis.search.candidate_round import candidate_of
 from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis
+from testbed.analysis.search.planar_slips import planar_slips
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -43,17 +51,29 @@ OFF_COURSE = 100.0  # mean square residual is no more than a record a pass off i
 RINGS = 0.1  # relative difference of the natural frequency, within which the sampling rate is not doubted
 PLAINLY = 3.0  # error over noise floor from which a statement that leaves but noise is believed before effects are tried
 ALIKE = 1e-3  # relative difference below which two factors are one
+OF_KIND = ("channels", "sign", "carrier", "direction", "milling")  # statements that no strength of an effect is like
+OF_THE_REST = 0.3  # share of what the openings leave beyond noise that a statement may leave there to be fitted to all: with
+# so many unknowns and statements some always seem better
+GLANCED = 2  # records of a machine in x and y whose openings tell which statements are fitted to all
 
 
 @dataclass(frozen=True)
 class Restated:
-    """The campaign with one condition stated otherwise: which, true over stated (flutes: the number), records and model."""
+    """The campaign with one condition stated otherwise: which, true over stated (flutes: the number; 1 where it is no factor),
+    records and model. more: what is unknown besides. said: `told` by the model as it is then fitted."""
 
     condition: str
     factor: float
     records: Sequence[Observed]
     model: Model
     told: str
+    more: tuple[Free, ...] = ()
+    said: Callable[[Model], str] | None = None
+
+    @property
+    def of_kind(self) -> bool:
+        """Whether the statement is one of kind, without a number that could make up for an effect."""
+        return self.condition in OF_KIND
 
     @property
     def sentence(self) -> str:
@@ -64,6 +84,8 @@ class Restated:
 
 def restatements(records: Sequence[Observed], model: Model) -> Iterator[Restated]:
     """The usual ways in which one condition of all cuts may have been written down wrongly."""
+    for one in planar_slips(records, model) if model.planar else ():
+        yield Restated(one.condition, 1.0, one.records, one.model, one.said(one.model), one.more, one.said)
     if model.cutter is None or all(record.cut is None for record in records):
         return
     cutter, flutes = model.cutter, model.cutter.flutes
@@ -71,7 +93,7 @@ def restatements(records: Sequence[Observed], model: Model) -> Iterator[Restated
 
     def of(condition: str, factor: float, told: str, *, teeth: int = flutes, feed: float = 1.0) -> Restated:
         changed = [record if record.cut is None else _restated(record, condition, factor, teeth, feed) for record in records]
-        machine = replace(model, cutter=replace(cutter, flutes=teeth))
+        machine = model if teeth == flutes else replace(model, cutter=replace(cutter, flutes=teeth, pitch_angles=()))
         return Restated(condition, factor, changed, machine, told)
 
     for factor in _distinct((*own, *TWICE, *TENFOLD, *INCH, *PER_MINUTE)):
@@ -91,7 +113,8 @@ def restatements(records: Sequence[Observed], model: Model) -> Iterator[Restated
             continue
         if all(SLOWEST < factor * one.cut.spindle_speed < FASTEST for one in records if one.cut is not None):
             yield of("speed", factor, _told_clock("speed", factor))
-    if abs(math.log(structure_start(records, model).structure.natural_frequency / model.structure.natural_frequency)) < RINGS:
+    rung = zip(structure_start(records, model).structure.modes, model.structure.modes, strict=True)
+    if all(abs(math.log(seen.natural_frequency / one.natural_frequency)) < RINGS for seen, one in rung):
         return  # the free decays keep the time that the model keeps
     for factor in _distinct((*RATES, *(1.0 / one for one in RATES))):
         if not _told_by_lines(factor, heard):
@@ -157,19 +180,46 @@ def explained_otherwise(
     if base.error_where_known <= ADEQUATE * pooled(base.errors)[1]:
         return None
     say("looking at conditions that may have been written down wrongly")
-    stated = _opening(plant, records, model, catalogue)
-    costs = [(_opening(plant, one.records, one.model, catalogue), number, one)
+    places = range(len(records)) if not model.planar else _some(records)
+    unknown = base.fitter.unknowns if model.planar else all_free(records, model, catalogue)
+
+    def opening(stated: Sequence[Observed], machine: Model, more: Sequence[Free] = ()) -> float:
+        """What a model leaves of the records' openings, as a cost: little work beside a whole fit."""
+        asked = [stated[place] for place in places]
+        return glance(plant, asked, structure_start(asked, machine), [*unknown, *more])
+
+    stated = opening(records, model)
+    costs = [(opening(one.records, one.model, one.more), number, one)
              for number, one in enumerate(restatements(records, model))]
+    if not costs:
+        return None
+    noise = noise_of_openings([records[place] for place in places])
+    worth = noise + OF_THE_REST * max(stated - noise, 0.0) if model.planar else BETTER * stated
     for cost, _, one in sorted(costs)[:FITTED]:
-        if cost > min(BETTER * stated, NEAR_BEST * min(costs)[0]):
+        if cost > min(worth, NEAR_BEST * min(costs)[0]):
             break
         say(f"fitting the model {one.told}")
         goal = max(OFF_COURSE * 0.5 * sum(record.size for record in one.records), WORTH * base.fit.cost)
-        found = from_believed(plant, one.records, one.model, (), catalogue, goal)
+        found = _fitted(plant, one, catalogue, goal)
         if found.error_where_known <= ADEQUATE * pooled(found.errors)[1] and found.fit is not None \
                 and not unlike_a_machine(found.fit.state.model):
+            one = one if one.said is None else replace(one, told=one.said(found.fit.state.model))
             return _by_the_clock(one, found.fit.state.model, model), found
     return None
+
+
+def _some(records: Sequence[Observed]) -> list[int]:
+    """Places of a few records from all over the campaign, cuts where there are any."""
+    cuts = [place for place, record in enumerate(records) if record.cut is not None] or list(range(len(records)))
+    return cuts[:: math.ceil(len(cuts) / GLANCED)]
+
+
+def _fitted(plant: Plant, one: Restated, catalogue: Mapping[str, Effect], goal: float) -> Candidate:
+    """The model fitted to the records as they are stated otherwise."""
+    if not one.more:
+        return from_believed(plant, one.records, one.model, (), catalogue, goal)
+    free = [*what_is_told(plant, one.records, one.model, catalogue, helps=False).free, *one.more]
+    return candidate_of(*model_fit(plant, one.records, one.model, catalogue, free, goal), (), None, 1.0)
 
 
 def _by_the_clock(found: Restated, fitted: Model, believed: Model) -> Restated:
@@ -177,7 +227,8 @@ def _by_the_clock(found: Restated, fitted: Model, believed: Model) -> Restated:
     if found.condition not in ("speed", "rate"):
         return found
     factor, other = 1.0 / found.factor, "rate" if found.condition == "speed" else "speed"
-    rings = fitted.structure.natural_frequency / believed.structure.natural_frequency
+    rings = float(np.median([seen.natural_frequency / one.natural_frequency for seen, one
+                             in zip(fitted.structure.modes, believed.structure.modes, strict=True)]))
     as_other = rings * factor if found.condition == "speed" else rings / found.factor
     first = _told_clock(found.condition, found.factor)
     second = _told_clock(other, factor)
@@ -209,8 +260,3 @@ def written_wrongly(found: Diagnosis, statement: Restated) -> Diagnosis:
     return replace(found, verdict="unexplained", effects=(), sentence=statement.sentence, best=found.base,
                    with_effects=found.baseline, steps=found.steps[:1], next_test=None, separates=(), form=None,
                    misstated=(statement.condition, statement.factor))  # fmt: skip
-
-
-def _opening(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> float:
-    """What a model leaves of the records' openings, as a cost: little work beside a whole fit."""
-    return glance(plant, records, structure_start(records, model), all_free(records, model, catalogue))

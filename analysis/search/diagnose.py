@@ -29,7 +29,9 @@ from testbed.analysis.search.gates import against
 from testbed.analysis.search.irregular import followed, irregular
 from testbed.analysis.search.judged import as_far_as, foretells_little, of_a_machine, too_slow
 from testbed.analysis.search.law_form import with_form_asked, with_other_form
+from testbed.analysis.search.missing_mode import explains_more, missing_mode, with_mode
 from testbed.analysis.search.misstated import contradicted
+from testbed.analysis.search.modes_told import with_modes_told
 from testbed.analysis.search.next_test import next_test
 from testbed.analysis.search.odd_records import with_odd_records
 from testbed.analysis.search.other_way import other_way
@@ -65,7 +67,8 @@ def diagnose(
     records = at_modelled_speed(records, model.effects, catalogue)
     counted = Budgeted(plant, records, budget, say)
     try:
-        return of_a_machine(_at_its_speed(counted, records, model, catalogue, most, say), model, catalogue)
+        found = of_a_machine(_at_its_speed(counted, records, model, catalogue, most, say), model, catalogue)
+        return with_modes_told(found, model)
     except BudgetSpent as spent:
         return as_far_as(spent, counted, records, say)
 
@@ -113,14 +116,21 @@ def _diagnosed(plant: Budgeted, records: Sequence[Observed], model: Model, catal
         plant.known = plant.known or base
         if foretells_little(base):
             plant.allow(FEW)
-        restated = explained_otherwise(base, model, catalogue, say)
-        if restated is not None and base.error_where_known > PLAINLY * (noise := pooled(base.errors)[1]):
+        noise = pooled(base.errors)[1]
+        plain = base.error_where_known > PLAINLY * noise
+        added = missing_mode(base, model, say)
+        if added is not None and plain:
+            return with_mode(verdict_of(base, base, [base], (), noise, ()), base, added, list(model.effects))
+        restated = None if added is not None else explained_otherwise(base, model, catalogue, say)
+        if restated is not None and (plain or restated[0].of_kind and base.error_where_known > COMPLETE * noise):
             return written_wrongly(verdict_of(base, base, [base], (), noise, ()), restated[0])
         found, first = _without_irregular(base, plant, model, catalogue, most, say)
         if found is None:
             found = _search(base, plant, model, catalogue, most, say, first)
             found = _without_late(found, base, plant, model, catalogue, most, say)
         found = instead_of(found, restated)
+        if added is not None and explains_more(added, found):
+            found = with_mode(found, base, added, list(model.effects))
         return told_of_base(with_odd_records(_with_next_test(found, plant, records, say), plant, model, catalogue, say))
     found = _search(_as_believed(plant, parts, model, catalogue, say), plant, model, catalogue, most, say)
     say("fitting the whole records")

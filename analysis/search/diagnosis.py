@@ -13,7 +13,7 @@ from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.held_out import RecordError, holds_out, pooled_doubt, pooled_where_known
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.next_test import NextTest
-from testbed.machine import BASE_UNITS, Model
+from testbed.machine import Model
 
 ADEQUATE = 1.02  # error over noise floor up to which nothing is looked for
 FAINT_REST = 1.05  # error over noise floor up to which what no effect lowers is no claim that something is missing
@@ -96,7 +96,8 @@ class OtherForm:
 class Diagnosis:
     """The verdict and the numbers behind it. form: another one of a named effect's law, where that explains more.
 
-    misstated: a condition that was written down wrongly in all records, and the true one over that (of flutes, their number).
+    misstated: a condition that was written down wrongly in all records, and the true one over that (of flutes, their number; 1
+    where it is no factor). mode: one that the structure lacks, as a model file has it.
     """
 
     verdict: str
@@ -113,6 +114,7 @@ class Diagnosis:
     separates: tuple[str, ...] = ()
     form: OtherForm | None = None
     misstated: tuple[str, float] | None = None
+    mode: str | None = None
 
     @property
     def held_out(self) -> bool:
@@ -298,49 +300,3 @@ def _besides(base: Candidate, best: Candidate, noise: float, tied: tuple[str, ..
     elif left <= COMPLETE and best.error_held_out > COMPLETE * noise:
         rest += " What one condition alone shows is explained in the fit; the others cannot foretell it."
     return rest
-
-
-def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
-    """The answer of `testbed diagnose --json` (contract); `history` follows the error from step to step.
-
-    Without `held_out` every error is that in the fit. A candidate that was not `fitted` was ruled out by a first step: it
-    carries the numbers of what it was to be added to.
-    """
-    after = result.best.fit.state.model if result.best.fit is not None else before
-    names = [name for name in (result.base.fit.names if result.base.fit else ()) if name in BASE_UNITS]
-    return {
-        "verdict": result.verdict,
-        "effects": list(result.effects),
-        "sentence": result.sentence,
-        "held_out": result.held_out,
-        "error": {"baseline": result.baseline, "with_effects": result.with_effects, "noise_floor": result.noise_floor},
-        "candidates": [
-            {
-                "effects": list(one.effects),
-                "fitted": one.fit is not None,
-                "parameters": dict(one.parameters),
-                "error_fit": one.error_fit,
-                "error_held_out": one.error_held_out,
-                "delta_bic": one.delta_bic,
-                "converged": one.converged,
-            }
-            for one in result.candidates
-        ],
-        "base_parameters": {
-            name: {"before": before.value(name), "after": after.value(name), "unit": BASE_UNITS[name]} for name in names
-        },
-        "next_test": None
-        if result.next_test is None
-        else {
-            "spindle_speed": result.next_test.spindle_speed,
-            "depth_of_cut": result.next_test.depth_of_cut,
-            "separates": list(result.separates),
-            "difference": result.next_test.difference,
-        },
-        "misstated": None if result.misstated is None else dict(zip(("condition", "factor"), result.misstated, strict=True)),
-        "other_law": None if result.form is None else result.form.as_json(),
-        "history": [
-            {"effects": list(step.effects), "error": step.error_held_out, "noise_floor": result.noise_floor}
-            for step in result.steps
-        ],
-    }

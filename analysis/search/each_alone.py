@@ -6,6 +6,7 @@ them, and a search would only look for what nibbles at the difference.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -20,7 +21,7 @@ from testbed.analysis.information import Z_95
 from testbed.analysis.search.begun_anew import from_believed
 from testbed.analysis.search.unheard import SOUND
 from testbed.effect import Effect
-from testbed.machine import BASE_UNITS, Model
+from testbed.machine import BASE_UNITS, Model, base_parameter
 
 FEWEST = 3  # records
 BY_CHANCE = 1e-6  # chance of so large a scatter of one parameter's values, were they one, below which they are not
@@ -37,13 +38,18 @@ class Differing:
     chance: float
 
     @property
+    def unit(self) -> str:
+        """SI unit of the parameter."""
+        return BASE_UNITS[base_parameter(self.path) or ""]
+
+    @property
     def sentence(self) -> str:
         """In words, what the records have it as."""
         found = [one.value for one in self.values.values()]
         if len(found) > TOLD:
-            return f"{self.path}, from {min(found):.5g} to {max(found):.5g} {BASE_UNITS[self.path]}"
+            return f"{self.path}, from {min(found):.5g} to {max(found):.5g} {self.unit}"
         each = ", ".join(f"{name} {one.value:.5g}" for name, one in self.values.items())
-        return f"{self.path} ({BASE_UNITS[self.path]}: {each})"
+        return f"{self.path} ({self.unit}: {each})"
 
 
 def each_alone(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
@@ -68,15 +74,17 @@ def each_alone(plant: Plant, records: Sequence[Observed], model: Model, catalogu
 def differing(found: Mapping[str, Mapping[str, Estimate]]) -> list[Differing]:
     """Those parameters of the machine whose values (by record, by path) scatter by more than their intervals, and matter."""
     told = []
-    for path in dict.fromkeys(path for one in found.values() for path in one if path in BASE_UNITS):
+    for path in dict.fromkeys(path for one in found.values() for path in one if base_parameter(path)):
         values = {name: one[path] for name, one in found.items() if path in one and one[path].known}
         if len(values) < FEWEST:
             continue
         value = np.array([one.value for one in values.values()])
+        turns = base_parameter(path) == "direction"  # half a turn is the same, and 0 is no size
+        value = value[0] + np.remainder(value - value[0] + 0.5 * math.pi, math.pi) - 0.5 * math.pi if turns else value
         error = np.array([max(one.high - one.low, TRUSTED * abs(one.value)) / (2.0 * Z_95) for one in values.values()])
         mean = float(np.sum(value / error**2) / np.sum(error**-2.0))
         chance = float(chdtrc(len(value) - 1, float(np.sum(((value - mean) / error) ** 2))))
-        if chance < BY_CHANCE and float(value.std(ddof=1)) > matters(path) * abs(mean):
+        if chance < BY_CHANCE and float(value.std(ddof=1)) > matters(path) * (1.0 if turns else abs(mean)):
             told.append(Differing(path, values, chance))
     return sorted(told, key=lambda one: one.chance)
 

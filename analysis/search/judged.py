@@ -72,11 +72,14 @@ def as_far_as(spent: BudgetSpent, plant: Budgeted, records: Sequence[Observed], 
 
 
 def too_slow(base: Candidate) -> str:
-    """In words, which records of a motion were sampled too slowly for the structure's vibration to be told; empty if none."""
+    """In words, which records of a motion were sampled too slowly for the structure's vibration to be told; empty if none.
+
+    Of several modes the slowest decides: faster ones may hardly move.
+    """
     assert base.fitter is not None and base.fit is not None
-    fastest = base.fit.state.model.structure.natural_frequency
-    slow = [one.name for one in base.fitter.records if one.rate < 2.0 * fastest and not one.forces_only]
-    return (f"{', '.join(slow)}: sampled less than twice in a period of the natural frequency, {fastest:.4g} Hz; such records "
+    rings, _ = base.fit.state.model.structure.frequency_range
+    slow = [one.name for one in base.fitter.records if one.rate < 2.0 * rings and not one.forces_only]
+    return (f"{', '.join(slow)}: sampled less than twice in a period of the natural frequency, {rings:.4g} Hz; such records "
             "can tell nothing of what the model lacks.") if slow else ""
 
 

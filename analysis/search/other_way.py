@@ -82,6 +82,8 @@ def other_way(base: Candidate, model: Model, catalogue: Mapping[str, Effect]) ->
     if base.error_where_known <= MUCH * noise:
         return ""
     plant, records = base.fitter.plant, base.fitter.records
+    if model.structure.planar:  # its channels may be turned in more ways, which were asked before: see `common_factor`
+        return ""
     stated = _opening(plant, records, model, catalogue)
     for way in _ways(records, model):
         if _opening(plant, way.records, way.model, catalogue) >= stated:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from testbed.api.believed import CampaignLike, Effects, EffectsLike, File, ModelLike, effects_of, name_of
-from testbed.api.fitting import channel_units, notes_on, plant_of, read_both
+from testbed.api.fitting import channel_units, notes_on, of_what_is_held, plant_of, read_both
 from testbed.api.places import check_place, page_place
 from testbed.api.result import Result, Table, estimates_table, shown_here
 from testbed.api.watch import Progress, Watch
@@ -149,7 +149,7 @@ def _added(names: tuple[str, ...], given: tuple[CampaignLike, ModelLike], known:
 
     catalogue, place = known.known, (name_of(given[0]), name_of(given[1]))
     chosen = _effects(names, catalogue)
-    model, records, read = read_both(*given, catalogue)
+    model, records, read = read_both(*given, catalogue, planar=True)
     for name in names:
         if name in model.effects:
             raise InputProblem(place[1], f"has {name} already", "take it out first, or see testbed identify --method waveform")
@@ -160,7 +160,8 @@ def _added(names: tuple[str, ...], given: tuple[CampaignLike, ModelLike], known:
         raise
     except ValueError as problem:
         raise InputProblem(place[0], str(problem), "add a record that shows it") from None
-    return Addition(model, found, known, records, read, tuple(notes_on(read, model)), place)
+    notes = (*notes_on(read, model), *of_what_is_held(records, model, catalogue))
+    return Addition(model, found, known, records, read, notes, place)
 
 
 def _effects(names: tuple[str, ...], catalogue: Any) -> list[Any]:

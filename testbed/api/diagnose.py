@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import os
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from testbed.api.believed import CampaignLike, Effects, EffectsLike, File, ModelLike, effects_of, name_of
-from testbed.api.fitting import channel_units, notes_on, plant_of, read_both
+from testbed.api.believed import (
+    CampaignLike,
+    Effects,
+    EffectsLike,
+    File,
+    ModelLike,
+    effects_of,
+    model_of,
+    name_of,
+    refuse_planar,
+)
+from testbed.api.diagnosed import add_command, decoys_in, force_maps, next_command, of_the_best_fit
+from testbed.api.fitting import channel_units, notes_on, of_what_is_held, plant_of, read_both
 from testbed.api.places import made_folder, page_place
 from testbed.api.result import Result, Table, plain, shown_here
 from testbed.api.watch import Progress, Watch
@@ -25,7 +35,7 @@ if TYPE_CHECKING:
     from testbed.analysis.search.next_test import NextTest
     from testbed.machine import Model
 
-_EXPLAINS = ("adequate", "missing_effect")  # verdicts by which the best model leaves no physics out
+_ALONG_X = "a missing force is estimated along x so far: diagnose without --propose"
 MANY = 6  # effects that `until_adequate` adds at the most
 
 
@@ -100,6 +110,7 @@ class Diagnosis(Result):
         from testbed.trial.proposal import free_name
 
         place, known = os.fspath(folder), self.known.known
+        refuse_planar(self.believed, self.place[1], _ALONG_X)
         made_folder(place)
         with working(progress) as watch:
             try:
@@ -116,7 +127,7 @@ class Diagnosis(Result):
                 return Proposal(explanation.sentence, None, "", said)
             path = write_effect(explanation, place, free_name(place, "proposal"))
             every = {os.path.realpath(one): one for one in (*self.known.folders, place)}  # none is named twice
-            return Proposal(explanation.sentence, path, _add((path.stem,), *self.place, tuple(every.values())),
+            return Proposal(explanation.sentence, path, add_command((path.stem,), *self.place, tuple(every.values())),
                             said | {"file": str(path)})
 
     def false_alarms(self, count: int, seed: int = 0, progress: Progress = None) -> FalseAlarms:
@@ -139,10 +150,10 @@ class Diagnosis(Result):
         with working():
             campaign, model_file = self.place
             if next_step is None:
-                next_step = next_command(self.detail, campaign, model_file, False, self.known.folders)
+                next_step = next_command(self.detail, campaign, model_file, self.believed.planar, self.known.folders)
             page = diagnosis_page(self.detail, dict(said or self.said), self.believed, self.known.known,
                                   channel_units(self.read), notes=[f"{campaign} against {model_file}", *self.notes],
-                                  next_step=next_step, force_maps=_force_maps(self.detail, self.known.known))
+                                  next_step=next_step, force_maps=force_maps(self.detail, self.known.known))
             return page.write(place)
 
     def plot(self) -> Figure:
@@ -227,96 +238,30 @@ def diagnose(campaign: CampaignLike, model: ModelLike, *, until_adequate: bool =
 def _diagnosed(given: tuple[CampaignLike, ModelLike], known: Effects, until_adequate: bool, decoys: bool,
                budget: float | None, watch: Watch) -> Diagnosis:
     from testbed.analysis.fit.budget import BUDGET
+    from testbed.analysis.search.answer import as_json
     from testbed.analysis.search.diagnose import diagnose as searched
-    from testbed.analysis.search.diagnosis import as_json
     from testbed.analysis.search.other_way import other_way_note
     from testbed.analysis.search.rules import rules_of
 
     catalogue, plant = known.known, plant_of(known.known)
-    model, records, read = read_both(*given, catalogue)
+    model, records, read = read_both(*given, catalogue, planar=True)
     with watch.busy("fitting the believed model to all records") as say:
         found = searched(plant, records, model, catalogue, say=say, budget=BUDGET if budget is None else budget,
                          **({"most": MANY} if until_adequate else {}))
         turned = []
-        if found.candidates:  # else no search was made, for what was found before it
+        if found.candidates and not model.structure.planar:  # else no search was made, for what was found before it
             turned = other_way_note(plant, records, model, catalogue, found.with_effects, found.noise_floor)
-    stuck, guesses, of_the_fit, tapped = _of_the_best_fit(found, records, model, catalogue)
-    notes = [*notes_on(read, model), *turned, *of_the_fit]
+    stuck, guesses, of_the_fit, tapped = of_the_best_fit(found, records, model, catalogue)
+    notes = [*notes_on(read, model), *of_what_is_held(records, model, catalogue), *turned, *of_the_fit]
     said = as_json(found, model) | {"rules": rules_of(found), "at_bound": list(stuck), "tap": tapped, "notes": notes}
     for name, one in said["base_parameters"].items():
         one["determined"] = name not in guesses
     if decoys:
-        said["decoys"] = _decoys(found, catalogue)
+        said["decoys"] = decoys_in(found, catalogue)
     return Diagnosis(model, found, known, records, read, said, (name_of(given[0]), name_of(given[1])))
 
 
-def _decoys(found: Diagnosed, catalogue: Any) -> dict[str, Any]:
-    """Laws that no machine has: those offered, and those named."""
-    from testbed.catalogue import DECOYS
-
-    offered = [name for name, effect in catalogue.items() if effect.path is not None and effect.path.parent == DECOYS]
-    return {"offered": offered, "named": [name for name in found.effects if name in offered]}
-
-
-def _of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
-                     ) -> tuple[tuple[str, ...], tuple[str, ...], list[str], list[dict[str, Any]]]:  # fmt: skip
-    """(parameters at a bound, those not determined, notes, rows beside the tap) of the fit of the best set of effects."""
-    from testbed.analysis.comparison.tapped import beside_the_tap, said_of_the_tap
-    from testbed.analysis.fit.estimates import (
-        at_bound,
-        clock_note,
-        estimates,
-        not_determined,
-        said_at_bound,
-        said_not_determined,
-    )
-    from testbed.analysis.fit.plausible import remarks_on
-    from testbed.analysis.fit.taken import taken_notes
-    from testbed.analysis.search.diagnosis import ADEQUATE
-    from testbed.analysis.search.mark_delay import delay_note
-
-    fitter, fit = found.best.fitter, found.best.fit
-    if fitter is None or fit is None:
-        return (), (), [], []
-    told = estimates(fitter, fit, catalogue)
-    stuck, guesses = at_bound(fitter.free, told), not_determined(told)
-    notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit), *clock_note(fitter, fit),
-             *(note for note in remarks_on(model, fit.state.model) if note.partition(":")[0] not in found.sentence)]
-    notes += [said_not_determined(guesses)] if guesses else []
-    explained = fit.converged and found.best.error_held_out <= ADEQUATE * found.noise_floor and found.verdict in _EXPLAINS
-    tapped = beside_the_tap(model, told, explained)
-    notes += [*([said_at_bound(stuck)] if stuck else []),
-              *said_of_the_tap(tapped, any(one.kind == "cut" for one in fitter.records))]
-    return stuck, guesses, notes, [one.as_json() for one in tapped]
-
-
-def _force_maps(found: Any, catalogue: Any) -> list[Any]:
-    """Force-state maps of what the best model still lacks; none where that is but noise."""
-    from testbed.analysis.force.force_state import force_states
-    from testbed.analysis.search.diagnosis import ADEQUATE
-
-    best = found.best
-    if best.fit is None or best.error_held_out <= ADEQUATE * found.noise_floor:
-        return []
-    states = force_states(plant_of(catalogue), best.fitter, best.fit, best.errors, catalogue)
-    return [(one.name, one.x, one.v, one.force) for one in states]
-
-
-def next_command(found: Any, campaign: str, model_file: str, proposed: bool, folders: tuple[str, ...] = ()) -> str:
-    """The command to go on with; empty where there is none, or where it is told with what was proposed.
-
-    folders: of the user's own effects, which the command will know no more than this one did without them.
-    """
-    if found.verdict == "missing_effect":
-        return _add(found.effects, campaign, model_file, folders)
-    if found.verdict == "unexplained" and found.candidates and not proposed:  # without candidates no effect was looked for
-        return shlex.join(["testbed", "diagnose", campaign, "-m", model_file, *_own(folders), "--propose", "DIR"])
-    return ""
-
-
-def _add(effects: tuple[str, ...], campaign: str, model_file: str, folders: tuple[str, ...]) -> str:
-    return shlex.join(["testbed", "add", *effects, "-m", model_file, "-c", campaign, *_own(folders), "-o", "NEW.yaml"])
-
-
-def _own(folders: tuple[str, ...]) -> list[str]:
-    return [word for folder in folders for word in ("--effects", folder)]
+def check_proposal(model: ModelLike, effects: EffectsLike = ()) -> None:
+    """InputProblem where a missing force could not be proposed for a model, whatever a diagnosis finds."""
+    believed, name = model_of(model, effects_of(effects).known)
+    refuse_planar(believed, name, _ALONG_X)

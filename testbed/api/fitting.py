@@ -107,6 +107,13 @@ def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
             "the model has it, and were it 1 % more, so would they be"]
 
 
+def of_what_is_held(records: Sequence[Any], model: Any, catalogue: Any) -> list[str]:
+    """A line for each parameter of a machine in x and y that the channels of these records cannot tell."""
+    from testbed.analysis.fit.told import what_is_told
+
+    return what_is_told(plant_of(catalogue), records, model, catalogue).notes if model.structure.planar else []
+
+
 def of_the_range(records: Sequence[Any]) -> list[str]:
     """A line where the motion left the sensor's range: of what was cut off nobody can tell which physics made it."""
     cut_off = [record.name for record in records if any("are clipped" in note for note in record.notes)]

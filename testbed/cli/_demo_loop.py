@@ -130,8 +130,8 @@ def run_loop(sealed: Sealed, say: Callable[[str], None] = lambda text: None) -> 
     Tied effects: the first of them is added. Nothing named: nothing is added.
     """
     from testbed.analysis.search.add_effect import add_effect
+    from testbed.analysis.search.answer import as_json
     from testbed.analysis.search.diagnose import diagnose
-    from testbed.analysis.search.diagnosis import as_json
     from testbed.api.fitting import channel_units, plant_of, read_both
     from testbed.catalogue import catalogue
     from testbed.files.model_file import read_model, write_model

@@ -11,8 +11,9 @@ from testbed.analysis.comparison.constancy import COVARIATES, PARAMETERS, TestFi
 from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.starts import free_parameters, polish
+from testbed.analysis.fit.starts import polish
 from testbed.analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict

@@ -13,10 +13,11 @@ from testbed.analysis.fit.held_out import RecordError, pooled
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.starts import at_a_bound, base_fit
 from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.answer import as_json
 from testbed.analysis.search.begun_anew import begun_anew
 from testbed.analysis.search.candidate_round import candidate_of
 from testbed.analysis.search.diagnose import diagnose
-from testbed.analysis.search.diagnosis import Candidate, as_json, never_nothing, told_of_base, verdict_of
+from testbed.analysis.search.diagnosis import Candidate, never_nothing, told_of_base, verdict_of
 from testbed.analysis.search.gates import below_a_guess, certain_ones, likeliest, vanishes, worth_naming
 from testbed.analysis.search.rules import rules_of
 from testbed.catalogue import catalogue

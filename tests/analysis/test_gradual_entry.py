@@ -31,7 +31,7 @@ def test_a_gradual_entry_is_found_from_bent_coefficients():
     fitter, fit = base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
     count = sum(rest.size for rest in fit.residuals)
     assert fit.squares > 4 * count
-    scanned, _ = anchored_states(PLANT, fitter.records, BELIEVED)
+    scanned, _ = anchored_states(PLANT, fitter.records, BELIEVED, fitter.unknowns)
     _, state, wider = gradual_entry(fitter, catalogue()["entry_ramp"], fit, scanned)
     found = polish(wider, state, rounds=3)
     assert found.squares < 1.1 * count

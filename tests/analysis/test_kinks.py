@@ -11,13 +11,14 @@ from testbed.analysis.fit import scale_profile
 from testbed.analysis.fit.effect_start import effect_parameters, far_step
 from testbed.analysis.fit.estimates import estimates
 from testbed.analysis.fit.fine_steps import fine, finely, has_kinks, times_finer
+from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.held_out import RecordError, pooled_doubt
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.pass_search import begun_otherwise
 from testbed.analysis.fit.scale_hops import hopped
 from testbed.analysis.fit.scale_profile import ALIKE, SAME, along_scales
-from testbed.analysis.fit.starts import base_fit, free_parameters, rested
+from testbed.analysis.fit.starts import base_fit, rested
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.begun_anew import begun_anew
 from testbed.analysis.search.candidate_round import candidate_of

@@ -7,9 +7,9 @@ import pytest
 
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.force.explain_force import formula_text, left_unexplained
+from testbed.analysis.search.answer import as_json
 from testbed.analysis.search.begun_anew import from_believed
 from testbed.analysis.search.diagnose import diagnose
-from testbed.analysis.search.diagnosis import as_json
 from testbed.analysis.search.law_form import FormsAsked, other_form, steeper_form
 from testbed.analysis.search.odd_records import with_odd_records
 from testbed.catalogue import catalogue

@@ -174,7 +174,7 @@ def test_a_machine_that_a_second_road_moved_is_found_from_its_files(capsys, tmp_
     believed = believed.with_values({"modes[0].direction": math.radians(4), "modes[1].direction": math.radians(108)})
     records = planar_campaign(road_simulator.simulate, TWO, tests, PLACES, course=(5, 15, 8), rate=RATE)
     write_planar(tmp_path, records, believed)
-    for command in ("diagnose", "identify --method multipliers"):
+    for command in ("diagnose --propose new", "identify --method multipliers"):
         name, *more = command.split()
         testbed.refused(name, "campaign.yaml", "-m", "model.yaml", *more)
         assert "error: model.yaml: has modes beyond one of the workpiece along x" in testbed.err

@@ -27,7 +27,8 @@ from testbed.analysis.report.machine import said_change
 from testbed.analysis.report.packed import packed, thinned
 from testbed.analysis.report.page import Page, Panel, heat_colour
 from testbed.analysis.report.story_page import addition_page, diagnosis_page
-from testbed.analysis.search.diagnosis import as_json, unaided
+from testbed.analysis.search.answer import as_json
+from testbed.analysis.search.diagnosis import unaided
 from testbed.analysis.search.diagnosis import verdict_of as verdict_over
 from testbed.analysis.search.false_alarms import FalseAlarms
 from testbed.api.diagnose import _force_maps
@@ -51,8 +52,7 @@ def test_packed_rows_come_back():
     known = np.isfinite(values)
     assert np.array_equal(np.isfinite(back), known)
     assert np.abs(back - values)[known].max() < 2e-5 * np.ptp(values[known])
-    small = np.geomspace(1e-9, 1e3, 50)
-    assert np.allclose(unpacked(packed(small, logarithmic=True)), small, rtol=1e-3)
+    assert np.allclose(unpacked(packed(np.geomspace(1e-9, 1e3, 50), logarithmic=True)), np.geomspace(1e-9, 1e3, 50), rtol=1e-3)
     assert np.allclose(unpacked(packed(np.full(4, 7.5))), 7.5)
 
 

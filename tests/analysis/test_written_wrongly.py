@@ -14,9 +14,9 @@ from testbed.analysis.fit.budget import Budgeted, BudgetSpent
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.plausible import moved_together, remarks_on, unlike_a_machine
+from testbed.analysis.search.answer import as_json
 from testbed.analysis.search.common_factor import restatements
 from testbed.analysis.search.diagnose import diagnose
-from testbed.analysis.search.diagnosis import as_json
 from testbed.engines import fast
 from testbed.files.model_file import model_from_text, write_model
 from testbed.machine import Cutter, Cutting, Model, Structure

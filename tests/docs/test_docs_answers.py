@@ -28,7 +28,7 @@ from testbed.analysis.records.lines import CombSpeed, LineKind
 from testbed.analysis.records.noise import Basis
 from testbed.analysis.records.ring_downs import RingDown, RungMode
 from testbed.analysis.records.segments import Kind
-from testbed.analysis.search import diagnosis
+from testbed.analysis.search import answer, diagnosis
 from testbed.analysis.search.diagnosis import Candidate, Diagnosis, OtherForm
 from testbed.analysis.search.next_test import NextTest
 from testbed.api.result import plain
@@ -191,7 +191,7 @@ def test_of_diagnosis(shell):
     cuts = shell.json("diagnose", "campaign.yaml", "-m", "model.yaml")
     tap = shell.json("diagnose", "tap.yaml", "-m", "bare.yaml", "--decoys", "--false-alarms", 1)
     assert cuts["verdict"] == tap["verdict"] == "adequate" and cuts["held_out"] and not tap["held_out"]
-    whole = plain(diagnosis.as_json(_diagnosis(), BELIEVED))
+    whole = plain(answer.as_json(_diagnosis(), BELIEVED))
     proposed = {"proposal": plain(explain_force.as_json(_explanation()) | {"file": "proposal.py"})}
     agree("diagnose", cuts, tap, whole, proposed, BESIDE)
 

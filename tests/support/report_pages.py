@@ -11,9 +11,10 @@ from testbed.analysis.fit.effect_start import effect_parameters
 from testbed.analysis.fit.estimates import estimates
 from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.held_out import errors_in_fit, held_out_errors, pooled
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.starts import free_parameters, polish
+from testbed.analysis.fit.starts import polish
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.report.compare_page import compare_page
 from testbed.analysis.report.page import Page, Panel
