@@ -18,9 +18,9 @@ matplotlib.rcParams["svg.hashsalt"] = "testbed"  # the same picture has the same
 import numpy as np  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
-from analysis.fit.model_fit import model_fit  # noqa: E402
-from analysis.fit.waveform import Fitter  # noqa: E402
-from analysis.report.waveforms import looks, stretches, without_drift  # noqa: E402
+from testbed.analysis.fit.model_fit import model_fit  # noqa: E402
+from testbed.analysis.fit.waveform import Fitter  # noqa: E402
+from testbed.analysis.report.waveforms import looks, stretches, without_drift  # noqa: E402
 from testbed.catalogue import catalogue  # noqa: E402
 from testbed.cli._fingerprint import fingerprint  # noqa: E402
 from testbed.cli._fitting import observed_records, plant_of  # noqa: E402

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.doc_pages import ROOT
+from tests.support.doc_pages import ROOT
 
 PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?|(?<=[\d.])[+-]\d+\.\d+(?=j)")
