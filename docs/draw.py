@@ -6,6 +6,7 @@ The gallery's pictures are drawn whenever the site is built (`docs/site.py`).
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -39,7 +40,7 @@ def svg(figure: Figure) -> str:
     """Without a date, so that an equal picture is an equal text."""
     text = StringIO()
     figure.savefig(text, format="svg", metadata={"Date": None})
-    return text.getvalue()
+    return re.sub(r"\n(?=[LMCQz])", "", text.getvalue())  # paths on one line each
 
 
 def effect_picture(effect: Effect) -> tuple[str, str]:
@@ -58,12 +59,13 @@ def effect_picture(effect: Effect) -> tuple[str, str]:
 def fit_picture() -> str:
     """One cut of a campaign as it was measured, as the believed and as the fitted machine predict it, and what they leave."""
     cuts = ((3810, 2.9e-3), (2850, 2.9e-3))
-    records = [measured_cut(fast.simulate, TRUE, Cut(rpm * RPM, depth, 1e-4, 12, 40, 20), Measurement(rate=6400.0), number, f"{rpm}")
+    how = Measurement(rate=6400.0)
+    records = [measured_cut(fast.simulate, TRUE, Cut(rpm * RPM, depth, 1e-4, 12, 40, 20), how, number, f"{rpm} rpm")
                for number, (rpm, depth) in enumerate(cuts)]
     believed = TRUE.with_values(BELIEF)
     ready = observed_records(records, believed, "campaign", "model")
     fitter, fit = model_fit(plant_of({}), ready, believed, {})
-    before = Fitter(fitter.plant, fitter.records, ()).fit(replace(fit.state, model=believed))  # what belongs to records is fitted
+    before = Fitter(fitter.plant, fitter.records, ()).fit(replace(fit.state, model=believed))  # nuisances alone are fitted
     look = looks(ready, {"displacement": "m"})[0]
     first, last = stretches(look.record)["entry"]
     time = (look.record.start + np.arange(first, last) / look.record.rate) * 1e3
@@ -73,9 +75,10 @@ def fit_picture() -> str:
     motion.plot(time, measured[first:last], color=MEASURED, lw=2.4, label="measured")
     for name, colour, one in (("believed machine", BELIEVED, before), ("fitted machine", FITTED, fit)):
         rest = one.residuals[0].reshape(len(look.record.channels), -1)[look.row]
-        motion.plot(time, (measured - rest * look.record.scale[look.row] * look.factor)[first:last], color=colour, lw=0.9, label=name)
-        rms = math.sqrt(float(np.mean(rest**2)))
-        left.plot(time, rest[first:last], color=colour, lw=0.7, label=f"{name}: {rms:.3g} times the noise over the whole record")
+        predicted = measured - rest * look.record.scale[look.row] * look.factor
+        motion.plot(time, predicted[first:last], color=colour, lw=0.9, label=name)
+        said = f"{name}: {math.sqrt(float(np.mean(rest**2))):.3g} times the noise over the whole record"
+        left.plot(time, rest[first:last], color=colour, lw=0.7, label=said)
     motion.set_ylabel(f"displacement ({look.unit})")
     left.set_ylabel("residual / noise")
     left.set_xlabel("time (ms)")

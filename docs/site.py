@@ -55,9 +55,9 @@ def _in_site(folder: Path, link: str, page: Any) -> str:
 def gallery() -> tuple[str, dict[str, str]]:
     """A page of all effects (law, source, validity, what they leave, what they are confused with), and their pictures."""
     effects, pictures = catalogue(), {}
-    parts = ["# Gallery of effects", "An effect is a law that a model may have or lack. This page is written from the files of "
-             "`testbed/effects/`, and each picture is a simulation: one test cut with the effect at its example values, and what "
-             "the effect changes in it. Add your own: [adding an effect](adding.md)."]
+    parts = ["# Gallery of effects", "An effect is a law that a model may have or lack. This page is written from the files "
+             "of `testbed/effects/`. Each picture is a simulation: one test cut with the effect at its example values, and "
+             "what the effect changes in it. Add your own: [adding an effect](adding.md#an-effect)."]
     parts.append("\n".join(f"- [{one.title}](#{name.replace('_', '-')}) `{name}`" for name, one in effects.items()))
     for name, one in effects.items():
         pictures[name], story = effect_picture(one)
@@ -67,7 +67,9 @@ def gallery() -> tuple[str, dict[str, str]]:
                   for other, test in one.confused_with]
         parts += [f"## {one.title} {{ #{name.replace('_', '-')} }}", f"`{name}`", f"**Law.** `{one.law}`",
                   f"**Source.** {one.source}", f"**Valid.** {one.validity}", f"**Leaves in a measurement.** {one.leaves}"]
-        parts += ["| parameter | symbol | unit | from, to | what it is |\n|---|---|---|---|---|\n" + "\n".join(rows)] if rows else []
-        parts += ["**Confused with**, and the test that separates them:\n\n" + "\n".join(others)] if others else []
+        if rows:
+            parts.append("\n".join(["| parameter | symbol | unit | from, to | what it is |", "|---|---|---|---|---|", *rows]))
+        if others:
+            parts.append("**Confused with**, and the test that separates them:\n\n" + "\n".join(others))
         parts.append(f"![{one.title}: {story}, with the effect and its change](gallery/{name}.svg)")
     return "\n\n".join(parts) + "\n", pictures

@@ -13,7 +13,7 @@ from tests.support.doc_pages import ROOT
 PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?|(?<=[\d.])[+-]\d+\.\d+(?=j)")
 ALIKE = 0.02  # relative difference of two numbers: answers differ in their last digits from processor to processor
-FASTEST = "import sys; from testbed.cli import main; main(sys.argv[1:])"
+PROGRAM = "import sys; from testbed.cli import main; main(sys.argv[1:])"
 
 
 def blocks(page):
@@ -27,7 +27,8 @@ def told(expected, line):
     words, values = NUMBER.sub("#", " ".join(expected.split())), NUMBER.findall(expected)
     found, numbers = NUMBER.sub("#", " ".join(line.split())), NUMBER.findall(line)
     same = found.startswith(words) if open_end else found == words
-    return same and all(abs(float(one) - float(other)) <= ALIKE * abs(float(one)) for one, other in zip(values, numbers, strict=False))
+    pairs = [(float(one), float(other)) for one, other in zip(values, numbers, strict=False)]
+    return same and all(abs(one - other) <= ALIKE * abs(one) for one, other in pairs)
 
 
 @pytest.fixture
@@ -35,7 +36,7 @@ def shell(tmp_path, monkeypatch):
     """Runs a block of shell in an empty folder, with this source's `testbed` and this `python`; returns what it says."""
     programs = tmp_path / "programs"
     programs.mkdir()
-    for name, words in (("testbed", f"-c '{FASTEST}'"), ("python", "")):
+    for name, words in (("testbed", f"-c '{PROGRAM}'"), ("python", "")):
         (programs / name).write_text(f'#!/bin/sh\nexec "{sys.executable}" {words} "$@"\n')
         (programs / name).chmod(0o755)
     folder = tmp_path / "empty"
