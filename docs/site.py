@@ -1,4 +1,4 @@
-"""What mkdocs does not know: pages that stand beside docs/, and the gallery, which is written from the effects' own files."""
+"""What mkdocs does not know: what stands beside docs/, and the gallery, which is written from the effects' own files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from draw import effect_picture  # noqa: E402
 from testbed.catalogue import catalogue  # noqa: E402
 
 BESIDE = ("VALIDATION.md", "DECISIONS.md", "SECURITY.md", "CHANGELOG.md", "CONTRIBUTING.md", "benchmarks/RESULTS.md",
-          "benchmarks/DIAGNOSE.md")
+          "benchmarks/DIAGNOSE.md", "models/flexure/rig.png")
 _LINK = re.compile(r"\]\((?!https?://|mailto:|#)([^)#\s]+)(#[^)\s]+)?\)")
 
 
