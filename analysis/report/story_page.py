@@ -121,7 +121,7 @@ def diagnosis_page(
     for note in notes:
         page.text(note, small=True)
     if not found.held_out:
-        page.text("One operating condition only, so nothing was held out: every error is that in the fit.", small=True)
+        page.text("Nothing was held out, for there is only one operating condition: errors are those in the fit.", small=True)
     first = unaided(believed)
     own_steps = [
         (first if not one.effects else f"+ {one.effects[-1]}", one.error_held_out, pooled(one.errors)[1])

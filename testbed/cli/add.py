@@ -18,7 +18,7 @@ from testbed.problem import InputProblem
 @model_option
 @click.option("-c", "--campaign", required=True, metavar="CAMPAIGN.yaml", help="What was measured.")
 @click.option("-o", "--output", required=True, metavar="NEW.yaml",
-              help="Write the model with the effect, refitted; an older model there is replaced.")
+              help="Write the model with the effect, refitted, unless it ends at nothing; an older model there is replaced.")
 @click.option("--report", metavar="DIR", help="Write the error before and after as report.html into this folder.")
 @effects_option
 @shared
@@ -31,6 +31,7 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
     """
     from testbed.analysis.fit.plausible import unlike_a_machine
     from testbed.analysis.search.add_effect import add_effects, as_json
+    from testbed.catalogue import titled
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
     from testbed.files.model_file import write_model
 
@@ -43,7 +44,7 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
     for name in names:
         if name in model.effects:
             raise InputProblem(model_file, f"has {name} already",
-                               "take it out first, or see testbed identify --method waveform")
+                               "to fit it again, use testbed identify --method waveform")
     try:
         with sign_of_life(f"adding {' and '.join(names)}", quiet) as say:
             found = add_effects(plant_of(catalogue), records, model, effects, catalogue, say)
@@ -51,17 +52,28 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
         raise
     except ValueError as problem:
         raise InputProblem(campaign, str(problem), "add a record that shows it") from None
-    write_model(found.model, output, catalogue, unlike_a_machine(found.model))
+    gone = _vanished(found, catalogue)
+    if not gone:
+        write_model(found.model, output, catalogue, unlike_a_machine(found.model))
     notes = notes_on(read, model)
+    answer.say(f"added: {titled(names, catalogue)}")
     _say(answer, found, notes)
-    answer.say(f"written: {output}")
+    answer.say(f"not written: {titled(gone, catalogue)} ended where it does nothing, so these records do not show it" if gone
+               else f"written: {output}")
     if folder is not None:
         from testbed.analysis.report.story_page import addition_page
 
         page = addition_page(found, records, model, channel_units(read),
                              notes=[f"{campaign} against {model_file}", *notes])
         answer.say(f"open {page.write(folder / 'report.html')}")
-    answer.finish(as_json(found) | {"notes": notes})
+    answer.finish(as_json(found) | {"written": None if gone else output, "notes": notes})
+
+
+def _vanished(found: Any, catalogue: Any) -> list[str]:
+    """Effects that ended where they do nothing: all that could switch them off is at its neutral value."""
+    switches = {name: [one for one in catalogue[name].parameters if one.vanishes] for name in found.effects}
+    return [name for name, ones in switches.items()
+            if ones and all(found.model.effects[name][one.name] == one.neutral for one in ones)]
 
 
 def _effects(names: tuple[str, ...], catalogue: Any) -> list[Any]:

@@ -235,9 +235,10 @@ class _Demo:
     def _reveal(self, revealed: Any, sealed: Any, loop: Any, error: dict[str, float]) -> dict[str, Any]:
         """Say what the sealed file holds; returns the step's part of the JSON."""
         from testbed.analysis.search.add_effect import as_json
+        from testbed.catalogue import catalogue, titled
 
         self.page.heading("What was hidden?")
-        self._say(f"the seal of {sealed.truth} is whole; hidden was {revealed.truth['effect']}: "
+        self._say(f"the seal of {sealed.truth} is whole; hidden was {titled([revealed.truth['effect']], catalogue())}: "
                   + ("named right" if revealed.named_right else f"the verdict was {loop.diagnosis.verdict}"))
         self._table(("parameter", "believed", "found", "95 % interval", "truth"), [_truth_row(row) for row in revealed.rows])
         return {"campaign": sealed.campaign, "model": sealed.model, "written": loop.written, "truth_file": sealed.truth,

@@ -52,7 +52,7 @@ def command(taps_file: str, model_file: str | None, output: str | None, report: 
     if output is not None:
         guessed = _write(found, base, output, catalogue, taps_file)
         masses = any(path.endswith("mass") for path in guessed)
-        answer.say(f"written: {output}" + (", its masses are guesses: no force told them" if masses else ""))
+        answer.say(f"written: {output}" + (". Its masses are guesses, for no force was measured" if masses else ""))
     if folder is not None:
         from testbed.analysis.report.tap_page import tap_page
 
@@ -132,7 +132,7 @@ def _with_believed_masses(found: Any, base: Any, taps_file: str) -> list[tuple[A
             mass = own.mass if own is not None else 1.0
             paired.append((mode, Mode(mass, hertz, mode.damping_ratio.value, angle, mode.on)))
     if not paired:
-        raise InputProblem(taps_file, "no mode has a mass that the data tell: no machine can be written",
+        raise InputProblem(taps_file, "the data tell no mode's mass, so no machine can be written",
                            "tap where the sensor is, and measure the force" if not found.decays else
                            "measure the force, or give a model whose modes lie near those found, with their direction and `on`")
     return paired
