@@ -77,8 +77,11 @@ def _show(name: str, catalogue: Any, answer: Answer, drawn: bool) -> None:
 def _draw(effect: Any, catalogue: Any, answer: Answer) -> None:
     from testbed.cli._fingerprint import fingerprint, picture
     from testbed.cli._fitting import sign_of_life
+    from testbed.engines.compose import composed_before
 
-    with sign_of_life("compiling, once per version of the file", answer.quiet):
+    if not composed_before(catalogue):
+        answer.say("  it is compiled first: some ten seconds, once for each version of its file")
+    with sign_of_life("compiling", answer.quiet):
         found = fingerprint(effect, catalogue)
     answer.say(f"  at its example values, in {found.story}:")
     for title, values in (("displacement", found.with_effect), ("change by the effect", found.change)):
