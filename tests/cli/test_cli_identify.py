@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import testbed.analysis.multipliers.identify
 from testbed.analysis.estimate import Estimate
+from testbed.analysis.multipliers import identify as identification
 from testbed.analysis.multipliers.identify import at_an_end
 from testbed.cli._answer import interval_shown
 from testbed.cli._identification import identify_by_multipliers
@@ -95,13 +95,13 @@ def test_a_frequency_that_every_free_decay_contradicts_is_taken_from_them(testbe
 
 
 def test_the_ends_of_the_ranges_are_those_of_the_search(monkeypatch):
-    searched, fitted = set(), testbed.analysis.multipliers.identify.least_squares
+    searched, fitted = set(), identification.least_squares
 
     def noted(*given, bounds, **more):
         searched.add(tuple(map(tuple, np.exp(bounds))))
         return fitted(*given, bounds=bounds, **more)
 
-    monkeypatch.setattr(testbed.analysis.multipliers.identify, "least_squares", noted)
+    monkeypatch.setattr(identification, "least_squares", noted)
     identify_by_multipliers(BELIEVED, cuts((10, 40, 0), (10, 40, 0)), "campaign.yaml", 0)  # no free decay to begin from
     (ends,) = searched
     for place, name in enumerate(("natural_frequency", "damping_ratio", "tangential_coefficient")):
@@ -138,7 +138,7 @@ def test_of_noise_alone_no_interval_is_told_without_a_word(testbed):
         records.append(replace(record, recording=replace(record.recording, channels={"displacement": values})))
     write_campaign(Path(), records, BELIEVED)
     found = testbed.json("identify", "campaign.yaml", "-m", "model.yaml", "--method", "waveform")
-    assert any(note.startswith("hardly anything but noise") for note in found["notes"])
+    assert any(note.startswith("almost only noise") for note in found["notes"])
     verdict = testbed.json("diagnose", "campaign.yaml", "-m", "model.yaml")
     assert verdict["verdict"] == "undecided" and verdict["effects"] == [] and "noise" in verdict["sentence"]
     compared = testbed.json("compare", "campaign.yaml", "-m", "model.yaml")
