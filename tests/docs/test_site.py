@@ -76,6 +76,21 @@ def test_commands_that_a_page_names_exist(page):
     assert {line.split()[1] for line in lines if line.startswith("testbed")} <= known
 
 
+REFERENCE = re.findall(r"^::: (\S+)\n(?:    options:\n      members: \[(.*)\])?", doc_pages.read("python.md"), re.MULTILINE)
+
+
+@pytest.mark.parametrize(("module", "members"), REFERENCE, ids=[module for module, _ in REFERENCE])
+def test_what_the_python_reference_shows_has_docstrings(module, members):
+    shown = import_module(module)
+    names = members.split(", ") if members else [name for name in shown.__all__ if name not in ("__version__",)]
+    assert names and shown.__doc__
+    for one in (getattr(shown, name) for name in names):
+        parts = [value for name, value in vars(one).items() if not name.startswith("_") and (callable(value) or
+                 isinstance(value, (property, classmethod, staticmethod)))] if isinstance(one, type) else []
+        assert all(each.__doc__ for each in (one, *parts)), one
+        assert not one.__doc__.startswith(f"{one.__name__}("), f"{one}: a dataclass's own signature is no docstring"
+
+
 def test_every_effect_has_what_the_gallery_shows():
     for name, effect in catalogue().items():
         assert all((effect.title, effect.law, effect.source, effect.validity, effect.leaves)), name
