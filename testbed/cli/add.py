@@ -66,7 +66,7 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
         page = addition_page(found, records, model, channel_units(read),
                              notes=[f"{campaign} against {model_file}", *notes])
         answer.say(f"open {page.write(folder / 'report.html')}")
-    answer.finish(as_json(found) | {"written": None if gone else output, "notes": notes})
+    answer.finish(as_json(found) | {"vanished": gone, "notes": notes})
 
 
 def _vanished(found: Any, catalogue: Any) -> list[str]:
