@@ -43,8 +43,8 @@ def tooth_angle(record: Observed, angle: float, own: Nuisances) -> np.ndarray:
 
 
 _LEFT = {"rms": "too large", "autocorrelation": "not random", "tooth angle": "recurring with the tooth"}
-LEFT_EXPLAINED = ("what is left is more than noise where it is larger than that, not random (a sample foretells the next), "
-                  "or recurring with the angle of the tooth")
+LEFT_EXPLAINED = ("more than noise is left where it is too large, not random (one sample foretells the next), or recurring "
+                  "with the angle of the tooth")
 
 
 def said_left(tests: Sequence[Adequacy], record: str) -> str:

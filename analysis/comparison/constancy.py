@@ -102,7 +102,7 @@ class Constancy:
         if self._apart(parameter):
             return f"differs by no more than chance allows ({chance}), though intervals exclude each other: by {spread:.2%}"
         if spread > 3.0 * matters(parameter):
-            return f"differs by no more than its intervals, which are wide: the tests scatter by {spread:.1%}"
+            return f"does not differ beyond its intervals, which are wide: the tests scatter by {spread:.1%}"
         return f"is constant: the tests scatter by {spread:.2%}"
 
     def short(self, parameter: str) -> str:

@@ -96,8 +96,13 @@ def add_candidates(page: Page, found: Diagnosis, catalogue: Mapping[str, Effect]
         page.text(
             "The gain in BIC is that of the last effect over the set without it, on the effective sample size.", small=True
         )
+        page.text("Green bar: the set that the verdict names. Grey bars: the other sets. Red line: the model without any "
+                  "effect. Dotted line: the noise floor.", small=True)
     if others:
         page.text(f"Ruled out by a first step: {', '.join(others)}.", small=True)
+    tried = dict.fromkeys(name for one in found.candidates for name in one.effects if name in catalogue)
+    if tried:
+        page.text(f"What the names mean. {'; '.join(f'{name}: {catalogue[name].title}' for name in tried)}.", small=True)
 
 
 def add_rules(page: Page, found: Diagnosis) -> None:

@@ -11,7 +11,7 @@ from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.estimates import at_bound, estimates
 from testbed.analysis.fit.held_out import RecordError, pooled
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.report.compare_page import ForceMap
+from testbed.analysis.report.compare_page import INTRODUCTION, ForceMap
 from testbed.analysis.report.force_map import add_force_map
 from testbed.analysis.report.machine import AT_BOUND, far, interval, said_change, settled, shown
 from testbed.analysis.report.page import Page
@@ -118,10 +118,11 @@ def diagnosis_page(
     )
     if next_step:
         page.code(next_step)
+    page.text(INTRODUCTION, small=True)
     for note in notes:
         page.text(note, small=True)
     if not found.held_out:
-        page.text("One operating condition only, so nothing was held out: every error is that in the fit.", small=True)
+        page.text("Nothing was held out, for there is only one operating condition: errors are those in the fit.", small=True)
     first = unaided(believed)
     own_steps = [
         (first if not one.effects else f"+ {one.effects[-1]}", one.error_held_out, pooled(one.errors)[1])

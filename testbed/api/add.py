@@ -50,6 +50,13 @@ class Addition(Result):
         return self.detail.model
 
     @property
+    def vanished(self) -> list[str]:
+        """Effects that ended where they do nothing: all that could switch them off is at its neutral value."""
+        switches = {name: [one for one in self.known.known[name].parameters if one.vanishes] for name in self.effects}
+        return [name for name, ones in switches.items()
+                if ones and all(self.model.effects[name][one.name] == one.neutral for one in ones)]
+
+    @property
     def before(self) -> float:
         """The error without them, on records left out of the fit."""
         return self.detail.before
@@ -119,7 +126,7 @@ class Addition(Result):
     def _answer(self) -> Mapping[str, Any]:
         from testbed.analysis.search.add_effect import as_json
 
-        return as_json(self.detail) | {"notes": self.notes}
+        return as_json(self.detail) | {"vanished": self.vanished, "notes": self.notes}
 
     def _table(self) -> Table:
         return estimates_table(self.parameters)
@@ -152,7 +159,7 @@ def _added(names: tuple[str, ...], given: tuple[CampaignLike, ModelLike], known:
     model, records, read = read_both(*given, catalogue, planar=True)
     for name in names:
         if name in model.effects:
-            raise InputProblem(place[1], f"has {name} already", "take it out first, or see testbed identify --method waveform")
+            raise InputProblem(place[1], f"has {name} already", "to fit it again, use testbed identify --method waveform")
     try:
         with watch.busy(f"adding {' and '.join(names)}") as say:
             found = add_effects(plant_of(catalogue), records, model, chosen, catalogue, say)

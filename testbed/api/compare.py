@@ -86,7 +86,7 @@ class Comparison(Result):
         if not self.detail.silent:
             return ()
         names = ", ".join(self.detail.silent)
-        return (f"{names}: hardly anything but noise was measured, which says nothing about the model",)
+        return (f"{names}: almost only noise was measured, which does not test the model",)
 
     @property
     def notes(self) -> tuple[str, ...]:  # type: ignore[override]

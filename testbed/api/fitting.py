@@ -30,10 +30,10 @@ def observed_records(records: Sequence[Any], model: Any, path: object, model_fil
 
     chosen = [record for record in records if record.kind in PREDICTED]
     if not chosen:
-        raise InputProblem(path, "holds no record that a model predicts", f"record a {', a '.join(PREDICTED)}")
+        raise InputProblem(path, "has no record that a model can predict", f"record a {', a '.join(PREDICTED)}")
     if model.cutter is None and any(record.kind == "cut" for record in chosen):
         name = next(record.name for record in chosen if record.kind == "cut")
-        raise InputProblem(model_file, f"has no cutter and cutting, and record '{name}' is a cut", "add both")
+        raise InputProblem(model_file, f"lacks cutter and cutting, but record '{name}' is a cut", "add both")
     ready = []
     for record in chosen:
         try:
@@ -68,7 +68,7 @@ def uncalibrated(records: Sequence[Any]) -> list[str]:
             usual = CHANNEL_UNITS.get(name, CHANNEL_UNITS.get(name.split("_")[0]))
             if not name.startswith("tachometer") and usual is not None and unit != usual:
                 found[name] = (unit, usual)
-    return [f"{name} is in {unit}, uncalibrated: read {unit} for {usual} in every parameter below"
+    return [f"{name} is uncalibrated, in {unit}. In every parameter below read {unit} for {usual}"
             for name, (unit, usual) in found.items()]
 
 
@@ -88,10 +88,10 @@ def doubts(records: Sequence[Any], model: Any) -> list[str]:
         notes += rate_notes(record.recording.sampling_rate, model.structure.frequency_range[1])
         if record.kind == "cut" and not len(record.recording.marks):
             seen = report(record.recording, record.name, "cut", ())
-            notes += [f"{note}: mend the campaign if the signal is right" for note in seen.notes if "spindle speed" in note]
+            notes += [f"{note}: if the signal is right, correct the campaign" for note in seen.notes if "spindle speed" in note]
         found += [f"{record.name}: {note}" for note in dict.fromkeys(notes)]
     more = len(found) - MOST_NOTES
-    return found if more <= 0 else [*found[:MOST_NOTES], f"{more} notes more: testbed inspect shows them"]
+    return found if more <= 0 else [*found[:MOST_NOTES], f"{more} more notes: testbed inspect shows them"]
 
 
 def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
@@ -103,8 +103,8 @@ def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
     moving = any(record.kind == "cut" and any(name in DERIVATIVES for name in record.recording.channels) for record in records)
     if not moving or any(record.kind == "excited" for record in records):
         return []
-    return [f"no force was measured: coefficients and forces are those of a modal mass of {model.structure.mass:.4g} kg, as "
-            "the model has it, and were it 1 % more, so would they be"]
+    return ["only motion was measured, so coefficients and forces scale with the modal mass, which the model says is "
+            f"{model.structure.mass:.4g} kg: 1 % more mass makes them 1 % larger"]
 
 
 def of_what_is_held(records: Sequence[Any], model: Any, catalogue: Any) -> list[str]:
@@ -120,8 +120,8 @@ def of_the_range(records: Sequence[Any]) -> list[str]:
     if not cut_off:
         return []
     many = ", ..." if len(cut_off) > 3 else ""
-    return [f"the signal left its range in {', '.join(cut_off[:3])}{many}: no model follows what was cut off there, so what "
-            "such records leave unexplained may be nothing else; measure them again with a wider range, or take them out"]
+    return [f"the signal left its range in {', '.join(cut_off[:3])}{many}. No model follows what was cut off, so nothing else "
+            "need be missing there. Measure these records again with a wider range, or take them out"]
 
 
 def of_the_parts(records: Sequence[Any]) -> list[str]:

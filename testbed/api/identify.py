@@ -161,9 +161,9 @@ def _of_what_is_left(model: Model, found: Identified) -> list[str]:
     from testbed.analysis.search.diagnosis import FAINT_REST, SILENT
 
     if found.quality["noise_floor"] > SILENT:
-        return ["hardly anything but noise was measured: these records say nothing of the machine, whatever the intervals"]
+        return ["almost only noise was measured: these records do not tell the machine, whatever the intervals say"]
     if found.quality["chi_square"] > FAINT_REST**2:  # as testbed compare and testbed diagnose have it
-        return [f"the model leaves {found.quality['chi_square'] ** 0.5:.2g} times the noise: what it lacks may bend its "
+        return [f"the model leaves {found.quality['chi_square'] ** 0.5:.2g} times the noise. What it lacks may bend its "
                 "parameters beyond their intervals" + _to_diagnose(model)]
     return []
 
@@ -177,11 +177,11 @@ def _of_the_misfit(found: Any) -> str:
     """What it means that the linear machine's multipliers are not those measured."""
     misfit = found.quality["chi_square"]
     if misfit <= MISSED:
-        return (f"the misfit per degree of freedom is {misfit:.2g}: the intervals are widened for it, but what the linear "
-                "machine lacks may bend its parameters beyond them; testbed compare and testbed diagnose show it")
+        return (f"the misfit per degree of freedom is {misfit:.2g}. The intervals are widened for it, but what the linear "
+                "machine lacks may bend its parameters further: see testbed compare and testbed diagnose")
     worst = max((test for test in found.tests if test["used"]), key=_missed_by)
-    return (f"the linear machine does not explain these multipliers, {worst['name']} least: its parameters may be far outside "
-            "their intervals; look at that record, or try --method waveform")
+    return (f"the linear machine does not explain these multipliers, {worst['name']} least of all. Its parameters may be far "
+            "outside their intervals. Look at that record, or try --method waveform")
 
 
 def _of_the_bounds(found: Any, multipliers: bool) -> str:
@@ -193,8 +193,8 @@ def _of_the_bounds(found: Any, multipliers: bool) -> str:
     if not multipliers:
         return said
     (lowest, highest), (weakest, strongest) = FREQUENCIES, COEFFICIENTS
-    return (f"{said}; the range begins at the free decays, else at the model, and goes from {lowest:g} to {highest:g} of that "
-            f"frequency, from {weakest:g} to {strongest:g} of the coefficients: if the machine may lie beyond, begin from "
+    return (f"{said}. The search went from {lowest:g} to {highest:g} times the frequency of the free decays, else of the "
+            f"model, and from {weakest:g} to {strongest:g} times the coefficients. If the machine may lie beyond, begin from "
             "another model")
 
 
@@ -203,8 +203,8 @@ def _left_out(found: Any) -> list[str]:
     count = sum(not test["used"] for test in found.tests)
     if count <= LEFT_OUT * len(found.tests):
         return []
-    return [f"{count} of {len(found.tests)} cuts were left out, for the reasons below: the machine found is that of the others "
-            "alone; testbed compare shows whether it explains them all"]
+    return [f"{count} of {len(found.tests)} cuts were left out, for the reasons below. The machine found is that of the "
+            "others. testbed compare shows whether it explains all of them"]
 
 
 def _speeds_found(records: Any, found: Any) -> list[str]:
@@ -215,16 +215,16 @@ def _speeds_found(records: Any, found: Any) -> list[str]:
             for test in found.tests
             if test["name"] in stated and abs(test["spindle_speed"] / stated[test["name"]] - 1.0) > OTHER_SPEED]
     more = [f"and {len(told) - MOST_TOLD} more"] if len(told) > MOST_TOLD else []
-    return [f"without a tachometer, the speed is that of the vibration: {', '.join(told[:MOST_TOLD] + more)}"] if told else []
+    return [f"without a tachometer, the speed is read from the vibration: {', '.join(told[:MOST_TOLD] + more)}"] if told else []
 
 
 def _of_the_ratio(found: Any) -> str:
     """That the ratio of the coefficients is not found, what hangs on it, and what the intervals allow for."""
     cutting, more = found.model.cutting, (1.0 + RATIO_DOUBT) ** found.quality["ratio_slope"] - 1.0
     ratio = cutting.normal_coefficient / cutting.tangential_coefficient
-    return (f"normal_coefficient stays {ratio:.3g} of the tangential one, as the model has it: multipliers do not tell. Were "
-            f"that {RATIO_DOUBT:.0%} more, tangential_coefficient would be {more:+.1%}; the intervals allow for it, and "
-            "--method waveform finds both")
+    return ("multipliers do not tell the ratio of the two coefficients: normal_coefficient stays "
+            f"{ratio:.3g} of the tangential one, as in the model. A ratio {RATIO_DOUBT:.0%} larger would change "
+            f"tangential_coefficient by {more:+.1%}. The intervals allow for that; --method waveform finds both")
 
 
 def _missed_by(test: Any) -> float:

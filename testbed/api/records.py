@@ -56,7 +56,7 @@ def records_of(data: Any) -> tuple[Any, ...]:
         records.append(Record(f"run {recording.conditions['run']}", "cut", seen, given, file=data.path,
                               feed=Feed(given["feed_per_tooth"], "tooth")))
     if not records:
-        raise InputProblem(data.path, "holds no run that ended well", "simulate other cuts")
+        raise InputProblem(data.path, "has no run that ended well", "simulate other cuts")
     return tuple(records)
 
 

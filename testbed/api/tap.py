@@ -200,7 +200,7 @@ def _with_believed_masses(found: TapResult, base: Model | None, taps_file: str) 
             mass = own.mass if own is not None else 1.0
             paired.append((mode, Mode(mass, hertz, mode.damping_ratio.value, angle, mode.on)))
     if not paired:
-        raise InputProblem(taps_file, "no mode has a mass that the data tell: no machine can be written",
+        raise InputProblem(taps_file, "the data tell no mode's mass, so no machine can be written",
                            "tap where the sensor is, and measure the force" if not found.decays else
                            "measure the force, or give a model whose modes lie near those found, with their direction and `on`")
     return paired

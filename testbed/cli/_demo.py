@@ -12,6 +12,8 @@ from typing import Any
 NOISE = "displacement"
 SPEED_CELLS, DEPTH_CELLS = 401, 201
 PAPER_START = {"natural_frequency": 930.0 / (2.0 * math.pi), "damping_ratio": 0.0064}  # Mann and Young (2006)
+BLOW_SECONDS, BLOW_RATE, BLOW_START, BLOW_WIDTH = 6.0, 3200.0, 0.2, 2e-3  # s, Hz, s, s: a soft tip on a soft flexure
+BLOW_FORCE, BLOW_FORCE_NOISE, BLOW_NOISE = 200.0, 0.02, 0.02  # N, N, m/s^2
 PAPER_GAMMA, NORMAL_SHARE = 5.0e8, 0.3  # tangential coefficient over mass, N m^-2 kg^-1; normal over tangential
 
 
@@ -150,6 +152,30 @@ def hammer_test(folder: Path) -> dict[str, dict[str, Any]]:
              "receptance file": fit_receptance(frequency, real + 1j * imaginary)}
     return {name: {"natural_frequency": mode.natural_frequency, "damping_ratio": mode.damping_ratio,
                    "modal_mass": mode.modal_mass, "misfit": mode.misfit} for name, mode in modes.items()}
+
+
+def struck_rig(path: Path) -> dict[str, dict[str, Any]]:
+    """First mode of the machine that a data set was cut on, struck in simulation; and as it is, which has no misfit."""
+    import numpy as np
+
+    from testbed.analysis.multipliers.ring_down import fit_receptance, receptance
+    from testbed.engines.predict import predict_driven
+    from testbed.store.data_set import read_data_set
+
+    mode = read_data_set(path).true_model().structure.modes[0]
+    model = replace(read_data_set(path).true_model(), effects={})
+    time = np.arange(round(BLOW_SECONDS * BLOW_RATE)) / BLOW_RATE
+    blow = np.where((time > BLOW_START) & (time < BLOW_START + BLOW_WIDTH),
+                    BLOW_FORCE * np.sin(np.pi * (time - BLOW_START) / BLOW_WIDTH) ** 2, 0.0)
+    answer = predict_driven([model], [(0.0, 0.0)], blow, BLOW_RATE, ("acceleration",))[0, 0]
+    random = np.random.default_rng(0)
+    force, acceleration = (values + noise * random.standard_normal(time.size)
+                           for values, noise in ((blow, BLOW_FORCE_NOISE), (answer, BLOW_NOISE)))
+    found = fit_receptance(*receptance(force, acceleration, BLOW_RATE))
+    return {name: {"natural_frequency": one.natural_frequency, "damping_ratio": one.damping_ratio, "modal_mass": mass,
+                   "misfit": misfit}
+            for name, one, mass, misfit in (("simulated blow", found, found.modal_mass, found.misfit),
+                                            ("truth", mode, mode.mass, None))}
 
 
 def draw_rig(path: Path) -> str | None:

@@ -19,7 +19,7 @@ from testbed.cli._places import output_folder
 @model_option
 @click.option("-c", "--campaign", required=True, metavar="CAMPAIGN.yaml", help="What was measured.")
 @click.option("-o", "--output", required=True, metavar="NEW.yaml",
-              help="Write the model with the effect, refitted; an older model there is replaced.")
+              help="Write the model with the effect, refitted, unless it ends at nothing; an older model there is replaced.")
 @click.option("--report", metavar="DIR", help="Write the error before and after as report.html into this folder.")
 @effects_option
 @shared
@@ -31,14 +31,19 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
     Nothing here is random: --seed changes nothing.
     """
     from testbed.api.add import add
+    from testbed.catalogue import titled
 
     answer = Answer(json_file, quiet)
     check_place(output)
     folder = output_folder(report) if report else None
     found = add(names, campaign, model_file, effects=folders, progress=answer.watch)
-    found.save_model(output)
+    gone, catalogue = found.vanished, found.known.known
+    if not gone:
+        found.save_model(output)
+    answer.say(f"added: {titled(names, catalogue)}")
     _say(answer, found.detail, [*found.notes])
-    answer.say(f"written: {output}")
+    answer.say(f"not written: {titled(gone, catalogue)} ended where it does nothing, so these records do not show it" if gone
+               else f"written: {output}")
     if folder is not None:
         answer.say(f"open {found.report(folder)}")
     answer.finish(found.to_dict())

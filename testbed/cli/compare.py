@@ -55,7 +55,7 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any, silence: tup
     if not found.adequate:
         answer.say(LEFT_EXPLAINED)
     answer.say(f"all records: error {found.error:.4f}, noise floor {found.noise_floor:.4f}"
-               + ("" if found.records[0].held_out else "; one operating condition only, so nothing was held out"))
+               + ("" if found.records[0].held_out else "; nothing was held out, for there is only one operating condition"))
     _segments(answer, found)
     answer.say()
     answer.table(("parameter", "believed", "found", "low", "high"),
@@ -65,7 +65,7 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any, silence: tup
         answer.say(said_at_bound(found.at_bound))
     _nuisances(answer, found)
     if not found.fit.converged:
-        answer.say("the fit did not converge: the figures above are those of its last step")
+        answer.say("the fit did not converge: these are the numbers of its last step")
     for line in silence:
         answer.say(line)
     if not found.says_nothing:
@@ -82,13 +82,13 @@ def _in_words(found: Any) -> str:
     from testbed.analysis.search.diagnosis import FAINT_REST
 
     if found.against and found.error <= FAINT_REST * found.noise_floor:
-        return f"little is left, but that says nothing for the model: {'; '.join(found.against)}"
+        return f"little is left, but that does not speak for the model: {'; '.join(found.against)}"
     if found.adequate:
         return "the model explains every record down to its noise"
     if found.slight:
-        return (f"the error is {found.error / found.noise_floor:.3f} of the noise floor: what is left beyond the noise is "
-                "slight" + found.asks("; ", "a known effect lowers it"))
-    return ("the model leaves more than noise, and what it lacks may bend its parameters beyond their intervals"
+        return (f"the error is {found.error / found.noise_floor:.3f} times the noise floor: little more than noise is "
+                "left" + found.asks("; ", "a known effect lowers it"))
+    return ("the model leaves more than noise. What it lacks may bend its parameters beyond their intervals"
             + found.asks(": ", "an effect is missing"))
 
 

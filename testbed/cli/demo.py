@@ -26,7 +26,7 @@ SPAN, DEEPEST = (2500.0, 4500.0), 4.0  # of the chart: rpm, mm
 @shared
 def command(output: str, json_file: str | None, seed: int | None, quiet: bool) -> None:
     """The five published experiments, a sweep over speed and depth, identification scored against the known truth, and a
-    measured hammer test; then a workshop's campaign with a hidden effect, drawn by --seed: diagnosed, added, revealed.
+    hammer test; then a workshop's campaign with a hidden effect, drawn by --seed: diagnosed, added, revealed.
     """
     from testbed.cli._demo_loop import workshop_folder
     from testbed.cli._demo_page import Page
@@ -83,9 +83,9 @@ class _Demo:
     def _picture(self, figure: Any, name: str, says: str) -> None:
         from testbed.analysis.linear.chart_plot import save
 
-        path = save(figure, self.folder / name)[0]
-        self.pictures.append(path)
-        self.page.picture(path, says)
+        raster, drawing = save(figure, self.folder / name)
+        self.pictures.append(raster)
+        self.page.picture(drawing, says)
 
     def _simulate(self, name: str) -> Path:
         from testbed.cli._demo import data_set
@@ -168,25 +168,26 @@ class _Demo:
                                          "scores": found.scores, **found.first.quality}
 
     def hammer(self) -> None:
-        """The measured hammer test, where it is there."""
-        from testbed.cli._demo import hammer_test, tap_test_folder
+        """A hammer test: of a measured tool where the files are there, else of the rig, struck in simulation."""
+        from testbed.cli._demo import hammer_test, struck_rig, tap_test_folder
 
-        self._begin("A measured hammer test: a milling tool in its holder")
         folder = tap_test_folder()
-        if folder is None:
-            self._say("absent here: set TESTBED_MEASUREMENTS to the folder that holds tap_test")
-            self.result["hammer_test"] = None
-            return
-        found = hammer_test(folder)
+        self._begin("A hammer test: " + ("the rig, struck in simulation" if folder is None else "a milling tool in its holder"))
+        found = struck_rig(self.data[0]) if folder is None else hammer_test(folder)
+        self.result["hammer_test"] = found
         self._table(("first mode from", "frequency", "damping ratio", "modal mass", "misfit"),
-                    [(name, shown(mode["natural_frequency"], "Hz"), f"{mode['damping_ratio']:.4f}",
-                      shown(mode["modal_mass"], "kg", 3), f"{mode['misfit']:.1%}") for name, mode in found.items()])
+                    [(name, shown(mode["natural_frequency"], "Hz", 6), f"{mode['damping_ratio']:.5f}",
+                      shown(mode["modal_mass"], "kg", 4), "-" if mode["misfit"] is None else f"{mode['misfit']:.1%}")
+                     for name, mode in found.items()])
+        if folder is None:
+            self._say("one blow tells frequency, damping and, since its force is measured, the modal mass; "
+                      "testbed tap does it with your own blows, in x and y")
+            return
         own, other = found.values()
         off = own["natural_frequency"] - other["natural_frequency"]
         self._say(f"{off:+.2f} Hz and {own['damping_ratio'] / other['damping_ratio'] - 1:+.1%} in damping from the "
                   f"receptance file of the same point; the rest, {own['misfit']:.0%} of the response, belongs to "
                   "neighbouring modes, which one mode and two residual terms do not describe")
-        self.result["hammer_test"] = found
 
     def rig(self) -> None:
         """A picture of the rig, where this computer can draw one."""
@@ -235,9 +236,10 @@ class _Demo:
     def _reveal(self, revealed: Any, sealed: Any, loop: Any, error: dict[str, float]) -> dict[str, Any]:
         """Say what the sealed file holds; returns the step's part of the JSON."""
         from testbed.analysis.search.add_effect import as_json
+        from testbed.catalogue import catalogue, titled
 
         self.page.heading("What was hidden?")
-        self._say(f"the seal of {sealed.truth} is whole; hidden was {revealed.truth['effect']}: "
+        self._say(f"the seal of {sealed.truth} is whole; hidden was {titled([revealed.truth['effect']], catalogue())}: "
                   + ("named right" if revealed.named_right else f"the verdict was {loop.diagnosis.verdict}"))
         self._table(("parameter", "believed", "found", "95 % interval", "truth"), [_truth_row(row) for row in revealed.rows])
         return {"campaign": sealed.campaign, "model": sealed.model, "written": loop.written, "truth_file": sealed.truth,

@@ -57,7 +57,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         answer.say(note)
     catalogue, detail, said = found.known.known, found.detail, dict(found.said)
     next_step = next_command(detail, campaign, model_file, bool(propose) or found.believed.planar, folders)
-    _say(answer, detail, said, found.first)
+    _say(answer, detail, said, found.first, catalogue)
     if detail.form is not None:
         answer.say(f"with that law, model.yaml has: {effect_text(catalogue[detail.form.effect], detail.form.parameters)}")
     if next_step:
@@ -78,7 +78,7 @@ def _propose(answer: Answer, found: Diagnosis, folder: str) -> Any:
     """What force is missing, what it depends on, and where it was written as an effect; None where nothing is left."""
     proposal = found.propose(folder, progress=answer.watch)
     if proposal is None:
-        answer.say("nothing beyond the noise is left to propose an effect for")
+        answer.say("only noise is left: there is nothing to propose an effect for")
         return None
     answer.say()
     answer.say(proposal.sentence)
@@ -90,15 +90,15 @@ def _propose(answer: Answer, found: Diagnosis, folder: str) -> Any:
 def _decoys(answer: Answer, told: Any) -> None:
     named = told["named"]
     count = len(told["offered"])
-    answer.say(f"{', '.join(named)} is a law that no machine has: what this campaign seems to show is not to be trusted"
-               if named else f"of {count} laws that no machine has, offered beside the real ones, none was named")
+    answer.say(f"{', '.join(named)} is a law that no machine has: do not trust what this campaign seems to show"
+               if named else f"{count} laws that no machine has were offered beside the real ones; none was named")
 
 
 def _false_alarms(answer: Answer, found: Diagnosis, count: int, seed: int) -> Any:
     told = found.false_alarms(count, seed, progress=answer.watch)
     low, high = told.interval
-    answer.say(f"of {count} campaigns simulated without a hidden effect at these conditions and noise, {told.alarms} had one "
-               f"named: a false-alarm rate between {low:.1%} and {high:.1%} (95 %)")
+    answer.say(f"{count} campaigns were simulated at these conditions and noise with nothing hidden; in {told.alarms} an "
+               f"effect was named: a false-alarm rate of {low:.1%} to {high:.1%} (95 %)")
     return told.to_dict()
 
 
@@ -108,26 +108,28 @@ def _without(before: Any, step: Any) -> str:
     return f" (no longer {', '.join(dropped)})" if dropped else ""
 
 
-def _say(answer: Answer, found: Any, said: Any, first: str) -> None:
+def _say(answer: Answer, found: Any, said: Any, first: str, catalogue: Any) -> None:
     """first: what the step before anything is added is called."""
-    answer.say(f"{found.verdict.replace('_', ' ')}: {', '.join(found.effects)}" if found.effects
-               else found.verdict.replace("_", " "))
+    from testbed.catalogue import titled
+
+    answer.say(found.verdict.replace("_", " ") + (f": {titled(found.effects, catalogue)}" if found.effects else ""))
     answer.say(found.sentence)
     held = ("held out",) if found.held_out else ()
     rows = [(" + ".join(one.effects), f"{one.error_fit:.4f}", *(f"{one.error_held_out:.4f}" for _ in held),
-             f"{one.delta_bic:.1f}", "yes" if one.converged else "no") for one in found.candidates if one.fit is not None]
+             f"{one.delta_bic:.1f}", "yes" if one.converged else "no", catalogue[one.effects[-1]].title)
+            for one in found.candidates if one.fit is not None]
     if rows:
         answer.say()
-        answer.table(("tried", "error in the fit", *held, "gain in BIC", "converged"), rows)
+        answer.table(("tried", "error in the fit", *held, "gain in BIC", "converged", "what it is"), rows)
         fitted = {one.effects[-1] for one in found.candidates if one.fit is not None}
         others = dict.fromkeys(one.effects[-1] for one in found.candidates if one.fit is None)  # once, of however many rounds
         if never := [name for name in others if name not in fitted]:
-            answer.say(f"ruled out by a first step: {', '.join(never)}")
+            answer.say(f"ruled out by a first step: {titled(never, catalogue)}")
     answer.say()
     error = "error, held out" if found.held_out else "error, in the fit"
     answer.table((error, "value"), [(name.replace("_", " "), f"{value:.4f}") for name, value in said["error"].items()])
     if not found.held_out:
-        answer.say("one operating condition only, so nothing was held out")
+        answer.say("nothing was held out, for there is only one operating condition")
     answer.say()
     answer.table(("parameter", "believed", "refitted"),
                  [(name, shown(one["before"], one["unit"]), shown(one["after"], one["unit"]))
@@ -141,4 +143,4 @@ def _say(answer: Answer, found: Any, said: Any, first: str) -> None:
     if found.next_test is not None:
         test = found.next_test
         answer.say(f"a cut at {test.spindle_speed * 30 / math.pi:.0f} rpm, {test.depth_of_cut * 1e3:.2f} mm would tell "
-                   f"{' from '.join(found.separates)} best: they differ there by {test.difference:.1f} times the noise")
+                   f"{' from '.join(found.separates)} best: there they differ by {test.difference:.1f} times the noise")

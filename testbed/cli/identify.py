@@ -53,7 +53,7 @@ def _say(answer: Answer, found: Any) -> None:
         answer.say()
         answer.table(("test", "speed", "depth", "largest multiplier of the model", "modulus", "per"),
                      [_planar_row(test) for test in found.tests])
-        answer.say(f"of these tests the model's multipliers alone are told: {found.tests[0]['reason']}")
+        answer.say(f"only the model's multipliers are shown for these tests: {found.tests[0]['reason']}")
     elif found.tests:
         answer.say()
         answer.table(("test", "speed", "depth", "measured", "model", "used"), [_row(test) for test in found.tests])

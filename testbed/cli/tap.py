@@ -41,7 +41,7 @@ def command(taps_file: str, model_file: str | None, output: str | None, report: 
     if output is not None:
         found.save_model(output)
         masses = any(path.endswith("mass") for path in found.guessed)
-        answer.say(f"written: {output}" + (", its masses are guesses: no force told them" if masses else ""))
+        answer.say(f"written: {output}" + (". Its masses are guesses, for no force was measured" if masses else ""))
     if folder is not None:
         answer.say(f"written: {found.report(folder)}")
     answer.finish(found.to_dict())

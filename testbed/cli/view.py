@@ -26,7 +26,7 @@ def command(machine: str, output: str, camera: str, width: int, height: int, qui
     """
     answer = Answer(None, quiet)
     if Path(output).suffix.lower() != ".png":
-        raise InputProblem(output, "is no name of a PNG picture", "give one that ends in .png")
+        raise InputProblem(output, "is no PNG picture", "give a name that ends in .png")
     check_place(output)
     if Path(machine).suffix.lower() in (".yaml", ".yml"):
         _draw_plane(machine, output, width)

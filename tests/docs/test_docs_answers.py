@@ -165,7 +165,11 @@ def test_of_the_plan(shell):
 
 
 def test_of_addition(shell):
-    agree("add", shell.json("add", "process_damping", "-c", "campaign.yaml", "-m", "model.yaml", "-o", "new.yaml"))
+    found = shell.json("add", "process_damping", "-c", "campaign.yaml", "-m", "model.yaml", "-o", "new.yaml")
+    agree("add", found)
+    assert found["parameters"]["process_damping.coefficient"]["value"] == 0.0  # nothing is hidden: so nothing is written
+    assert found["vanished"] == ["process_damping"] and not Path("new.yaml").exists()
+    assert "not written: Process damping" in shell.err
 
 
 def _diagnosis():
