@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
-from analysis.fit.held_out import RecordError
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed
-from analysis.information import autocorrelation, independent
-from analysis.records.spindle_clock import turns_of
+from testbed.analysis.fit.held_out import RecordError
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.information import autocorrelation, independent
+from testbed.analysis.records.spindle_clock import turns_of
 
 LAGS = 20  # autocorrelations that the Ljung-Box test looks at
 SECTORS = 36  # of the tooth's turn, for the test against its angle

@@ -15,7 +15,7 @@ class Notes:
     """Labels of every run, and what is gathered along the way: counts, and features for the baseline."""
 
     def __init__(self, source: Any, planned: Any, catalogue: Any) -> None:
-        from analysis.multipliers.baseline_scores import MOST_TRAINED
+        from testbed.analysis.multipliers.baseline_scores import MOST_TRAINED
 
         self.source, self.planned, self.catalogue = source, planned, catalogue
         self.model = source.true_model(catalogue)
@@ -42,8 +42,8 @@ class Notes:
 
     def of_run(self, index: int, recording: Any) -> Mapping[str, Any]:
         """The label columns of a run."""
-        from analysis.multipliers.baseline_scores import features
-        from analysis.multipliers.run_labels import labels
+        from testbed.analysis.multipliers.baseline_scores import features
+        from testbed.analysis.multipliers.run_labels import labels
 
         model = self._model(index)
         linear = self._linear(model, index)
@@ -65,8 +65,8 @@ class Notes:
         if self.planned.order.windows is None:
             return
         if self.met % self.every == 0 and row["chatter"] is not None:
-            from analysis.multipliers.window_features import window_features
-            from analysis.records.segments import main_channel_of
+            from testbed.analysis.multipliers.window_features import window_features
+            from testbed.analysis.records.segments import main_channel_of
 
             channel = row[main_channel_of(self.source.channels)]
             self._remember(index, window_features(channel, row["sampling_rate"], row["spindle_speed"],
@@ -92,7 +92,7 @@ class Notes:
         return model if all(model.value(path) == value for path, value in here.items()) else model.with_values(here)
 
     def _linear(self, model: Any, index: int) -> Any:
-        from analysis.multipliers.run_labels import NO_CLASS, class_of_linear, linear_class
+        from testbed.analysis.multipliers.run_labels import NO_CLASS, class_of_linear, linear_class
         from testbed.cli.multipliers import multipliers
         from testbed.cut import Cut
 
@@ -118,7 +118,7 @@ class Notes:
         """The simple methods, trained and scored: of runs class and parameters, of windows chatter or not."""
         import numpy as np
 
-        from analysis.multipliers import baseline_scores, window_features
+        from testbed.analysis.multipliers import baseline_scores, window_features
         from testbed.export.schema import truth_column
 
         runs = self.planned.order.windows is None

@@ -46,9 +46,9 @@ def command(data: str, output: str, window: int | None, step: int | None, rate: 
     unknown, with a chatter flag. The card holds the scores of simple methods on what is held out.
     """
     from testbed.cli._training import Notes
-    from testbed.data_set import read_data_set
     from testbed.export.windows import Windowing
     from testbed.export.writing import Order, new_folder, plan, write_shards
+    from testbed.store.data_set import read_data_set
 
     if step is not None and window is None:
         raise click.UsageError("--step goes with --window")
