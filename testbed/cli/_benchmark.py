@@ -53,6 +53,8 @@ def truth_place(folder: Path) -> Path:
 
 def make(folder: Path, count: int, seed: int, show: Callable[[int, int], None]) -> None:
     """Draw and cut the campaigns into a new folder, the truth beside it. InputProblem where one of them is there already."""
+    import numpy as np
+
     from testbed.export.writing import new_folder
     from testbed.system.atomic import write_text
 
@@ -60,10 +62,11 @@ def make(folder: Path, count: int, seed: int, show: Callable[[int, int], None]) 
     if secret.exists():
         raise InputProblem(secret, "exists already", "it is the truth of an earlier benchmark: choose another folder")
     names = [f"c{number + 1:0{len(str(count))}d}" for number in range(count)]
+    bare = np.random.default_rng([1889, seed]).permutation(count)[:round(NONE_HIDDEN * count)].tolist()
     with new_folder(folder) as place:
         truth: dict[str, Any] = {}
         for number, name in enumerate(names):
-            truth[name] = _campaign(place / "campaigns" / name, seed, number)
+            truth[name] = _campaign(place / "campaigns" / name, seed, number, number not in bare)
             show(number + 1, count)
         text = json.dumps({"kind": KIND, "seed": seed, "campaigns": truth}, indent=1) + "\n"
         digest = sha256(text.encode()).hexdigest()
@@ -76,8 +79,8 @@ def make(folder: Path, count: int, seed: int, show: Callable[[int, int], None]) 
         write_text(secret, text)
 
 
-def _campaign(place: Path, seed: int, number: int) -> dict[str, Any]:
-    """Cut one campaign and write its files; returns its truth."""
+def _campaign(place: Path, seed: int, number: int, hides: bool) -> dict[str, Any]:
+    """Cut one campaign, with a hidden effect or without, and write its files; returns its truth."""
     import math
 
     import numpy as np
@@ -93,7 +96,7 @@ def _campaign(place: Path, seed: int, number: int) -> dict[str, Any]:
     drawn = draw(int(random.integers(2**62)))
     bare = Model(Structure(2.573, 146.4, 0.0034), Cutter(), Cutting("up-milling", 0.162, 5.5e8, 2.0e8))
     model, believed = bare.with_values(drawn["machine"]), bare.with_values(drawn["believed"])
-    hidden = [] if random.uniform() < NONE_HIDDEN else [drawn["effect"]]
+    hidden = [drawn["effect"]] if hides else []
     if hidden:
         model = model.with_effect(drawn["effect"], **drawn["parameters"])
     noise = math.exp(random.uniform(*map(math.log, NOISES)))

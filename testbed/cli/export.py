@@ -150,7 +150,8 @@ def describe_export(place: str, answer: Answer) -> None:
                f"{about['engine']} engine; content of the data set {about['source_content_hash'][:16]}")
     answer.say("signals: " + ", ".join(signals))
     if found["kind"] == "exported_shard":
-        answer.say(f"one file of the split {found['split']}: {found['runs']} runs, {len(found['columns'])} columns")
+        rows = "windows" if "window" in about else "runs"
+        answer.say(f"one file of the split {found['split']}: {found['runs']} {rows}, {len(found['columns'])} columns")
     else:
         _say(answer, place, found)
         answer.say(f"licence: {found['licence']}; every file has the hash that was written with it")
