@@ -25,8 +25,8 @@ from testbed.system.interruption import INTERRUPTED, interrupted, leave, listen,
 
 FOLDER = Path(__file__).parent
 # The order of `testbed --help`, along a user's way; a command not named here comes after, by the alphabet.
-ORDER = ("demo", "init", "tap", "run", "identify", "score", "export", "chart", "multipliers", "inspect", "verify", "compare",
-         "diagnose", "add", "plan", "effects", "paper", "view", "doctor")
+ORDER = ("demo", "init", "tap", "run", "identify", "score", "benchmark", "export", "chart", "multipliers", "inspect", "verify",
+         "compare", "diagnose", "add", "plan", "effects", "paper", "view", "doctor")
 
 
 _OUT_OF_MEMORY = "out of memory: close other programs, or give less at once, such as part of a record by from and to"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from typing import Any
@@ -76,6 +77,29 @@ class _Risk(click.ParamType):
 
 
 RISK = _Risk()
+
+
+class _Rate(click.ParamType):
+    """A sampling rate such as `10kHz`; becomes Hz."""
+
+    name = "rate"
+
+    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> float:
+        """Hz above 0; click's error for what is none."""
+        if isinstance(value, float):
+            return value
+        from testbed.units import UnitProblem, parse_quantity
+
+        try:
+            rate = parse_quantity(value, "Hz")
+        except UnitProblem as problem:
+            self.fail(str(problem), parameter, context)
+        if not (math.isfinite(rate) and rate > 0):
+            self.fail(f"'{value}' must be above 0: give a rate such as 10kHz", parameter, context)
+        return rate
+
+
+RATE = _Rate()
 
 
 def shared(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -113,12 +113,17 @@ def test_of_data_sets(shell, files):
     assert charts[0]["stable_probability"] is None is charts[1]["no_chance"] and "deviation" in charts[0]["no_chance"]
     agree("chart", *charts, laid_over)
     exported = shell.json("export", "tests.h5", "-o", "set")
+    windows = shell.json("export", "tests.h5", "-o", "windows", "--window", 256, "--rate", "6400 Hz")
     classifier = ClassifierScore("test", 1, 1, 1.0, 1.0, 1.0, 1.0, {"flip": {"flip": 1}})
     scores = {"baseline": baseline_json(Baseline(1, (classifier,), (RegressorScore("test", "mass", 1, 1.0, 1.0, 0.5),), ()))}
-    agree("export", exported, scores)
-    inside = [shell.json("inspect", place) for place in ("set", *map(str, Path("set/data").iterdir()))]
-    assert [one["kind"] for one in inside] == ["exported_set", "exported_shard"]
+    agree("export", exported, windows, scores)
+    inside = [shell.json("inspect", place) for place in ("set", *map(str, Path("set/data").iterdir()), "windows")]
+    assert [one["kind"] for one in inside] == ["exported_set", "exported_shard", "exported_set"]
     agree("inspect of an exported set", *inside, scores, {"folder": "set"}, more=[PATHS["export"]])
+
+
+def test_of_the_benchmark(shell):
+    agree("benchmark", shell.json("benchmark", "bench", "--campaigns", 1, "--seed", 8, "--method", "spectral"))
 
 
 ONE = Estimate(1.0, 0.9, 1.1, "Hz")
