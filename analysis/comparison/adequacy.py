@@ -1,4 +1,9 @@
-"""Whether anything but noise is left of a record: tests of its residual, with the false discoveries controlled."""
+"""Whether anything but noise is left of a record: tests of its residual, with the false discoveries controlled.
+
+A record that was left out of the fit is foretold with parameters that the others leave open: its residual varies by
+I + J C J^T in units of the noise, J its slopes and C the covariance of the fit without it. It is judged in units of that, and
+how far it lies along J beside its own share: whether it asks for other parameters than the records that foretell it.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
-from analysis.fit.held_out import RecordError
+from analysis.fit.fit_state import Linearised, WaveformFit
+from analysis.fit.held_out import RecordError, conditions_of
 from analysis.fit.nuisances import Nuisances
 from analysis.fit.observed import Observed
+from analysis.fit.waveform import COLLINEAR, Fitter
 from analysis.information import autocorrelation, independent
 from analysis.records.spindle_clock import turns_of
 
@@ -82,6 +89,53 @@ def _channel_tests(record: Observed, rest: np.ndarray, angle: float, own: Nuisan
         statistic = float(np.sum(count * mean**2)) * size / len(rest) / max(ratio, 1e-300)
         tests.append(Adequacy(record.name, "tooth angle", statistic, float(chdtrc(SECTORS - 1, statistic))))
     return tests
+
+
+def less_open(fitter: Fitter, fit: WaveformFit, errors: Sequence[RecordError]) -> tuple[list[RecordError], list[Adequacy]]:
+    """Held-out errors with residuals less what the other conditions leave open, and a test of every condition's parameters.
+
+    That leaves residuals as independent and as large as the noise, if nothing else is missing. Of one condition as they are.
+    """
+    groups, found, tests = conditions_of(fitter.records), list(errors), []
+    if len(groups) < 2:
+        return found, tests
+    told = [_told(part) for part in fit.parts]
+    axes = _axes(sum(told[1:], told[0]))
+    for group in groups:
+        share, turn = np.linalg.eigh(axes.T @ sum(told[place] for place in group) @ axes)
+        share, ways = np.clip(share, 1e-300, 1.0), axes @ turn  # of what all records tell along each way, that of this group
+        pulled = ways.T @ sum(_pull(fitter.records[place], fit.parts[place], errors[place]) for place in group)
+        step = ways @ (pulled * (1.0 - np.sqrt(1.0 - share)) / share)
+        statistic = float(np.sum(pulled**2 * (1.0 - share) / share))
+        for place in group:
+            record, part = fitter.records[place], fit.parts[place]
+            open_ = part.without_own(part.shared @ step)[: record.size]
+            found[place] = replace(errors[place], residual=errors[place].residual
+                                   - record.on_samples(open_) * record.scale[:, None])
+        tests.append(Adequacy(fitter.records[group[0]].name, "parameters", statistic, float(chdtrc(len(share), statistic))))
+    return found, tests
+
+
+def _told(part: Linearised) -> np.ndarray:
+    """Information of one record on the shared unknowns, in their natural steps, its own unknowns eliminated."""
+    own, cross, _, shared, _ = part.products
+    return shared - (cross.T @ np.linalg.pinv(own) @ cross if len(own) else 0.0)
+
+
+def _axes(information: np.ndarray) -> np.ndarray:
+    """Independent steps (unknowns, k) of one standard error each, of what is told at all."""
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(size, size))
+    kept = values > COLLINEAR
+    return vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
+
+
+def _pull(record: Observed, part: Linearised, error: RecordError) -> np.ndarray:
+    """Slopes times residual, (unknowns,), the record's own unknowns eliminated."""
+    rest = error.residual / record.scale[:, None]
+    values = np.zeros(len(part.residual))  # the last of what marks say of the clock
+    values[: record.size] = (rest if record.believed is None else rest[:, record.believed]).ravel()
+    return part.without_own(values) @ part.shared
 
 
 def controlled(tests: Sequence[Adequacy], level: float = FALSE_DISCOVERIES) -> list[Adequacy]:
