@@ -19,13 +19,13 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from analysis.fit.observe import observe
-from analysis.search.diagnose import diagnose
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import mujoco_engine
-from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import synthetic_campaign
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import synthetic_campaign
 
 LAWS = ROOT / "tests" / "validation" / "blind" / "laws"  # of no catalogue
 CASES = ((), ("edge_force",), ("dry_friction",), ("process_damping", "cubic_stiffness"), ("chip_force_exponent", "sensor_lag"),

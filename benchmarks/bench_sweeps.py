@@ -24,9 +24,9 @@ WORKERS, SILENT = 2, 4096
 
 def measure(runs: int) -> dict[str, float]:
     """us of processor time a run by this process's own tree, and, to disk, by the clock too."""
-    from testbed import sweep
     from testbed.cut import Cut, Sampling
     from testbed.engines import fast
+    from testbed.sweeps import sweep
     from tests.validation.claims import FLEXURE
     from tests.validation.throughput import scenario
 

@@ -20,9 +20,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import mujoco
 import numpy as np
 
-from analysis.linear import cells
-from analysis.linear.stability import stability_chart
 from benchmarks import peers
+from testbed.analysis.linear import cells
+from testbed.analysis.linear.stability import stability_chart
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Cuts, Sampling, whole_cut_sampling
 from testbed.engines import fast, linear_kernel, mujoco_engine

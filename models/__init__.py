@@ -51,6 +51,6 @@ def machine(name: str) -> Machine:
 
 @lru_cache(maxsize=16)
 def _structure(name: str) -> Structure:
-    from models.linearise import feed_mode  # only here is MuJoCo needed
+    from testbed.models.linearise import feed_mode  # only here is MuJoCo needed
 
     return feed_mode(Machine(name).path)

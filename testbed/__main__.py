@@ -2,7 +2,7 @@
 
 from typing import NoReturn
 
-from testbed.interruption import INTERRUPTED, interrupted, leave, listen, say_interrupted
+from testbed.system.interruption import INTERRUPTED, interrupted, leave, listen, say_interrupted
 
 
 def main() -> NoReturn:

@@ -16,12 +16,12 @@ from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import CodeType, MappingProxyType, ModuleType
 
-from testbed.compilable import check_compilable
-from testbed.door import content
 from testbed.effect import HOOKS, Effect
-from testbed.effect_checks import check_source, check_texts
-from testbed.effect_trial import defines_effect, try_effect
+from testbed.files.door import content
 from testbed.problem import InputProblem
+from testbed.trial.compilable import check_compilable
+from testbed.trial.effect_checks import check_source, check_texts
+from testbed.trial.effect_trial import defines_effect, try_effect
 from testbed.units import nearest
 
 BUILT_IN = Path(__file__).parent / "effects"

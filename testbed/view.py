@@ -11,7 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import models
+from testbed import models
 from testbed.problem import InputProblem
 
 

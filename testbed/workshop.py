@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from testbed.atomic import replacing, write_text
-from testbed.campaign import Record
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.effect import Effect
+from testbed.files.campaign import Record
+from testbed.files.manifest import Feed
+from testbed.files.model_file import write_model
 from testbed.machine import Model
-from testbed.manifest import Feed
-from testbed.model_file import write_model
 from testbed.recording import Recording
+from testbed.system.atomic import replacing, write_text
 
 RPM = 2 * math.pi / 60
 RISE = 3  # samples that the tachometer's pulse takes to rise

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
-from analysis.fit.fit_state import Linearised, WaveformFit
-from analysis.fit.held_out import RecordError, conditions_of
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed
-from analysis.fit.waveform import COLLINEAR, Fitter
-from analysis.information import autocorrelation, independent
-from analysis.records.spindle_clock import turns_of
+from testbed.analysis.fit.fit_state import Linearised, WaveformFit
+from testbed.analysis.fit.held_out import RecordError, conditions_of
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.waveform import COLLINEAR, Fitter
+from testbed.analysis.information import autocorrelation, independent
+from testbed.analysis.records.spindle_clock import turns_of
 
 LAGS = 20  # autocorrelations that the Ljung-Box test looks at
 SECTORS = 36  # of the tooth's turn, for the test against its angle

@@ -22,9 +22,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import fdtrc, stdtr
 
-from analysis.comparison.adequacy import Adequacy, controlled
-from analysis.fit.observed import Observed
-from analysis.records.free_decay import fit_free_decay, spectral_peak
+from testbed.analysis.comparison.adequacy import Adequacy, controlled
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.records.free_decay import fit_free_decay, spectral_peak
 from testbed.recording import quantity_of
 
 CYCLES = (6, 4, 3, 2)  # of a window, the shorter ones for decays that end soon

@@ -14,24 +14,24 @@ from typing import Any
 
 import numpy as np
 
-from analysis.comparison.adequacy import Adequacy, adequacy_tests, controlled
-from analysis.estimate import Estimate
-from analysis.fit.doubted_marks import with_marks_doubted
-from analysis.fit.estimates import at_bound
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.held_guesses import with_guesses_held
-from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled, pooled_doubt, record_error
-from analysis.fit.model_fit import model_fit
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed
-from analysis.fit.plausible import against_adequacy
-from analysis.fit.prediction import Plant, predict
-from analysis.fit.spindle_speed import at_modelled_speed
-from analysis.fit.told import Told
-from analysis.fit.waveform import Fitter
-from analysis.information import Z_95
-from analysis.records.segments import Segment
-from analysis.search.diagnosis import FAINT_REST
+from testbed.analysis.comparison.adequacy import Adequacy, adequacy_tests, controlled
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.fit.doubted_marks import with_marks_doubted
+from testbed.analysis.fit.estimates import at_bound
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.held_guesses import with_guesses_held
+from testbed.analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled, pooled_doubt, record_error
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.plausible import against_adequacy
+from testbed.analysis.fit.prediction import Plant, predict
+from testbed.analysis.fit.spindle_speed import at_modelled_speed
+from testbed.analysis.fit.told import Told
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.information import Z_95
+from testbed.analysis.records.segments import Segment
+from testbed.analysis.search.diagnosis import FAINT_REST
 from testbed.effect import Effect
 from testbed.machine import Model
 

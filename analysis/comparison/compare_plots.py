@@ -10,14 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from analysis.comparison.amplitude import AmplitudeDependence, free_decays
-from analysis.comparison.compare import Comparison
-from analysis.comparison.constancy import COVARIATES, Constancy
-from analysis.comparison.residual_views import CALIBRATED, MapUnits, by_angle, drawn_unit, drawn_units, map_holds, on_chart
-from analysis.force.force_state import ForceState
-from analysis.information import Z_95
-from analysis.records.inspection_plot import SEGMENT_COLOURS, envelope
-from analysis.records.lines import amplitude_spectrum
+from testbed.analysis.comparison.amplitude import AmplitudeDependence, free_decays
+from testbed.analysis.comparison.compare import Comparison
+from testbed.analysis.comparison.constancy import COVARIATES, Constancy
+from testbed.analysis.comparison.residual_views import (
+    CALIBRATED,
+    MapUnits,
+    by_angle,
+    drawn_unit,
+    drawn_units,
+    map_holds,
+    on_chart,
+)
+from testbed.analysis.force.force_state import ForceState
+from testbed.analysis.information import Z_95
+from testbed.analysis.records.inspection_plot import SEGMENT_COLOURS, envelope
+from testbed.analysis.records.lines import amplitude_spectrum
 
 KINDS = tuple(SEGMENT_COLOURS)
 SYMBOLS = {"natural_frequency": "$f_n$", "damping_ratio": "$\\zeta$", "tangential_coefficient": "$K_t$",

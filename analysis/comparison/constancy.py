@@ -17,15 +17,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc, stdtr
 
-from analysis.comparison.adequacy import Adequacy, controlled
-from analysis.estimate import Estimate
-from analysis.fit.estimates import estimates, matters
-from analysis.fit.fit_state import Free, WaveformFit
-from analysis.fit.observed import Observed
-from analysis.fit.starts import free_parameters
-from analysis.fit.waveform import Fitter
-from analysis.information import Z_95
-from analysis.threads import threaded
+from testbed.analysis.comparison.adequacy import Adequacy, controlled
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.fit.estimates import estimates, matters
+from testbed.analysis.fit.fit_state import Free, WaveformFit
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.starts import free_parameters
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.information import Z_95
+from testbed.analysis.threads import threaded
 from testbed.effect import Effect
 
 PARAMETERS = ("natural_frequency", "damping_ratio", "tangential_coefficient", "normal_coefficient")

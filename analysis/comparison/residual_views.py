@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.comparison.adequacy import tooth_angle
-from analysis.comparison.amplitude import AmplitudeDependence
-from analysis.fit.fit_state import State
-from analysis.fit.held_out import RecordError
-from analysis.fit.observed import Observed
-from analysis.linear.stability import StabilityChart, stability_chart
-from analysis.records.lines import amplitude_spectrum
+from testbed.analysis.comparison.adequacy import tooth_angle
+from testbed.analysis.comparison.amplitude import AmplitudeDependence
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.held_out import RecordError
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.linear.stability import StabilityChart, stability_chart
+from testbed.analysis.records.lines import amplitude_spectrum
 from testbed.machine import Model
 from testbed.recording import CHANNEL_UNITS, quantity_of
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from analysis.estimate import Estimate
+from testbed.analysis.estimate import Estimate
 from testbed.machine import Model
 
 _NAMES = {"natural_frequency": "natural frequency", "damping_ratio": "damping ratio", "mass": "modal mass",

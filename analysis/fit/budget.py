@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:  # a command tells the default before anything heavy is imported
     import numpy as np
 
-    from analysis.fit.observed import Observed
-    from analysis.fit.prediction import Plant
+    from testbed.analysis.fit.observed import Observed
+    from testbed.analysis.fit.prediction import Plant
 
 BUDGET = 100_000  # simulations of every record: a fit of the base model takes some thousands, a long search tens of them
 SHOWN = 500  # simulations of every record, between two signs of life

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.waveform import Fitter
 
 EXPLAINED = 1.1  # mean square residual, in noise, up to which the model is not what moves the teeth
 SURE = 0.999  # probability that the marks' own scatter makes them differ by less

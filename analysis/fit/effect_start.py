@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.fit.fit_state import Free, Linearised, State, WaveformFit
-from analysis.fit.length_cut import asks_length
-from analysis.fit.observed import Observed
-from analysis.fit.pass_search import begun_otherwise, place_entries, settle_passes, turn_phases
-from analysis.fit.prediction import Plant
-from analysis.fit.recurring_start import SCREENED, recurring_starts, residual_peaks
-from analysis.fit.shown_range import parameter_bounds
-from analysis.fit.starts import anchored_states, free_parameters, polish, softened
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.fit_state import Free, Linearised, State, WaveformFit
+from testbed.analysis.fit.length_cut import asks_length
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.pass_search import begun_otherwise, place_entries, settle_passes, turn_phases
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.recurring_start import SCREENED, recurring_starts, residual_peaks
+from testbed.analysis.fit.shown_range import parameter_bounds
+from testbed.analysis.fit.starts import anchored_states, free_parameters, polish, softened
+from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
 

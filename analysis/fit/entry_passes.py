@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.pass_search import left_at
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.pass_search import left_at
+from testbed.analysis.fit.waveform import Fitter
 
 REACH = 4  # passes to either side that are tried
 ROUNDS = 6  # times the search is begun anew from where a fit ended

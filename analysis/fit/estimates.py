@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from analysis.estimate import Estimate
-from analysis.fit.evidence import effective_size
-from analysis.fit.fit_state import Free, WaveformFit
-from analysis.fit.length_cut import moved_by_lengths
-from analysis.fit.tooth_circles import at_least_strength, directed, unknown_directions
-from analysis.fit.waveform import Fitter
-from analysis.information import Z_95
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.fit.evidence import effective_size
+from testbed.analysis.fit.fit_state import Free, WaveformFit
+from testbed.analysis.fit.length_cut import moved_by_lengths
+from testbed.analysis.fit.tooth_circles import at_least_strength, directed, unknown_directions
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.information import Z_95
 from testbed.effect import Effect
 from testbed.machine import BASE_UNITS, base_parameter
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from analysis.fit.fit_state import WaveformFit
-from analysis.information import autocorrelation, independent
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.information import autocorrelation, independent
 
 DELTA_BIC = 10.0  # gain in the criterion from which something is worth having: very strong evidence
 

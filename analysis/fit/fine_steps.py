@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.entry_passes import entries_together
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.pass_search import begun_otherwise
-from analysis.fit.prediction import Plant
-from analysis.fit.scale_profile import along_scales, kinked_scales, margin
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.entry_passes import entries_together
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.pass_search import begun_otherwise
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.scale_profile import along_scales, kinked_scales, margin
+from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 
 TIMES = 4  # as many steps: the error of second order falls to a sixteenth,

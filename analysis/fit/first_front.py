@@ -10,10 +10,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.waveform import Fitter
 
 SEEN = 0.1  # standard deviations of the noise: a smaller swing at the entry tells nothing of the front
 WORTH = 10.0  # in mean square residuals, by which the cost must fall

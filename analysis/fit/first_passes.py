@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed
-from analysis.records.free_decay import spectral_peak
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.records.free_decay import spectral_peak
 
 
 class FirstPasses:

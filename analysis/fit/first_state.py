@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observed import Observed
 from testbed.machine import Structure
 
 FEWEST = 6  # samples of a period from which displacement, velocity and offset can be read

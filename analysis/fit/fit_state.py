@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.fit.nuisances import Nuisances, end_moved_in_arc, nearly_whole
-from analysis.fit.observed import Observed
+from testbed.analysis.fit.nuisances import Nuisances, end_moved_in_arc, nearly_whole
+from testbed.analysis.fit.observed import Observed
 from testbed.machine import Model
 
 VALUES_TOGETHER = 2**22  # of residuals that are worked on at once: 32 MB, and with what is made of them a few times that;

@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import from_first_tooth
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import from_first_tooth
+from testbed.analysis.fit.waveform import Fitter
 
 BESIDE = 1.5  # samples to either side of a jump that are left out
 FEWEST = 0.5  # share of a record's samples that must be left; else all are believed

@@ -10,11 +10,11 @@ import inspect
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from analysis.fit.first_passes import first_nuisances
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.pass_search import place_exits
-from analysis.fit.starts import polish
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.first_passes import first_nuisances
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.pass_search import place_exits
+from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 
 GROWTH = (0.3, 0.6)  # shares of the cuts that are fitted before the whole of them

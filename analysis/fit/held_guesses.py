@@ -11,13 +11,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from analysis.estimate import Estimate
-from analysis.fit.estimates import estimates, unit_of
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.starts import free_parameters
-from analysis.fit.told import spread_by_held
-from analysis.fit.waveform import Fitter
-from analysis.information import Z_95
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.fit.estimates import estimates, unit_of
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.starts import free_parameters
+from testbed.analysis.fit.told import spread_by_held
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.information import Z_95
 from testbed.effect import Effect
 from testbed.machine import Model, base_parameter
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri
 
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.observed import Observed
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.waveform import Fitter
 from testbed.recording import quantity_of
 
 SUSPECT = 2.0  # squared error over that in sample, from which a record left out is looked at with a fit of its own

@@ -15,12 +15,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.first_passes import first_nuisances
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed
-from analysis.fit.waveform import Fitter
-from analysis.threads import threaded
+from testbed.analysis.fit.first_passes import first_nuisances
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.threads import threaded
 from testbed.effect import Effect, arguments_of
 
 LENGTH = "length_cut"

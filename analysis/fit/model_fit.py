@@ -6,21 +6,21 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from analysis.fit.effect_start import grown
-from analysis.fit.fine_steps import kinked
-from analysis.fit.fit_state import Free, WaveformFit
-from analysis.fit.force_jumps import at_its_jumps
-from analysis.fit.grown_cuts import bends_frequency, grown_cuts
-from analysis.fit.length_cut import asks_length, carried_on, with_lengths_found
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import Plant
-from analysis.fit.scale_hops import hopped
-from analysis.fit.starts import arrived, at_a_bound, base_fit, with_courses, with_fronts_and_courses
-from analysis.fit.structure_start import structure_start
-from analysis.fit.swing_start import swung_fit
-from analysis.fit.taken import asked_again
-from analysis.fit.told import Told, what_is_told, with_strayed_modes
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.effect_start import grown
+from testbed.analysis.fit.fine_steps import kinked
+from testbed.analysis.fit.fit_state import Free, WaveformFit
+from testbed.analysis.fit.force_jumps import at_its_jumps
+from testbed.analysis.fit.grown_cuts import bends_frequency, grown_cuts
+from testbed.analysis.fit.length_cut import asks_length, carried_on, with_lengths_found
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.scale_hops import hopped
+from testbed.analysis.fit.starts import arrived, at_a_bound, base_fit, with_courses, with_fronts_and_courses
+from testbed.analysis.fit.structure_start import structure_start
+from testbed.analysis.fit.swing_start import swung_fit
+from testbed.analysis.fit.taken import asked_again
+from testbed.analysis.fit.told import Told, what_is_told, with_strayed_modes
+from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from analysis.fit.observed import Observed
+from testbed.analysis.fit.observed import Observed
 from testbed.machine import Carrier, Model
 
 WINDOWS = (0.1, 0.3, 1.0)  # shares of each decay that are fitted one after the other

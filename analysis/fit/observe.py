@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.against_force import moves_against
-from analysis.fit.drift import drift_basis, drift_terms
-from analysis.fit.force_window import windowed
-from analysis.fit.observed import Observed
-from analysis.fit.thinning import every_nth
-from analysis.records.noise import noise_floor
-from analysis.records.passing_speed import heard_speed
-from analysis.records.ring_downs import blow_times, said_blows, used_samples
-from analysis.records.segments import find_segments
-from analysis.records.spindle_clock import check_speed, clock_error, clock_of, digital, samples_to_rise, smoothed
-from analysis.records.white_noise import white_noise
+from testbed.analysis.fit.against_force import moves_against
+from testbed.analysis.fit.drift import drift_basis, drift_terms
+from testbed.analysis.fit.force_window import windowed
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.thinning import every_nth
+from testbed.analysis.records.noise import noise_floor
+from testbed.analysis.records.passing_speed import heard_speed
+from testbed.analysis.records.ring_downs import blow_times, said_blows, used_samples
+from testbed.analysis.records.segments import find_segments
+from testbed.analysis.records.spindle_clock import check_speed, clock_error, clock_of, digital, samples_to_rise, smoothed
+from testbed.analysis.records.white_noise import white_noise
 from testbed.machine import Carrier, Cutter, Model
 from testbed.readers.checks import clipped_samples
 from testbed.recording import DERIVATIVES, Recording, sensor_of
@@ -48,7 +48,7 @@ _FORCES = ("force_x", "force_y")
 
 
 def observe(record: Any, model: Model) -> Observed:
-    """Make a campaign's record (testbed.campaign.Record) ready. ValueError where it holds nothing that can be predicted."""
+    """Make a campaign's record (testbed.files.campaign.Record) ready. ValueError where it holds nothing that can be predicted."""
     planar = model.structure.planar
     recording = record.recording.in_the_plane() if planar else record.recording.along_feed()
     names = _predicted(recording, record.kind, planar)

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.drift import drift_basis, of_a_part, over
-from analysis.fit.nuisances import Nuisances
-from analysis.records.free_decay import spectral_peak
-from analysis.records.segments import Segment
-from analysis.records.spindle_clock import along_marks
+from testbed.analysis.fit.drift import drift_basis, of_a_part, over
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.records.free_decay import spectral_peak
+from testbed.analysis.records.segments import Segment
+from testbed.analysis.records.spindle_clock import along_marks
 from testbed.cut import Cut, Sampling
 from testbed.machine import Carrier
 from testbed.recording import Sensor, sensor_of

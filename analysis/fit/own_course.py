@@ -8,14 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.first_passes import first_nuisances
-from analysis.fit.fit_state import State
-from analysis.fit.held_out import own_refit
-from analysis.fit.nuisances import Nuisances, end_moved_in_arc
-from analysis.fit.observed import Observed
-from analysis.fit.part_search import best_ends, plainer
-from analysis.fit.pass_search import recently_entered, settle_passes, squares_of, swung_entry
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.first_passes import first_nuisances
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.held_out import own_refit
+from testbed.analysis.fit.nuisances import Nuisances, end_moved_in_arc
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.part_search import best_ends, plainer
+from testbed.analysis.fit.pass_search import recently_entered, settle_passes, squares_of, swung_entry
+from testbed.analysis.fit.waveform import Fitter
 from testbed.machine import Model
 
 ANGLES = 24  # of a tooth pitch that are tried, or more: so many to

@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.held_out import own_refit
-from analysis.fit.nuisances import MISSING, Nuisances, end_moved_in_arc, end_whole
-from analysis.fit.pass_search import left_at, squares_of
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.held_out import own_refit
+from testbed.analysis.fit.nuisances import MISSING, Nuisances, end_moved_in_arc, end_whole
+from testbed.analysis.fit.pass_search import left_at, squares_of
+from testbed.analysis.fit.waveform import Fitter
 
 REACH = 2  # passes beside the entry and the exit that are tried, or one where the parts are more than FINE
 PARTS = 8  # into which the arc is divided first,

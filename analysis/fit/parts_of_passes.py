@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.nuisances import Nuisances, end_whole
-from analysis.fit.observed import Observed
-from analysis.fit.part_search import (
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.nuisances import Nuisances, end_whole
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.part_search import (
     PLAIN,
     beside_whole,
     best_ends,
@@ -28,9 +28,9 @@ from analysis.fit.part_search import (
     reachable,
     settled,
 )
-from analysis.fit.pass_search import squares_of
-from analysis.fit.waveform import Fitter
-from analysis.threads import threaded
+from testbed.analysis.fit.pass_search import squares_of
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.threads import threaded
 
 MISFIT = 1.05  # mean squared residual, in noise, above which a record may have begun or ended within an arc,
 KICK = 3.0  # or slow residual about its entry or exit over that of its other passes, as mean squares,

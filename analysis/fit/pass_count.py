@@ -12,12 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.held_out import own_refit
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.pass_search import entered, left_at, place_entries, place_exits, recently_entered, squares_of
-from analysis.fit.waveform import Fitter
-from analysis.threads import threaded
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.held_out import own_refit
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.pass_search import entered, left_at, place_entries, place_exits, recently_entered, squares_of
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.threads import threaded
 
 MISFIT = 1.1  # mean square residual, in units of the noise, from which a record's passes are doubted
 DOUBTED = 2  # records, the worst fitted, whose passes are tried

@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.first_passes import first_nuisances
-from analysis.fit.first_state import begun_as_seen
-from analysis.fit.fit_state import State, WaveformFit, together
-from analysis.fit.nuisances import Nuisances, other_teeth, turned_by
-from analysis.fit.observed import Observed
-from analysis.fit.waveform import Fitter
-from analysis.threads import threaded
+from testbed.analysis.fit.first_passes import first_nuisances
+from testbed.analysis.fit.first_state import begun_as_seen
+from testbed.analysis.fit.fit_state import State, WaveformFit, together
+from testbed.analysis.fit.nuisances import Nuisances, other_teeth, turned_by
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.threads import threaded
 from testbed.machine import Model
 
 COARSE = 24  # places over a record at which an exit is looked for first

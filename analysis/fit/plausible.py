@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from analysis.estimate import Estimate
-from analysis.fit.estimates import at_bound, estimates, speed_factors
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.waveform import Fitter
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.fit.estimates import at_bound, estimates, speed_factors
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import BASE_UNITS, Model, base_parameter
 from testbed.units import format_quantity

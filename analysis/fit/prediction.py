@@ -9,8 +9,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observed import Observed
 from testbed.cut import REMEMBERED
 from testbed.machine import Model
 

@@ -13,13 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import predict
-from analysis.fit.shown_range import parameter_bounds
-from analysis.fit.waveform import Fitter
-from analysis.records.lines import standing_out
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import predict
+from testbed.analysis.fit.shown_range import parameter_bounds
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.records.lines import standing_out
 from testbed.effect import Effect, Parameter
 
 SMALL = 1e-4  # of the example, at which a prediction is still linear in the amplitude

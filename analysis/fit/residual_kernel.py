@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from testbed.kernel_cache import kept
+from testbed.system.kernel_cache import kept
 
 # sums may be taken in any order, so that several go forward at once; nothing is assumed of NaN or infinity
 _SUMS = {"reassoc", "contract"}

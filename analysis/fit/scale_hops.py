@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.pass_search import place_exits
-from analysis.fit.starts import polish
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.pass_search import place_exits
+from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect, Parameter
 
 CORNER = 8  # iterations of a fit that only has to find its valley

@@ -16,9 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.fit_state import Descent, Linearised, WaveformFit
-from analysis.fit.scale_hops import scales
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.fit_state import Descent, Linearised, WaveformFit
+from testbed.analysis.fit.scale_hops import scales
+from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 
 NEAR = 0.003  # of the logarithm of the scale: to the first place on each side, within a valley or in the one beside it;

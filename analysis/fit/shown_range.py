@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.fit.observed import Observed
+from testbed.analysis.fit.observed import Observed
 from testbed.effect import Parameter
 
 SLOWEST = 0.5  # periods in the longest record

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from analysis.fit.observed import Observed
-from analysis.records.spindle_clock import turns_of
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.records.spindle_clock import turns_of
 from testbed.effect import Effect
 
 

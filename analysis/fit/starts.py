@@ -8,23 +8,30 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.entry_passes import entries_together
-from analysis.fit.first_front import with_front_found
-from analysis.fit.first_passes import FirstPasses, first_nuisances
-from analysis.fit.first_state import begun_as_seen
-from analysis.fit.fit_state import Free, State, WaveformFit
-from analysis.fit.held_out import own_refit
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed
-from analysis.fit.own_course import angles_tried, begun_afresh, own_course
-from analysis.fit.parts_of_passes import with_parts_of_passes
-from analysis.fit.pass_count import cut_elsewhere, recounted
-from analysis.fit.pass_search import begun_otherwise, entered, place_entries, place_exits, recently_entered, settle_passes
-from analysis.fit.prediction import Plant, predict
-from analysis.fit.shown_range import frequency_bounds, mass_bounds
-from analysis.fit.structure_start import decay_start, structure_start
-from analysis.fit.waveform import Fitter
-from analysis.threads import threaded
+from testbed.analysis.fit.entry_passes import entries_together
+from testbed.analysis.fit.first_front import with_front_found
+from testbed.analysis.fit.first_passes import FirstPasses, first_nuisances
+from testbed.analysis.fit.first_state import begun_as_seen
+from testbed.analysis.fit.fit_state import Free, State, WaveformFit
+from testbed.analysis.fit.held_out import own_refit
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.own_course import angles_tried, begun_afresh, own_course
+from testbed.analysis.fit.parts_of_passes import with_parts_of_passes
+from testbed.analysis.fit.pass_count import cut_elsewhere, recounted
+from testbed.analysis.fit.pass_search import (
+    begun_otherwise,
+    entered,
+    place_entries,
+    place_exits,
+    recently_entered,
+    settle_passes,
+)
+from testbed.analysis.fit.prediction import Plant, predict
+from testbed.analysis.fit.shown_range import frequency_bounds, mass_bounds
+from testbed.analysis.fit.structure_start import decay_start, structure_start
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.threads import threaded
 from testbed.machine import Model, base_parameter
 
 FURTHER = 60  # iterations more of a fit that has not converged

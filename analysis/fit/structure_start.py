@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.fit.modes_start import modes_start
-from analysis.fit.observed import Observed
-from analysis.records.decay_modes import decay_modes
-from analysis.records.free_decay import FreeDecay, fit_free_decay, spectral_peak
+from testbed.analysis.fit.modes_start import modes_start
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.records.decay_modes import decay_modes
+from testbed.analysis.records.free_decay import FreeDecay, fit_free_decay, spectral_peak
 from testbed.machine import Model
 from testbed.recording import DERIVATIVES
 

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from analysis.fit.fit_state import Free, State, WaveformFit
-from analysis.fit.nuisances import Nuisances, turned_by
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import Plant
-from analysis.fit.starts import base_fit, polish, with_courses
-from analysis.fit.waveform import Fitter
-from analysis.records.spindle_clock import turns_of
+from testbed.analysis.fit.fit_state import Free, State, WaveformFit
+from testbed.analysis.fit.nuisances import Nuisances, turned_by
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.starts import base_fit, polish, with_courses
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.records.spindle_clock import turns_of
 from testbed.effect import Effect
 from testbed.machine import Model
 

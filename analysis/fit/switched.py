@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.fit_state import State
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 
 SEEN = 0.1  # mean square change of a prediction, in noise, from which it matters

@@ -10,9 +10,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.observed import Observed
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.waveform import Fitter
 
 APART = 3e-4  # by which true over stated speed must differ among the cuts: what is common to all, the coefficients take
 WORTH = 10.0  # in mean square residuals, by which the cost must fall

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from analysis.fit.first_front import front_note, with_front_found
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.length_cut import length_note
-from analysis.fit.observed import Observed
-from analysis.fit.table_feed import feed_note, with_feed_found
-from analysis.fit.thinning import thinned_note
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.first_front import front_note, with_front_found
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.length_cut import length_note
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.table_feed import feed_note, with_feed_found
+from testbed.analysis.fit.thinning import thinned_note
+from testbed.analysis.fit.waveform import Fitter
 
 
 def asked_again(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:

@@ -21,7 +21,7 @@ def every_nth(samples: int, rate: float, natural_frequency: float, tooth_passing
 
 
 def thinned_note(used: Sequence[Any]) -> list[str]:
-    """A line on the records (analysis.fit.observed.Observed) of which a fit takes every n-th sample only."""
+    """A line on the records (testbed.analysis.fit.observed.Observed) of which a fit takes every n-th sample only."""
     told = [f"{one.name} (every {one.every}th sample, {one.rate:.4g} Hz)" for one in used if one.every > 1]
     more = f" and {len(told) - 3} more" if len(told) > 3 else ""
     return [f"very long, so not every sample is fitted: {', '.join(told[:3])}{more}; with from and to a shorter part is fitted "

@@ -14,15 +14,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.fit.effect_start import all_free
-from analysis.fit.estimates import unit_of
-from analysis.fit.fit_state import Free, State, WaveformFit
-from analysis.fit.held_out import own_refit
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import Plant, predict
-from analysis.fit.starts import free_parameters, scan_starts
-from analysis.fit.structure_start import structure_start
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.effect_start import all_free
+from testbed.analysis.fit.estimates import unit_of
+from testbed.analysis.fit.fit_state import Free, State, WaveformFit
+from testbed.analysis.fit.held_out import own_refit
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import Plant, predict
+from testbed.analysis.fit.starts import free_parameters, scan_starts
+from testbed.analysis.fit.structure_start import structure_start
+from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import CARRIERS, Model, base_parameter
 from testbed.recording import motion_channel, quantity_of, sensor_of

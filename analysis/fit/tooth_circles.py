@@ -13,8 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect, arguments_of, hook_value
 from testbed.machine import Cutter, Model
 

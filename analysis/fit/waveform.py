@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit, names_of, of_rows, together
-from analysis.fit.nuisances import MISSING, Nuisances, begun_with, end_moved, end_moved_in_arc, turned_by
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import Plant, predict
-from analysis.fit.residual_kernel import difference, fill_residuals
-from analysis.threads import threaded
+from testbed.analysis.fit.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit, names_of, of_rows, together
+from testbed.analysis.fit.nuisances import MISSING, Nuisances, begun_with, end_moved, end_moved_in_arc, turned_by
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import Plant, predict
+from testbed.analysis.fit.residual_kernel import difference, fill_residuals
+from testbed.analysis.threads import threaded
 from testbed.machine import Model
 
 SLOWEST = 0.8  # of the nominal speed, that a record without marks may turn out to have had

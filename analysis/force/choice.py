@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.fit.evidence import DELTA_BIC
-from analysis.force.regression import Products
-from analysis.information import Z_95, autocorrelation, independent
-from testbed.proposal import Coefficient
+from testbed.analysis.fit.evidence import DELTA_BIC
+from testbed.analysis.force.regression import Products
+from testbed.analysis.information import Z_95, autocorrelation, independent
+from testbed.trial.proposal import Coefficient
 
 MOST_TERMS = 4
 WORTH = 0.04  # share of the excess that one term more must take away

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.fit.fit_state import State
-from analysis.fit.observed import Observed
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.observed import Observed
 from testbed.cut import Cut
 from testbed.effect import Effect
 from testbed.geometry import true_geometry

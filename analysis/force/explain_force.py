@@ -11,20 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.fit_state import State
-from analysis.fit.held_out import holds_out
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import Plant
-from analysis.force.choice import Choice, Chooser, Subset, choose, coefficients, waveform
-from analysis.force.cut_variables import course_of
-from analysis.force.latent_force import MissingForce, by_the_marks, missing_force, with_force
-from analysis.force.ranking import Ranked, rank
-from analysis.force.regression import products, windows_of
-from analysis.force.terms import power_term
-from analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, OtherForm
-from analysis.search.law_form import references
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.held_out import holds_out
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.force.choice import Choice, Chooser, Subset, choose, coefficients, waveform
+from testbed.analysis.force.cut_variables import course_of
+from testbed.analysis.force.latent_force import MissingForce, by_the_marks, missing_force, with_force
+from testbed.analysis.force.ranking import Ranked, rank
+from testbed.analysis.force.regression import products, windows_of
+from testbed.analysis.force.terms import power_term
+from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, OtherForm
+from testbed.analysis.search.law_form import references
 from testbed.effect import Effect
-from testbed.proposal import Coefficient, ForceTerm, write_proposal
+from testbed.trial.proposal import Coefficient, ForceTerm, write_proposal
 
 ANGLES = (-0.05, 0.0, 0.05)  # rad, changes of the tooth angle that every formula is tried at
 EXPLAINED = 0.5  # share of the excess from which a formula is called a description of the force

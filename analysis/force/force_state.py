@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.held_out import RecordError
-from analysis.fit.prediction import Plant
-from analysis.fit.waveform import Fitter
-from analysis.force.latent_force import RecordForce, missing_force, motion_channels
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.held_out import RecordError
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.force.latent_force import RecordForce, missing_force, motion_channels
 from testbed.effect import Effect
 
 MOVING = 0.1  # of the largest motion: samples nearer to rest say nothing about a force of the motion

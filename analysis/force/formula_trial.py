@@ -11,16 +11,16 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from analysis.fit.effect_start import all_free
-from analysis.fit.fit_state import State
-from analysis.fit.model_fit import model_fit
-from analysis.fit.prediction import Plant
-from analysis.fit.starts import polish
-from analysis.fit.waveform import Fitter
-from analysis.force.explain_force import Explanation, explanations_from, formula_text
-from analysis.force.trial_law import NAME, trial_law
-from analysis.search.begun_anew import with_examples
-from analysis.search.unheard import SOUND, agreed, misfit
+from testbed.analysis.fit.effect_start import all_free
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.force.explain_force import Explanation, explanations_from, formula_text
+from testbed.analysis.force.trial_law import NAME, trial_law
+from testbed.analysis.search.begun_anew import with_examples
+from testbed.analysis.search.unheard import SOUND, agreed, misfit
 from testbed.effect import Effect
 from testbed.machine import Model
 

@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.fit.fit_state import State
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import Plant, predict
-from analysis.force.cut_variables import SUBSTEPS, Course, Trajectory, course_of, model_force
-from analysis.force.response import response
-from analysis.force.smoother import SETTLING, Prior, smooth, tuned_prior
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import Plant, predict
+from testbed.analysis.force.cut_variables import SUBSTEPS, Course, Trajectory, course_of, model_force
+from testbed.analysis.force.response import response
+from testbed.analysis.force.smoother import SETTLING, Prior, smooth, tuned_prior
 from testbed.effect import Effect
 from testbed.machine import Model
 

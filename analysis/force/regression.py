@@ -16,15 +16,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.fit.held_out import conditions_of
-from analysis.fit.observed import Observed
-from analysis.force.cut_variables import SUBSTEPS, CellForce, Course, Edges, Trajectory, base_force, course_of, model_force
-from analysis.force.latent_force import MissingForce, motion_channels
-from analysis.force.response import response
-from analysis.force.terms import cell_force, structure_terms, tooth_terms
-from analysis.threads import threaded
+from testbed.analysis.fit.held_out import conditions_of
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.force.cut_variables import (
+    SUBSTEPS,
+    CellForce,
+    Course,
+    Edges,
+    Trajectory,
+    base_force,
+    course_of,
+    model_force,
+)
+from testbed.analysis.force.latent_force import MissingForce, motion_channels
+from testbed.analysis.force.response import response
+from testbed.analysis.force.terms import cell_force, structure_terms, tooth_terms
+from testbed.analysis.threads import threaded
 from testbed.machine import Model
-from testbed.proposal import ForceTerm
+from testbed.trial.proposal import ForceTerm
 
 CYCLES, REVOLUTIONS = 8, 3  # a window spans at least so many vibrations and revolutions
 MARGIN = 1.5  # revolutions left out on both sides of entry and exit, whose passes may be wrong

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from analysis.force.cut_variables import SUBSTEPS
+from testbed.analysis.force.cut_variables import SUBSTEPS
 from testbed.machine import Model
 
 

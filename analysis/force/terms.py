@@ -10,8 +10,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from analysis.force.cut_variables import CellForce, Course, Edges, Trajectory
-from testbed.proposal import ForceTerm
+from testbed.analysis.force.cut_variables import CellForce, Course, Edges, Trajectory
+from testbed.trial.proposal import ForceTerm
 
 HARMONICS = 6  # of the tooth angle
 CREEP = 1e-3  # m/s, the velocity over which a change of sign is rounded

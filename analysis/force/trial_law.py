@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from analysis.force.explain_force import Explanation
-from analysis.force.regression import library
+from testbed.analysis.force.explain_force import Explanation
+from testbed.analysis.force.regression import library
 from testbed.catalogue import read_effect
 from testbed.effect import Effect, Parameter
-from testbed.proposal import SPAN, Coefficient, ForceTerm, effect_text
+from testbed.trial.proposal import SPAN, Coefficient, ForceTerm, effect_text
 
 NAME = "formula_on_trial"
 _NOWHERE = ("no channel",)  # of terms that a formula lacks: what no channel shows is unknown to no fit

@@ -11,14 +11,14 @@ import math
 
 import numpy as np
 
-from analysis.linear.characteristic import corrected
-from analysis.linear.delay_equation import DelayEquation, milling_equation
-from analysis.linear.dominant import DENSE, largest_of
-from analysis.linear.lane_correction import corrected_multipliers
-from analysis.linear.lane_maps import rough_multipliers
-from analysis.linear.lanes import LANES
-from analysis.linear.planar_multipliers import planar_largest
-from analysis.linear.spectral_elements import (
+from testbed.analysis.linear.characteristic import corrected
+from testbed.analysis.linear.delay_equation import DelayEquation, milling_equation
+from testbed.analysis.linear.dominant import DENSE, largest_of
+from testbed.analysis.linear.lane_correction import corrected_multipliers
+from testbed.analysis.linear.lane_maps import rough_multipliers
+from testbed.analysis.linear.lanes import LANES
+from testbed.analysis.linear.planar_multipliers import planar_largest
+from testbed.analysis.linear.spectral_elements import (
     FINER,
     TABLES,
     TOLERANCE,
@@ -28,11 +28,11 @@ from analysis.linear.spectral_elements import (
     sampled,
     swing_rate,
 )
-from analysis.linear.temporal_elements import transition_matrix
-from analysis.threads import WORKERS, threaded
+from testbed.analysis.linear.temporal_elements import transition_matrix
+from testbed.analysis.threads import WORKERS, threaded
 from testbed.cut import Cut
-from testbed.kernel_cache import kept
 from testbed.machine import Model
+from testbed.system.kernel_cache import kept
 
 LADDER = math.log(1.1)  # swings within this ratio share their elements
 BLANK = 1e-4  # of the largest multiplier over max(1, modulus): a cell with a larger error is left blank

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from testbed.kernel_cache import kept
+from testbed.system.kernel_cache import kept
 
 DIFFERENCE = 1e-5  # of mu, for the slope
 CORRECTED = 0.1  # of mu: a longer step leads nowhere

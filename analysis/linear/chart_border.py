@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from analysis.linear.stability import StabilityChart
+from testbed.analysis.linear.stability import StabilityChart
 
 FINE_SPEEDS, FINE_DEPTHS = 1600, 400  # points of a picture, which no eye asks to be more
 MOST_PARTS = 16  # into which a cell is divided along either axis

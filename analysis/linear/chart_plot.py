@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.linear.labels import label
-from analysis.linear.stability import CLASSES, FEED_ONLY, StabilityChart, said_class
+from testbed.analysis.linear.labels import label
+from testbed.analysis.linear.stability import CLASSES, FEED_ONLY, StabilityChart, said_class
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

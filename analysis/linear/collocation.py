@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.linalg import expm
 
-from analysis.linear.delay_equation import DelayEquation
+from testbed.analysis.linear.delay_equation import DelayEquation
 
 
 def _basis(points: np.ndarray, degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.linear.delay_equation import DelayEquation, mathieu_equation
-from testbed.kernel_cache import kept
+from testbed.analysis.linear.delay_equation import DelayEquation, mathieu_equation
 from testbed.recording import Recording
+from testbed.system.kernel_cache import kept
 
 STEPS = 1200  # of Runge-Kutta in a delay; leaves a relative error of about 4e-10
 

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from analysis.linear.spectral_elements import dense_map, times_map
-from testbed.kernel_cache import kept
+from testbed.analysis.linear.spectral_elements import dense_map, times_map
+from testbed.system.kernel_cache import kept
 
 DENSE = 32  # unknowns up to which the whole matrix is squared
 FIRST_SQUARINGS, MOST_SQUARINGS = 4, 14  # 2^14 passes: 11.5 / 2^14 tells two moduli apart that differ by 7e-4

@@ -12,9 +12,9 @@ import math
 
 import numpy as np
 
-from analysis.linear.characteristic import CORRECTED
-from analysis.linear.lane_maps import alike, room, spread, structure
-from testbed.kernel_cache import kept
+from testbed.analysis.linear.characteristic import CORRECTED
+from testbed.analysis.linear.lane_maps import alike, room, spread, structure
+from testbed.system.kernel_cache import kept
 
 TERMS = 60  # of the series, at most
 SMALLEST = 1e-22  # of a state's transition, where the series ends: what more cells together would add changes no digit

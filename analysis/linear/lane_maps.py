@@ -12,9 +12,9 @@ import math
 
 import numpy as np
 
-from analysis.linear.lanes import GROWTH, invert, largest_eigenvalues, multiply
-from analysis.linear.planar_elements import mode_answers, mode_flight
-from testbed.kernel_cache import kept
+from testbed.analysis.linear.lanes import GROWTH, invert, largest_eigenvalues, multiply
+from testbed.analysis.linear.planar_elements import mode_answers, mode_flight
+from testbed.system.kernel_cache import kept
 
 
 @kept

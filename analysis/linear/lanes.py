@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from analysis.linear.dominant import FIRST_SQUARINGS, MOST_SQUARINGS, dominant, told
-from testbed.kernel_cache import kept
+from testbed.analysis.linear.dominant import FIRST_SQUARINGS, MOST_SQUARINGS, dominant, told
+from testbed.system.kernel_cache import kept
 
 LANES = 32  # handed to the compiled functions: a short loop of a length known to the compiler is unrolled and stays scalar
 GROWTH = 1e6  # squares of an elimination's factors without exchange of rows: three digits lost

@@ -14,10 +14,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.linear.planar_equation import chip_stiffness
-from analysis.linear.spectral_elements import MOST_POINTS, TABLES, _eliminate
-from analysis.linear.temporal_elements import transition_matrix
-from testbed.kernel_cache import kept
+from testbed.analysis.linear.planar_equation import chip_stiffness
+from testbed.analysis.linear.spectral_elements import MOST_POINTS, TABLES, _eliminate
+from testbed.analysis.linear.temporal_elements import transition_matrix
+from testbed.system.kernel_cache import kept
 
 _ON = 1e-10  # of an element: nearer to a point of it is on it
 

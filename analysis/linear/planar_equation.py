@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.linear.spectral_elements import LONGEST, MOST_POINTS
-from testbed.kernel_cache import kept
+from testbed.analysis.linear.spectral_elements import LONGEST, MOST_POINTS
 from testbed.machine import Model
+from testbed.system.kernel_cache import kept
 
 CLOSE = 1e-9  # of a period: corners that are nearer are one
 MOST_PHASE = 1200.0  # rad in the cuts of a period: about 190 oscillations

@@ -11,16 +11,16 @@ import math
 
 import numpy as np
 
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.dominant import append, dominant, full
-from analysis.linear.planar_elements import PLANAR_TABLES, period_map, times_period
-from analysis.linear.planar_equation import PlanarMachine, chip_stiffness, divide, planar_machine
-from analysis.linear.spectral_elements import FINE, TOLERANCE, multipliers
-from analysis.linear.temporal_elements import sort_multipliers
-from analysis.threads import threaded
+from testbed.analysis.linear.delay_equation import milling_equation
+from testbed.analysis.linear.dominant import append, dominant, full
+from testbed.analysis.linear.planar_elements import PLANAR_TABLES, period_map, times_period
+from testbed.analysis.linear.planar_equation import PlanarMachine, chip_stiffness, divide, planar_machine
+from testbed.analysis.linear.spectral_elements import FINE, TOLERANCE, multipliers
+from testbed.analysis.linear.temporal_elements import sort_multipliers
+from testbed.analysis.threads import threaded
 from testbed.cut import Cut
-from testbed.kernel_cache import kept
 from testbed.machine import Model
+from testbed.system.kernel_cache import kept
 
 MORE = (0, 2, 4, 7)  # points more in every element
 BLANK = 1e-4  # of the largest multiplier of a period over max(1, modulus): beyond, no answer

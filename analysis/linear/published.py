@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.stability import StabilityClass, classify
-from analysis.linear.temporal_elements import characteristic_multipliers
+from testbed.analysis.linear.delay_equation import milling_equation
+from testbed.analysis.linear.stability import StabilityClass, classify
+from testbed.analysis.linear.temporal_elements import characteristic_multipliers
 from testbed.cut import Cut
 from testbed.machine import Model
 

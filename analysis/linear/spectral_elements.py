@@ -16,10 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import legendre
 
-from analysis.linear.characteristic import corrected
-from analysis.linear.delay_equation import DelayEquation
-from analysis.linear.temporal_elements import sort_multipliers, transition_matrix
-from testbed.kernel_cache import kept
+from testbed.analysis.linear.characteristic import corrected
+from testbed.analysis.linear.delay_equation import DelayEquation
+from testbed.analysis.linear.temporal_elements import sort_multipliers, transition_matrix
+from testbed.system.kernel_cache import kept
 
 MOST_POINTS = 24  # of one element: beyond, several elements cost less
 LONGEST = 16.0  # rad in one element, for the same reason

@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from analysis.linear.cells import largest_multipliers
+from testbed.analysis.linear.cells import largest_multipliers
 from testbed.machine import Model
 
 LimitLies = Literal["within", "below", "above"]

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.linear.delay_equation import DelayEquation
-from testbed.kernel_cache import kept
+from testbed.analysis.linear.delay_equation import DelayEquation
+from testbed.system.kernel_cache import kept
 
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 GAUSS_POINTS, GAUSS_WEIGHTS = 0.5 * (_POINTS + 1.0), 0.5 * _WEIGHTS

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
-from analysis.multipliers.floquet import delay_embedding_multipliers, once_per_period_samples, passing_period
-from analysis.records.segments import main_channel
+from testbed.analysis.multipliers.floquet import delay_embedding_multipliers, once_per_period_samples, passing_period
+from testbed.analysis.records.segments import main_channel
 from testbed.recording import Recording
 
 FEATURES = ("log spread over teeth per feed", "log growth of the spread", "spread over teeth per rms", "alternation",

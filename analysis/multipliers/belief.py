@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from analysis.multipliers.multiplier_fit import MultiplierFit, best_fit, fit_multipliers
+from testbed.analysis.multipliers.multiplier_fit import MultiplierFit, best_fit, fit_multipliers
 
 LINE = 3e-3  # distance from modulus 1 within which a mode neither dies nor grows,
 UNEQUAL = 1.5e-2  # from a root of 1 of the number of teeth, within which it recurs once a revolution,

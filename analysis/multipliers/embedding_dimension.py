@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from analysis.multipliers.floquet import once_per_period_samples, tooth_period
-from analysis.records.white_noise import white_noise
+from testbed.analysis.multipliers.floquet import once_per_period_samples, tooth_period
+from testbed.analysis.records.white_noise import white_noise
 from testbed.recording import Recording
 
 

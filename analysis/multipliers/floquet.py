@@ -22,10 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from analysis.information import Z_95
-from analysis.multipliers.belief import foreign_modes, held_modes, mode_columns, mode_strength, significant, verdict
-from analysis.multipliers.multiplier_fit import MultiplierFit, best_fit, delay_embedding_multipliers, fit_multipliers
-from analysis.records.spindle_clock import turns_of
+from testbed.analysis.information import Z_95
+from testbed.analysis.multipliers.belief import foreign_modes, held_modes, mode_columns, mode_strength, significant, verdict
+from testbed.analysis.multipliers.multiplier_fit import MultiplierFit, best_fit, delay_embedding_multipliers, fit_multipliers
+from testbed.analysis.records.spindle_clock import turns_of
 from testbed.recording import Recording
 
 __all__ = ["EmpiricalMultipliers", "TooFewPeriods", "delay_embedding_multipliers", "empirical_multipliers",

@@ -15,12 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares, linear_sum_assignment
 
-from analysis.estimate import Estimate
-from analysis.information import Z_95
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.spectral_elements import plain_multipliers
-from analysis.multipliers.floquet import EmpiricalMultipliers
-from analysis.multipliers.recorded_cut import at_measured_speed, measured_multipliers, started_from_ring_down
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.information import Z_95
+from testbed.analysis.linear.delay_equation import milling_equation
+from testbed.analysis.linear.spectral_elements import plain_multipliers
+from testbed.analysis.multipliers.floquet import EmpiricalMultipliers
+from testbed.analysis.multipliers.recorded_cut import at_measured_speed, measured_multipliers, started_from_ring_down
 from testbed.cut import Cut
 from testbed.machine import Model
 from testbed.recording import Recording

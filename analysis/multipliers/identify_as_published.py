@@ -15,11 +15,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
-from analysis.estimate import Estimate
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.temporal_elements import characteristic_multipliers
-from analysis.multipliers.floquet import delay_embedding_multipliers, once_per_period_samples, passing_period
-from analysis.multipliers.recorded_cut import cut_bounds
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.linear.delay_equation import milling_equation
+from testbed.analysis.linear.temporal_elements import characteristic_multipliers
+from testbed.analysis.multipliers.floquet import delay_embedding_multipliers, once_per_period_samples, passing_period
+from testbed.analysis.multipliers.recorded_cut import cut_bounds
 from testbed.cut import Cut
 from testbed.machine import Model
 from testbed.recording import Recording

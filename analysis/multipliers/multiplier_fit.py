@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed.kernel_cache import kept
+from testbed.system.kernel_cache import kept
 
 _KEPT_COLUMNS = 16  # singular directions of the samples that can hold modes; the rest is noise alone
 

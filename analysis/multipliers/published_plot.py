@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.multipliers.verdict import WINDOW
+from testbed.analysis.multipliers.verdict import WINDOW
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,16 +6,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from analysis.multipliers.floquet import (
+from testbed.analysis.multipliers.floquet import (
     EmpiricalMultipliers,
     TooFewPeriods,
     empirical_multipliers,
     passing_period,
     tooth_period,
 )
-from analysis.multipliers.ring_down import ring_down
-from analysis.multipliers.vibration_period import vibration_period
-from analysis.records.spindle_clock import check_speed
+from testbed.analysis.multipliers.ring_down import ring_down
+from testbed.analysis.multipliers.vibration_period import vibration_period
+from testbed.analysis.records.spindle_clock import check_speed
 from testbed.cut import Cut
 from testbed.machine import Model
 from testbed.recording import Recording

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
 
-from analysis.information import Z_95
+from testbed.analysis.information import Z_95
 from testbed.recording import Recording
 
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from analysis.linear.planar_multipliers import cut_multipliers
-from analysis.linear.stability import classify
-from analysis.multipliers.verdict import changing_part, once_per_tooth_samples, simulated_verdict
-from analysis.records.chatter import judge_cut
-from analysis.records.segments import Segment, main_channel
+from testbed.analysis.linear.planar_multipliers import cut_multipliers
+from testbed.analysis.linear.stability import classify
+from testbed.analysis.multipliers.verdict import changing_part, once_per_tooth_samples, simulated_verdict
+from testbed.analysis.records.chatter import judge_cut
+from testbed.analysis.records.segments import Segment, main_channel
 from testbed.cut import Cut
 from testbed.machine import Model
 from testbed.recording import Recording

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.information import Z_95
+from testbed.analysis.information import Z_95
 from testbed.machine import Model
 
 PARAMETERS = ("natural_frequency", "damping_ratio", "tangential_coefficient")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analysis.multipliers.score import Cost, ParameterScore, binomial_interval
+from testbed.analysis.multipliers.score import Cost, ParameterScore, binomial_interval
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

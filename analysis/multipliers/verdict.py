@@ -24,7 +24,7 @@ from typing import Literal
 
 import numpy as np
 
-from analysis.multipliers.floquet import once_per_period_samples, tooth_period
+from testbed.analysis.multipliers.floquet import once_per_period_samples, tooth_period
 from testbed.recording import Recording
 
 Observed = Literal["stable", "flip", "neimark_sacker", "undecided"]

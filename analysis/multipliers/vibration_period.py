@@ -13,10 +13,10 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
 
-from analysis.multipliers.floquet import once_per_period_samples
-from analysis.multipliers.multiplier_fit import delay_embedding_multipliers, mode_basis
-from analysis.records.lines import comb_speed
-from analysis.records.passing_speed import heard_speed
+from testbed.analysis.multipliers.floquet import once_per_period_samples
+from testbed.analysis.multipliers.multiplier_fit import delay_embedding_multipliers, mode_basis
+from testbed.analysis.records.lines import comb_speed
+from testbed.analysis.records.passing_speed import heard_speed
 from testbed.recording import Recording
 
 DELAYS = 64  # phases a period: the slope of a pattern is seen by few

@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from analysis.information import Z_95
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.stability import stability_chart
-from analysis.linear.temporal_elements import characteristic_multipliers
-from analysis.multipliers.floquet import EmpiricalMultipliers, empirical_multipliers
-from analysis.multipliers.identify import identify_multipliers
-from analysis.paper.bench import IDENTIFIED, MASS, Bench, clean_record, course_of, cut_at, measured
-from analysis.paper.errors import START, TESTS
-from analysis.paper.fig6 import DEPTHS, SPEEDS
-from analysis.paper.part import Part, Picture, Statement, Table
-from analysis.paper.style import PAGE, RED, figure, letter, rpm
-from analysis.paper.table2 import machine
+from testbed.analysis.information import Z_95
+from testbed.analysis.linear.delay_equation import milling_equation
+from testbed.analysis.linear.stability import stability_chart
+from testbed.analysis.linear.temporal_elements import characteristic_multipliers
+from testbed.analysis.multipliers.floquet import EmpiricalMultipliers, empirical_multipliers
+from testbed.analysis.multipliers.identify import identify_multipliers
+from testbed.analysis.paper.bench import IDENTIFIED, MASS, Bench, clean_record, course_of, cut_at, measured
+from testbed.analysis.paper.errors import START, TESTS
+from testbed.analysis.paper.fig6 import DEPTHS, SPEEDS
+from testbed.analysis.paper.part import Part, Picture, Statement, Table
+from testbed.analysis.paper.style import PAGE, RED, figure, letter, rpm
+from testbed.analysis.paper.table2 import machine
 from testbed.cut import Cut
 from testbed.machine import Model
 

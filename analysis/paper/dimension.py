@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from analysis.linear.delayed_mathieu import Mathieu, mathieu_recording, simulate_mathieu
-from analysis.multipliers.embedding_dimension import (
+from testbed.analysis.linear.delayed_mathieu import Mathieu, mathieu_recording, simulate_mathieu
+from testbed.analysis.multipliers.embedding_dimension import (
     SingularValues,
     false_nearest_neighbours,
     first_minimum,
@@ -16,9 +16,9 @@ from analysis.multipliers.embedding_dimension import (
     rank_growth,
     singular_values,
 )
-from analysis.paper.bench import IDENTIFIED, NOISE, PASSES, RATE, Bench, clean_record, course_of, cut_at, measured
-from analysis.paper.part import Part, Picture, Statement, Table
-from analysis.paper.style import BLUE, GREEN, GREY, ORANGE, PAGE, RED, figure, letter
+from testbed.analysis.paper.bench import IDENTIFIED, NOISE, PASSES, RATE, Bench, clean_record, course_of, cut_at, measured
+from testbed.analysis.paper.part import Part, Picture, Statement, Table
+from testbed.analysis.paper.style import BLUE, GREEN, GREY, ORANGE, PAGE, RED, figure, letter
 from testbed.recording import Recording
 
 SPEED, DEPTH = 2850.0, 2.9  # rpm, mm: the test of figure 5

@@ -7,15 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.temporal_elements import characteristic_multipliers
-from analysis.multipliers.floquet import EmpiricalMultipliers, empirical_multipliers, once_per_period_samples, tooth_period
-from analysis.multipliers.identify import identify_multipliers
-from analysis.multipliers.multiplier_fit import best_fit
-from analysis.paper.bench import IDENTIFIED, MASS, NOISE, Bench, clean_record, course_of, cut_at, measured
-from analysis.paper.part import Part, Picture, Statement, Table
-from analysis.paper.style import BLUE, GREEN, ORANGE, PAGE, figure, letter
-from analysis.paper.table2 import machine
+from testbed.analysis.linear.delay_equation import milling_equation
+from testbed.analysis.linear.temporal_elements import characteristic_multipliers
+from testbed.analysis.multipliers.floquet import (
+    EmpiricalMultipliers,
+    empirical_multipliers,
+    once_per_period_samples,
+    tooth_period,
+)
+from testbed.analysis.multipliers.identify import identify_multipliers
+from testbed.analysis.multipliers.multiplier_fit import best_fit
+from testbed.analysis.paper.bench import IDENTIFIED, MASS, NOISE, Bench, clean_record, course_of, cut_at, measured
+from testbed.analysis.paper.part import Part, Picture, Statement, Table
+from testbed.analysis.paper.style import BLUE, GREEN, ORANGE, PAGE, figure, letter
+from testbed.analysis.paper.table2 import machine
 from testbed.cut import Cut
 from testbed.recording import Recording
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from analysis.linear.collocation import collocation_multipliers
-from analysis.linear.delayed_mathieu import Mathieu, simulate_mathieu, state_multipliers
-from analysis.linear.temporal_elements import characteristic_multipliers
-from analysis.paper.bench import Bench
-from analysis.paper.part import Part, Picture, Statement, target
-from analysis.paper.style import BLUE, GREY, ORANGE, PAGE, RED, figure, letter
+from testbed.analysis.linear.collocation import collocation_multipliers
+from testbed.analysis.linear.delayed_mathieu import Mathieu, simulate_mathieu, state_multipliers
+from testbed.analysis.linear.temporal_elements import characteristic_multipliers
+from testbed.analysis.paper.bench import Bench
+from testbed.analysis.paper.part import Part, Picture, Statement, target
+from testbed.analysis.paper.style import BLUE, GREY, ORANGE, PAGE, RED, figure, letter
 
 SHOWN = 2.2  # delta of the series
 PERIODS, SKIPPED = 20, 1  # states used after one perturbation; the first is left out, in it the past is still zero

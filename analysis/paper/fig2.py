@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from analysis.linear.collocation import collocation_multipliers
-from analysis.linear.delayed_mathieu import Mathieu, simulate_mathieu, state_multipliers
-from analysis.linear.stability import classify, said_class
-from analysis.linear.temporal_elements import characteristic_multipliers
-from analysis.paper.bench import Bench
-from analysis.paper.part import Part, Picture, Statement
-from analysis.paper.style import ORANGE, PAGE, PURPLE, RED, figure, letter, unit_circle
+from testbed.analysis.linear.collocation import collocation_multipliers
+from testbed.analysis.linear.delayed_mathieu import Mathieu, simulate_mathieu, state_multipliers
+from testbed.analysis.linear.stability import classify, said_class
+from testbed.analysis.linear.temporal_elements import characteristic_multipliers
+from testbed.analysis.paper.bench import Bench
+from testbed.analysis.paper.part import Part, Picture, Statement
+from testbed.analysis.paper.style import ORANGE, PAGE, PURPLE, RED, figure, letter, unit_circle
 
 ELEMENTS = 20
 EPS = 1.0

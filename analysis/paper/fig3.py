@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from analysis.paper.bench import IDENTIFIED, IDLE, IMMERSION, Bench, clean_record, course_of, cut_at, measured
-from analysis.paper.part import Part, Picture, Statement, Table
-from analysis.paper.style import PAGE, RED, figure, letter
-from analysis.records.inspection_plot import SEGMENT_COLOURS, envelope
-from analysis.records.segments import Segment, find_segments
+from testbed.analysis.paper.bench import IDENTIFIED, IDLE, IMMERSION, Bench, clean_record, course_of, cut_at, measured
+from testbed.analysis.paper.part import Part, Picture, Statement, Table
+from testbed.analysis.paper.style import PAGE, RED, figure, letter
+from testbed.analysis.records.inspection_plot import SEGMENT_COLOURS, envelope
+from testbed.analysis.records.segments import Segment, find_segments
 from testbed.recording import Recording
 
 SPEED, DEPTH = 3810.0, 2.9

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from analysis.paper.bench import Bench
-from analysis.paper.part import Part, Picture
+from testbed.analysis.paper.bench import Bench
+from testbed.analysis.paper.part import Part, Picture
 
 VIEWS = {"overview": "The flexure on its two leaf springs, the specimen and the cutter, in mid-cut.",
          "cut": "The cut itself: the specimen under the single-flute cutter."}

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from analysis.multipliers.embedding_dimension import singular_values
-from analysis.multipliers.floquet import once_per_period_samples, tooth_period
-from analysis.paper.bench import IDENTIFIED, NOISE, PASSES, Bench, clean_record, course_of, cut_at, measured
-from analysis.paper.part import Part, Picture, Statement
-from analysis.paper.style import BLUE, GREY, ORANGE, PAGE, RED, figure, letter
+from testbed.analysis.multipliers.embedding_dimension import singular_values
+from testbed.analysis.multipliers.floquet import once_per_period_samples, tooth_period
+from testbed.analysis.paper.bench import IDENTIFIED, NOISE, PASSES, Bench, clean_record, course_of, cut_at, measured
+from testbed.analysis.paper.part import Part, Picture, Statement
+from testbed.analysis.paper.style import BLUE, GREY, ORANGE, PAGE, RED, figure, letter
 from testbed.recording import Recording
 
 SPEED, DEPTH = 2850.0, 2.9

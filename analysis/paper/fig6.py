@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from analysis.linear.published import PUBLISHED
-from analysis.linear.stability import StabilityChart, stability_chart
-from analysis.multipliers.verdict import simulated_verdict
-from analysis.paper.bench import FOUND_OMEGA, IDENTIFIED, MEASURED, Bench, cut_at
-from analysis.paper.part import Part, Picture, Statement, Table, target
-from analysis.paper.style import BLUE, GREY, ORANGE, PAGE, figure, rpm
+from testbed.analysis.linear.published import PUBLISHED
+from testbed.analysis.linear.stability import StabilityChart, stability_chart
+from testbed.analysis.multipliers.verdict import simulated_verdict
+from testbed.analysis.paper.bench import FOUND_OMEGA, IDENTIFIED, MEASURED, Bench, cut_at
+from testbed.analysis.paper.part import Part, Picture, Statement, Table, target
+from testbed.analysis.paper.style import BLUE, GREY, ORANGE, PAGE, figure, rpm
 from testbed.cut import Sampling
 
 SPEEDS, DEPTHS = (2500.0, 4500.0), (0.0, 4.0)  # rpm, mm: the chart's area

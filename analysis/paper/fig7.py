@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from analysis.linear.collocation import collocation_multipliers
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.published import PUBLISHED, PublishedTest, linear_multipliers
-from analysis.linear.stability import classify, said_class
-from analysis.linear.temporal_elements import characteristic_multipliers
-from analysis.multipliers.verdict import SampleVerdict, once_per_tooth_samples, simulated_verdict
-from analysis.paper.bench import IDENTIFIED, RATE, Bench, measured
-from analysis.paper.part import Part, Picture, Statement, Table
-from analysis.paper.style import OUTCOME_COLOURS, PAGE, figure, letter, rpm, shown
-from analysis.records.lines import amplitude_spectrum
+from testbed.analysis.linear.collocation import collocation_multipliers
+from testbed.analysis.linear.delay_equation import milling_equation
+from testbed.analysis.linear.published import PUBLISHED, PublishedTest, linear_multipliers
+from testbed.analysis.linear.stability import classify, said_class
+from testbed.analysis.linear.temporal_elements import characteristic_multipliers
+from testbed.analysis.multipliers.verdict import SampleVerdict, once_per_tooth_samples, simulated_verdict
+from testbed.analysis.paper.bench import IDENTIFIED, RATE, Bench, measured
+from testbed.analysis.paper.part import Part, Picture, Statement, Table
+from testbed.analysis.paper.style import OUTCOME_COLOURS, PAGE, figure, letter, rpm, shown
+from testbed.analysis.records.lines import amplitude_spectrum
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.recording import Recording
 

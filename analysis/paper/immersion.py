@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from analysis.linear.published import PUBLISHED, linear_verdict
-from analysis.linear.stability import StabilityChart, stability_chart
-from analysis.multipliers.identify import Identification, identify_multipliers
-from analysis.paper.bench import FOUND_GAMMA, FOUND_OMEGA, IDENTIFIED, IMMERSION, MASS, RATIO, Bench
-from analysis.paper.fig6 import DEPTHS, SPEEDS, area_between
-from analysis.paper.part import Part, Picture, Statement, Table
-from analysis.paper.style import BLUE, GREEN, GREY, ORANGE, PAGE, RED, figure, letter, rpm
-from analysis.paper.table2 import campaign, machine
+from testbed.analysis.linear.published import PUBLISHED, linear_verdict
+from testbed.analysis.linear.stability import StabilityChart, stability_chart
+from testbed.analysis.multipliers.identify import Identification, identify_multipliers
+from testbed.analysis.paper.bench import FOUND_GAMMA, FOUND_OMEGA, IDENTIFIED, IMMERSION, MASS, RATIO, Bench
+from testbed.analysis.paper.fig6 import DEPTHS, SPEEDS, area_between
+from testbed.analysis.paper.part import Part, Picture, Statement, Table
+from testbed.analysis.paper.style import BLUE, GREEN, GREY, ORANGE, PAGE, RED, figure, letter, rpm
+from testbed.analysis.paper.table2 import campaign, machine
 
 ASSUMED = (0.10, 0.108, 0.12, 0.135, 0.15, IMMERSION, 0.175, 0.187, 0.20)
 DRAWN = (0.108, IMMERSION, 0.187)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from analysis.paper.part import Part, Picture, Statement, Table, picture_files
-from testbed.atomic import write_text
+from testbed.analysis.paper.part import Part, Picture, Statement, Table, picture_files
+from testbed.system.atomic import write_text
 
 TITLE = "Mann and Young (2006), reproduced"
 _STYLE = """body{font:16px/1.55 system-ui,sans-serif;max-width:62rem;margin:1.5rem auto;padding:0 1rem;color:#1c1c1c;

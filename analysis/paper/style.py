@@ -57,7 +57,7 @@ def unit_circle(axes: Any) -> None:
 
 def save(drawn: Any, folder: Path, stem: str) -> None:
     """STEM.png and STEM.svg, the same bytes for the same figure."""
-    from testbed.atomic import replacing
+    from testbed.system.atomic import replacing
 
     for ending, extra in (("png", {"Software": None}), ("svg", {"Date": None})):
         with replacing(folder / f"{stem}.{ending}") as temporary:

@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.temporal_elements import characteristic_multipliers
-from analysis.multipliers.floquet import (
+from testbed.analysis.linear.delay_equation import milling_equation
+from testbed.analysis.linear.temporal_elements import characteristic_multipliers
+from testbed.analysis.multipliers.floquet import (
     delay_embedding_multipliers,
     empirical_multipliers,
     once_per_period_samples,
     tooth_period,
 )
-from analysis.paper.bench import IDENTIFIED, Bench, clean_record, course_of, cut_at, measured
-from analysis.paper.part import Part, Picture, Statement, Table, target
-from analysis.paper.style import BLUE, ORANGE, PAGE, figure, letter, shown, unit_circle
+from testbed.analysis.paper.bench import IDENTIFIED, Bench, clean_record, course_of, cut_at, measured
+from testbed.analysis.paper.part import Part, Picture, Statement, Table, target
+from testbed.analysis.paper.style import BLUE, ORANGE, PAGE, figure, letter, shown, unit_circle
 from testbed.cut import Cut
 from testbed.recording import Recording
 

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.temporal_elements import characteristic_multipliers
-from analysis.multipliers.floquet import EmpiricalMultipliers, empirical_multipliers
-from analysis.multipliers.identify import Identification, identify_multipliers
-from analysis.multipliers.ring_down import RingDown, ring_down
-from analysis.paper.bench import (
+from testbed.analysis.linear.delay_equation import milling_equation
+from testbed.analysis.linear.temporal_elements import characteristic_multipliers
+from testbed.analysis.multipliers.floquet import EmpiricalMultipliers, empirical_multipliers
+from testbed.analysis.multipliers.identify import Identification, identify_multipliers
+from testbed.analysis.multipliers.ring_down import RingDown, ring_down
+from testbed.analysis.paper.bench import (
     FOUND_GAMMA,
     FOUND_OMEGA,
     IDENTIFIED,
@@ -32,9 +32,9 @@ from analysis.paper.bench import (
     cut_at,
     measured,
 )
-from analysis.paper.part import Part, Picture, Statement, Table
-from analysis.paper.style import BLUE, ORANGE, PAGE, RED, figure, letter
-from analysis.records.segments import find_segments
+from testbed.analysis.paper.part import Part, Picture, Statement, Table
+from testbed.analysis.paper.style import BLUE, ORANGE, PAGE, RED, figure, letter
+from testbed.analysis.records.segments import find_segments
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.recording import Recording

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.linear.stability import LimitLies, StabilityChart, classes_of
-from analysis.probable.draws import Known
+from testbed.analysis.linear.stability import LimitLies, StabilityChart, classes_of
+from testbed.analysis.probable.draws import Known
 from testbed.machine import Model
 
 QUANTILES = (0.05, 0.5, 0.95)

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import Plant
-from analysis.probable.draws import Known
-from analysis.search.next_test import proposed, seen, without
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.probable.draws import Known
+from testbed.analysis.search.next_test import proposed, seen, without
 
 STEP = 0.1  # standard deviations, for slopes
 TELLS = 4.65  # standard errors apart: one record then names the wrong one of two in 1 of 100

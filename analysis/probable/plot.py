@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analysis.probable.chance import QUANTILES, Chance, Recommended
+from testbed.analysis.probable.chance import QUANTILES, Chance, Recommended
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,17 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.comparison.compare import Comparison
-from analysis.estimate import Estimate
-from analysis.fit.effect_start import all_free
-from analysis.fit.estimates import estimates
-from analysis.fit.evidence import effective_size
-from analysis.fit.fit_state import Free, WaveformFit
-from analysis.fit.length_cut import moved_by_lengths
-from analysis.fit.tooth_circles import at_least_strength
-from analysis.fit.waveform import Fitter
-from analysis.information import Z_95
-from analysis.probable.draws import OPEN, Known
+from testbed.analysis.comparison.compare import Comparison
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.fit.effect_start import all_free
+from testbed.analysis.fit.estimates import estimates
+from testbed.analysis.fit.evidence import effective_size
+from testbed.analysis.fit.fit_state import Free, WaveformFit
+from testbed.analysis.fit.length_cut import moved_by_lengths
+from testbed.analysis.fit.tooth_circles import at_least_strength
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.information import Z_95
+from testbed.analysis.probable.draws import OPEN, Known
 from testbed.effect import Effect
 from testbed.machine import Model
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from analysis.records.white_noise import white_noise
+from testbed.analysis.records.white_noise import white_noise
 
 _BEFORE, _AFTER = 10, 10  # swings before a blow that it rises above, longer than most beats, and after it, to die away in
 _LAST = 2  # swings that a blow rises above where beats are ruled out otherwise

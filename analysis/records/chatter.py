@@ -26,12 +26,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from analysis.records.cut_end import BEFORE, STANDS, CutEnd, Line
-from analysis.records.growth import growth, is_flip
-from analysis.records.once_a_turn import Pattern, pattern_of
-from analysis.records.orders import PADDED, turns_of
-from analysis.records.passing_speed import cut_speeds
-from analysis.records.segments import Segment, revolution_period
+from testbed.analysis.records.cut_end import BEFORE, STANDS, CutEnd, Line
+from testbed.analysis.records.growth import growth, is_flip
+from testbed.analysis.records.once_a_turn import Pattern, pattern_of
+from testbed.analysis.records.orders import PADDED, turns_of
+from testbed.analysis.records.passing_speed import cut_speeds
+from testbed.analysis.records.segments import Segment, revolution_period
 from testbed.readers.tachometer import speed as marks_speed
 from testbed.recording import Recording
 

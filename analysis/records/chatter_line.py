@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.records.lines import follow_line
+from testbed.analysis.records.lines import follow_line
 
 PERIODS = 100.0  # of the line in a window: long enough to tell it from neighbours, short enough for its drift
 SEEN = 0.15  # of its largest amplitude: below it a neighbour, hum say, may lead the search astray

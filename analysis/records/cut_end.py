@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from analysis.records.hum import MAINS
-from analysis.records.lines import side_lobe
-from analysis.records.orders import PADDED, Turns, level_at, spectrum
+from testbed.analysis.records.hum import MAINS
+from testbed.analysis.records.lines import side_lobe
+from testbed.analysis.records.orders import PADDED, Turns, level_at, spectrum
 
 STANDS, SIDE_STANDS = 5.0, 4.0  # times its surroundings: a line, a side band
 LINES = 8  # that are looked at

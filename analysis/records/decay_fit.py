@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from analysis.records.white_noise import rounding, white_noise
+from testbed.analysis.records.white_noise import rounding, white_noise
 
 CYCLES = 1.5  # of a record: slower is drift
 _SAMPLES = 6000  # at most so many of a channel enter a fit

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.records.decay_fit import DecayFit, FreeDecays
+from testbed.analysis.records.decay_fit import DecayFit, FreeDecays
 
 MOST_MODES = 8
 DECISIVE = 10.0  # gain of BIC that one more mode must bring

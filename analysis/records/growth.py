@@ -13,7 +13,7 @@ import math
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from analysis.records.orders import Turns
+from testbed.analysis.records.orders import Turns
 
 SMALL = 0.6  # of the largest change: below it the motion grows nearly as a small one does
 FEWEST = 6  # tooth passes of growth that tell

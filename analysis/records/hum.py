@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from analysis.records.periods import lagrange_weights
+from testbed.analysis.records.periods import lagrange_weights
 
 MAINS = (50.0, 60.0)  # Hz
 MOST_PERIODS = 8  # apart, at which a hum still agrees with itself: a motion near to one of its lines does so over one period

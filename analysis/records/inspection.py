@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from analysis.records.record_report import RecordReport, report
-from testbed.campaign import load_campaign
+from testbed.analysis.records.record_report import RecordReport, report
+from testbed.files.campaign import load_campaign
 from testbed.problem import InputProblem
 from testbed.readers import checks, read_table
 from testbed.readers.table import Table
 from testbed.readers.timebase import TimeBase, from_column, looks_like_time
 from testbed.recording import Recording
-from testbed.shards import NOTE
+from testbed.sweeps.shards import NOTE
 
 _MANIFESTS = (".yaml", ".yml")
 
@@ -62,7 +62,7 @@ def inspect(
         campaign = load_campaign(path, folder)
         reports = tuple(report(record.recording, record.name, record.kind, record.notes) for record in campaign.records)
         return Inspection(campaign.name, path, reports, len(reports))
-    from testbed.data_set import is_data_set, read_data_set
+    from testbed.store.data_set import is_data_set, read_data_set
 
     if is_data_set(path) or (path / NOTE).is_file():  # a file, or a folder of shards, also an unfinished one, which says so
         data = read_data_set(path)

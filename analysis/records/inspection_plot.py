@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from analysis.records.chatter_line import LineTrack
-from analysis.records.lines import amplitude_spectrum
-from analysis.records.noise import samples_of
-from analysis.records.record_report import RecordReport
-from analysis.records.segments import main_channel
+from testbed.analysis.records.chatter_line import LineTrack
+from testbed.analysis.records.lines import amplitude_spectrum
+from testbed.analysis.records.noise import samples_of
+from testbed.analysis.records.record_report import RecordReport
+from testbed.analysis.records.segments import main_channel
 
 SEGMENT_COLOURS = {
     "idle": "#d9d9d9",

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from analysis.records.hum import MAINS
+from testbed.analysis.records.hum import MAINS
 
 LineKind = Literal["hum", "spindle", "tooth-passing", "half tooth-passing", "natural", "chatter", "other"]
 _HARMONICS_OF_HUM = 40

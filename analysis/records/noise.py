@@ -9,11 +9,11 @@ from typing import Literal
 
 import numpy as np
 
-from analysis.records.free_decay import FreeDecay, fit_free_decay, spectral_peak
-from analysis.records.hum import MAINS
-from analysis.records.periods import period_changes, revolutions
-from analysis.records.segments import Segment, main_channel, revolution_period
-from analysis.records.white_noise import read_white_noise, rounding, white_noise
+from testbed.analysis.records.free_decay import FreeDecay, fit_free_decay, spectral_peak
+from testbed.analysis.records.hum import MAINS
+from testbed.analysis.records.periods import period_changes, revolutions
+from testbed.analysis.records.segments import Segment, main_channel, revolution_period
+from testbed.analysis.records.white_noise import read_white_noise, rounding, white_noise
 from testbed.recording import Recording
 
 PAIRED = 1.5  # samples that count as one: of changes between neighbours, which are correlated by -1/2

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.records.cut_end import BEFORE, CutEnd
+from testbed.analysis.records.cut_end import BEFORE, CutEnd
 
 HALF_LEADS = 1.0  # times all other such orders, from which the odd halves of the tooth passing are a flip's
 FIRST, STANDS_AT_ONCE = 3, 0.7  # revolutions behind the entry, and share of it that stands by then where it is forced

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import median_filter
 
-from analysis.records.spindle_clock import along_marks
-from analysis.records.spindle_clock import turns_of as turns_from_first
+from testbed.analysis.records.spindle_clock import along_marks
+from testbed.analysis.records.spindle_clock import turns_of as turns_from_first
 
 PADDED = 4  # times as long as the revolutions: points of the spectrum to a bin
 WIDE = 12  # bins to either side, of which the floor is the median

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from analysis.records.hum import MAINS
-from analysis.records.lines import amplitude_spectrum, comb_speed
+from testbed.analysis.records.hum import MAINS
+from testbed.analysis.records.lines import amplitude_spectrum, comb_speed
 
 REACH = 0.03  # of the stated speed, that is searched about it
 LEAST = 256  # samples whose lines are looked at one by one

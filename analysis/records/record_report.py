@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from analysis.records.chatter import Chatter, judge_cut
-from analysis.records.chatter_line import LineTrack, chatter_track
-from analysis.records.lines import SpectralLine, comb_speed, fed_by_the_cut, spectral_lines
-from analysis.records.noise import Noise, noise_floor, samples_of
-from analysis.records.ring_downs import RingDown, blow_times, notes_of, ring_downs, used_times
-from analysis.records.segments import Segment, find_segments, main_channel
+from testbed.analysis.records.chatter import Chatter, judge_cut
+from testbed.analysis.records.chatter_line import LineTrack, chatter_track
+from testbed.analysis.records.lines import SpectralLine, comb_speed, fed_by_the_cut, spectral_lines
+from testbed.analysis.records.noise import Noise, noise_floor, samples_of
+from testbed.analysis.records.ring_downs import RingDown, blow_times, notes_of, ring_downs, used_times
+from testbed.analysis.records.segments import Segment, find_segments, main_channel
 from testbed.readers import checks
 from testbed.readers.tachometer import speed as marks_speed
 from testbed.recording import MOTIONS, Recording

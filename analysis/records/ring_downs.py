@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimate import Estimate
-from analysis.information import Z_95
-from analysis.records.blows import decays, find_blows, grows, swing_length
-from analysis.records.decay_modes import DecayModes, decay_modes
-from analysis.records.segments import Segment, find_segments, main_channel
-from analysis.records.white_noise import white_noise
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.information import Z_95
+from testbed.analysis.records.blows import decays, find_blows, grows, swing_length
+from testbed.analysis.records.decay_modes import DecayModes, decay_modes
+from testbed.analysis.records.segments import Segment, find_segments, main_channel
+from testbed.analysis.records.white_noise import white_noise
 from testbed.recording import DERIVATIVES, MOTIONS, Recording
 
 SWING = 8  # samples at the least in which a free decay's first large swing is looked for
@@ -93,7 +93,7 @@ def notes_of(recording: Recording, kind: str) -> list[str]:
 
 
 def separated(records: Iterable[Any]) -> tuple[Any, ...]:
-    """The records of a campaign (testbed.campaign.Record), a ring-down of several blows as so many records."""
+    """The records of a campaign (testbed.files.campaign.Record), a ring-down of several blows as so many records."""
     found: list[Any] = []
     for record in records:
         times = blow_times(record.recording) if record.kind == "ring-down" else ()

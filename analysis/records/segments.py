@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.records.blows import decays, find_blows, grows, swing_length
-from analysis.records.cut_span import Kind, Place, still_cutting
-from analysis.records.free_decay import free_decay_end, free_decay_start
-from analysis.records.hum import hum_lag, without_hum
-from analysis.records.periods import period_changes
-from analysis.records.white_noise import white_noise
+from testbed.analysis.records.blows import decays, find_blows, grows, swing_length
+from testbed.analysis.records.cut_span import Kind, Place, still_cutting
+from testbed.analysis.records.free_decay import free_decay_end, free_decay_start
+from testbed.analysis.records.hum import hum_lag, without_hum
+from testbed.analysis.records.periods import period_changes
+from testbed.analysis.records.white_noise import white_noise
 from testbed.readers.tachometer import speed as marks_speed
 from testbed.recording import Recording
 

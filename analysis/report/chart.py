@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import stdtr
 
-from analysis.comparison.residual_views import ChartView, on_chart
-from analysis.fit.held_out import RecordError
-from analysis.fit.observed import Observed
-from analysis.linear.stability import feed_note
-from analysis.report.packed import even, listed, packed
-from analysis.report.page import Page, Panel
+from testbed.analysis.comparison.residual_views import ChartView, on_chart
+from testbed.analysis.fit.held_out import RecordError
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.linear.stability import feed_note
+from testbed.analysis.report.packed import even, listed, packed
+from testbed.analysis.report.page import Page, Panel
 from testbed.machine import Model
 
 

@@ -6,19 +6,19 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from analysis.comparison.amplitude import free_decays
-from analysis.comparison.compare import Comparison
-from analysis.comparison.constancy import Constancy, constancy
-from analysis.comparison.residual_views import map_units
-from analysis.fit.estimates import said_at_bound
-from analysis.report.chart import add_chart
-from analysis.report.constants import add_amplitude, add_constancy
-from analysis.report.force_map import add_force_map
-from analysis.report.machine import add_nuisances, add_parameters
-from analysis.report.page import Page
-from analysis.report.residuals import add_angle, add_records, add_spectrum
-from analysis.report.waveforms import add_waveforms, looks, worst_first
-from analysis.search.diagnosis import judged_on
+from testbed.analysis.comparison.amplitude import free_decays
+from testbed.analysis.comparison.compare import Comparison
+from testbed.analysis.comparison.constancy import Constancy, constancy
+from testbed.analysis.comparison.residual_views import map_units
+from testbed.analysis.fit.estimates import said_at_bound
+from testbed.analysis.report.chart import add_chart
+from testbed.analysis.report.constants import add_amplitude, add_constancy
+from testbed.analysis.report.force_map import add_force_map
+from testbed.analysis.report.machine import add_nuisances, add_parameters
+from testbed.analysis.report.page import Page
+from testbed.analysis.report.residuals import add_angle, add_records, add_spectrum
+from testbed.analysis.report.waveforms import add_waveforms, looks, worst_first
+from testbed.analysis.search.diagnosis import judged_on
 from testbed.effect import Effect
 from testbed.machine import Model
 

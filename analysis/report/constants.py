@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from analysis.comparison.amplitude import AmplitudeDependence
-from analysis.comparison.constancy import COVARIATES, Constancy, said_p
-from analysis.comparison.residual_views import drawn_units
-from analysis.estimate import Estimate
-from analysis.information import Z_95
-from analysis.report.machine import shown
-from analysis.report.packed import listed
-from analysis.report.page import Page, Panel
+from testbed.analysis.comparison.amplitude import AmplitudeDependence
+from testbed.analysis.comparison.constancy import COVARIATES, Constancy, said_p
+from testbed.analysis.comparison.residual_views import drawn_units
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.information import Z_95
+from testbed.analysis.report.machine import shown
+from testbed.analysis.report.packed import listed
+from testbed.analysis.report.page import Page, Panel
 
 COLOURS = ("#3b82c4", "#d1495b", "#2a9d6f", "#e08e2b", "#8b6fc0", "#5b9aa0", "#b5651d", "#c45ab3")
 SYMBOLS = {"natural_frequency": "f_n", "damping_ratio": "ζ", "tangential_coefficient": "K_t", "normal_coefficient": "K_n"}

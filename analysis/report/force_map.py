@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.comparison.residual_views import CALIBRATED, MapUnits, map_holds
-from analysis.report.packed import listed
-from analysis.report.page import Page, Panel
+from testbed.analysis.comparison.residual_views import CALIBRATED, MapUnits, map_holds
+from testbed.analysis.report.packed import listed
+from testbed.analysis.report.page import Page, Panel
 
 
 def add_force_map(

@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from analysis.comparison.residual_views import shown_unit
-from analysis.estimate import Estimate
-from analysis.fit.estimates import said_at_bound
-from analysis.report.page import Page
+from testbed.analysis.comparison.residual_views import shown_unit
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.fit.estimates import said_at_bound
+from testbed.analysis.report.page import Page
 from testbed.machine import Model
 from testbed.units import format_quantity
 

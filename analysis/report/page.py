@@ -15,7 +15,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from testbed.atomic import write_text
+from testbed.system.atomic import write_text
 
 _POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 # first of all, so that nothing goes wrong unseen: the document itself says what failed or was refused
@@ -169,7 +169,7 @@ class Page:
 
     def html(self) -> str:
         """The whole page."""
-        own = files("analysis.report")
+        own = files("testbed.analysis.report")
         style = own.joinpath("page.css").read_text(encoding="utf-8")
         scripts = watch = ""
         if self.pictures:

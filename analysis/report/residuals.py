@@ -8,14 +8,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from analysis.comparison.adequacy import LEFT_EXPLAINED, Adequacy, said_left
-from analysis.comparison.compare import RecordComparison
-from analysis.comparison.residual_views import AngleView, SpectrumView, by_angle, by_frequency
-from analysis.fit.fit_state import State
-from analysis.fit.held_out import RecordError
-from analysis.report.packed import even, packed, thinned
-from analysis.report.page import Cell, Page, Panel
-from analysis.report.waveforms import LEFT, Look
+from testbed.analysis.comparison.adequacy import LEFT_EXPLAINED, Adequacy, said_left
+from testbed.analysis.comparison.compare import RecordComparison
+from testbed.analysis.comparison.residual_views import AngleView, SpectrumView, by_angle, by_frequency
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.held_out import RecordError
+from testbed.analysis.report.packed import even, packed, thinned
+from testbed.analysis.report.page import Cell, Page, Panel
+from testbed.analysis.report.waveforms import LEFT, Look
 
 View = TypeVar("View", AngleView, SpectrumView)
 KINDS = ("idle", "entry", "steady", "exit", "ring-down")

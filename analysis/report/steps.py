@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.estimates import unit_of
-from analysis.report.constants import COLOURS
-from analysis.report.machine import shown
-from analysis.report.packed import listed
-from analysis.report.page import Page, Panel
-from analysis.report.ticked import named
-from analysis.report.waveforms import LEFT
-from analysis.search.diagnosis import Candidate, Diagnosis, judged_on
-from analysis.search.rules import rules_of
+from testbed.analysis.fit.estimates import unit_of
+from testbed.analysis.report.constants import COLOURS
+from testbed.analysis.report.machine import shown
+from testbed.analysis.report.packed import listed
+from testbed.analysis.report.page import Page, Panel
+from testbed.analysis.report.ticked import named
+from testbed.analysis.report.waveforms import LEFT
+from testbed.analysis.search.diagnosis import Candidate, Diagnosis, judged_on
+from testbed.analysis.search.rules import rules_of
 from testbed.effect import Effect
 
 Step = tuple[str, float, float]  # what was done, error, noise floor

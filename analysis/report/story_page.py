@@ -6,20 +6,20 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from analysis.comparison.residual_views import map_units
-from analysis.estimate import Estimate
-from analysis.fit.estimates import at_bound, estimates
-from analysis.fit.held_out import RecordError, pooled
-from analysis.fit.observed import Observed
-from analysis.report.compare_page import ForceMap
-from analysis.report.force_map import add_force_map
-from analysis.report.machine import AT_BOUND, far, interval, said_change, settled, shown
-from analysis.report.page import Page
-from analysis.report.steps import Step, add_candidates, add_rules, add_steps
-from analysis.report.ticked import add_before_after, add_ticks, leading, points_for
-from analysis.report.waveforms import looks, worst_first
-from analysis.search.add_effect import Addition
-from analysis.search.diagnosis import Diagnosis, judged_on, unaided
+from testbed.analysis.comparison.residual_views import map_units
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.fit.estimates import at_bound, estimates
+from testbed.analysis.fit.held_out import RecordError, pooled
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.report.compare_page import ForceMap
+from testbed.analysis.report.force_map import add_force_map
+from testbed.analysis.report.machine import AT_BOUND, far, interval, said_change, settled, shown
+from testbed.analysis.report.page import Page
+from testbed.analysis.report.steps import Step, add_candidates, add_rules, add_steps
+from testbed.analysis.report.ticked import add_before_after, add_ticks, leading, points_for
+from testbed.analysis.report.waveforms import looks, worst_first
+from testbed.analysis.search.add_effect import Addition
+from testbed.analysis.search.diagnosis import Diagnosis, judged_on, unaided
 from testbed.effect import Effect
 from testbed.machine import Model
 

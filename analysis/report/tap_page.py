@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from analysis.report.machine import interval, shown
-from analysis.report.packed import listed
-from analysis.report.page import Page, Panel
-from analysis.tap.result import Group, TapResult
+from testbed.analysis.report.machine import interval, shown
+from testbed.analysis.report.packed import listed
+from testbed.analysis.report.page import Page, Panel
+from testbed.analysis.tap.result import Group, TapResult
 
 _POINTS = 1500  # of a curve
 _MEASURED, _FITTED = "#2b7bba", "#d1495b"

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from analysis.comparison.residual_views import by_angle, by_frequency
-from analysis.fit.fit_state import State
-from analysis.fit.held_out import RecordError, pooled
-from analysis.report.packed import even, packed, thinned
-from analysis.report.page import Page, Panel
-from analysis.report.waveforms import BEFORE, LEFT, MEASURED, PREDICTED, Look, line_trace, shading, without_drift
+from testbed.analysis.comparison.residual_views import by_angle, by_frequency
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.held_out import RecordError, pooled
+from testbed.analysis.report.packed import even, packed, thinned
+from testbed.analysis.report.page import Page, Panel
+from testbed.analysis.report.waveforms import BEFORE, LEFT, MEASURED, PREDICTED, Look, line_trace, shading, without_drift
 
 BUDGET = 350_000  # points of the page's waveforms together
 MOST_SETS = 16

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from analysis.comparison.residual_views import shown_unit
-from analysis.fit.held_out import RecordError
-from analysis.fit.observed import Observed
-from analysis.report.packed import thinned
-from analysis.report.page import Page, Panel
+from testbed.analysis.comparison.residual_views import shown_unit
+from testbed.analysis.fit.held_out import RecordError
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.report.packed import thinned
+from testbed.analysis.report.page import Page, Panel
 
 MEASURED, PREDICTED, LEFT, BEFORE = "@ink", "#3b82c4", "#d1495b", "#e08e2b"
 BUDGET = 350_000  # points of all waveforms of a page together: two bytes each, a third more as text

@@ -7,30 +7,30 @@ from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from analysis.estimate import Estimate
-from analysis.fit.doubted_marks import with_marks_doubted
-from analysis.fit.effect_start import ANCHOR, applicable, extended, origins_of, state_without
-from analysis.fit.estimates import at_bound, clock_note
-from analysis.fit.fine_steps import finely, has_kinks
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.force_jumps import at_its_jumps
-from analysis.fit.held_guesses import with_guesses_held
-from analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import Observed
-from analysis.fit.plausible import remarks_on
-from analysis.fit.prediction import Plant
-from analysis.fit.spindle_speed import at_modelled_speed
-from analysis.fit.starts import at_a_bound, polish, to_its_end
-from analysis.fit.swing_start import marks_show
-from analysis.fit.switched import switch_note
-from analysis.fit.taken import asked_again, taken_notes
-from analysis.fit.tooth_circles import at_least_strength, direction_notes
-from analysis.fit.waveform import Fitter
-from analysis.search.begun_anew import with_examples
-from analysis.search.candidate_round import candidate_of, with_effect
-from analysis.search.diagnosis import ADEQUATE, Candidate, judged_on
-from analysis.search.unheard import SOUND, agreed, misfit
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.fit.doubted_marks import with_marks_doubted
+from testbed.analysis.fit.effect_start import ANCHOR, applicable, extended, origins_of, state_without
+from testbed.analysis.fit.estimates import at_bound, clock_note
+from testbed.analysis.fit.fine_steps import finely, has_kinks
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.force_jumps import at_its_jumps
+from testbed.analysis.fit.held_guesses import with_guesses_held
+from testbed.analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.plausible import remarks_on
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.spindle_speed import at_modelled_speed
+from testbed.analysis.fit.starts import at_a_bound, polish, to_its_end
+from testbed.analysis.fit.swing_start import marks_show
+from testbed.analysis.fit.switched import switch_note
+from testbed.analysis.fit.taken import asked_again, taken_notes
+from testbed.analysis.fit.tooth_circles import at_least_strength, direction_notes
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.begun_anew import with_examples
+from testbed.analysis.search.candidate_round import candidate_of, with_effect
+from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, judged_on
+from testbed.analysis.search.unheard import SOUND, agreed, misfit
 from testbed.effect import Effect
 from testbed.machine import Model
 from testbed.units import format_quantity

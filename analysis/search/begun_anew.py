@@ -10,17 +10,17 @@ import math
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import replace
 
-from analysis.fit.effect_start import ANCHOR, CORNER
-from analysis.fit.evidence import DELTA_BIC
-from analysis.fit.fine_steps import has_kinks
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import Plant
-from analysis.fit.starts import fitter_of_openings, polish, scan_starts, with_exits
-from analysis.fit.switched import switchable
-from analysis.search.candidate_round import CREEP, by_noise, candidate_of
-from analysis.search.diagnosis import ADEQUATE, Candidate
+from testbed.analysis.fit.effect_start import ANCHOR, CORNER
+from testbed.analysis.fit.evidence import DELTA_BIC
+from testbed.analysis.fit.fine_steps import has_kinks
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.starts import fitter_of_openings, polish, scan_starts, with_exits
+from testbed.analysis.fit.switched import switchable
+from testbed.analysis.search.candidate_round import CREEP, by_noise, candidate_of
+from testbed.analysis.search.diagnosis import ADEQUATE, Candidate
 from testbed.effect import Effect
 from testbed.machine import Model
 

@@ -10,15 +10,15 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
-from analysis.fit.effect_start import all_free, applicable
-from analysis.fit.fit_state import Free
-from analysis.fit.held_out import pooled
-from analysis.fit.starts import glance, opening_fit
-from analysis.fit.structure_start import structure_start
-from analysis.search.begun_anew import explaining, from_believed, with_examples
-from analysis.search.diagnosis import COMPLETE, Candidate
-from analysis.search.first_looks import shifts_in_time
-from analysis.threads import threaded
+from testbed.analysis.fit.effect_start import all_free, applicable
+from testbed.analysis.fit.fit_state import Free
+from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.starts import glance, opening_fit
+from testbed.analysis.fit.structure_start import structure_start
+from testbed.analysis.search.begun_anew import explaining, from_believed, with_examples
+from testbed.analysis.search.diagnosis import COMPLETE, Candidate
+from testbed.analysis.search.first_looks import shifts_in_time
+from testbed.analysis.threads import threaded
 from testbed.effect import Effect
 from testbed.machine import Model
 

@@ -13,19 +13,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.effect_start import Origin
-from analysis.fit.entry_passes import entries_together
-from analysis.fit.evidence import bic, effective_size
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.held_out import errors_in_fit, held_out_errors, pooled
-from analysis.fit.length_cut import asks_length, with_lengths_found
-from analysis.fit.parts_of_passes import with_parts_of_passes
-from analysis.fit.pass_count import cut_elsewhere, recounted
-from analysis.fit.scale_hops import hopped
-from analysis.fit.starts import at_a_bound, polish, rested
-from analysis.fit.waveform import Fitter
-from analysis.search.diagnosis import ADEQUATE, CERTAIN, COMPLETE, Candidate
-from analysis.search.first_looks import (
+from testbed.analysis.fit.effect_start import Origin
+from testbed.analysis.fit.entry_passes import entries_together
+from testbed.analysis.fit.evidence import bic, effective_size
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.held_out import errors_in_fit, held_out_errors, pooled
+from testbed.analysis.fit.length_cut import asks_length, with_lengths_found
+from testbed.analysis.fit.parts_of_passes import with_parts_of_passes
+from testbed.analysis.fit.pass_count import cut_elsewhere, recounted
+from testbed.analysis.fit.scale_hops import hopped
+from testbed.analysis.fit.starts import at_a_bound, polish, rested
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.diagnosis import ADEQUATE, CERTAIN, COMPLETE, Candidate
+from testbed.analysis.search.first_looks import (
     BEHIND,
     FAINT,
     Entry,
@@ -38,7 +38,7 @@ from analysis.search.first_looks import (
     shifts_in_time,
     try_from_far,
 )
-from analysis.search.steady_speed import no_swing
+from testbed.analysis.search.steady_speed import no_swing
 from testbed.effect import Effect
 
 LEADERS = 4  # candidates refitted in full

@@ -12,17 +12,17 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from analysis.fit.effect_start import all_free
-from analysis.fit.evidence import DELTA_BIC, bic, effective_size
-from analysis.fit.held_out import pooled
-from analysis.fit.observe import heard_in
-from analysis.fit.observed import Observed
-from analysis.fit.plausible import unlike_a_machine
-from analysis.fit.prediction import Plant
-from analysis.fit.starts import glance
-from analysis.fit.structure_start import structure_start
-from analysis.search.begun_anew import from_believed
-from analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis
+from testbed.analysis.fit.effect_start import all_free
+from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
+from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.observe import heard_in
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.plausible import unlike_a_machine
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.starts import glance
+from testbed.analysis.fit.structure_start import structure_start
+from testbed.analysis.search.begun_anew import from_believed
+from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis
 from testbed.effect import Effect
 from testbed.machine import Model
 

@@ -12,28 +12,28 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from analysis.fit.budget import BUDGET, Budgeted, BudgetSpent
-from analysis.fit.held_out import pooled
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import Plant
-from analysis.fit.spindle_speed import at_modelled_speed, rules_the_speed, speed_swing
-from analysis.fit.swing_start import marks_show
-from analysis.search.begun_anew import from_believed
-from analysis.search.believed_look import BelievedLook
-from analysis.search.candidate_round import by_noise, candidate_of
-from analysis.search.common_factor import PLAINLY, explained_otherwise, instead_of, written_wrongly
-from analysis.search.diagnosis import COMPLETE, Candidate, Diagnosis, excess, never_nothing, told_of_base, verdict_of
-from analysis.search.forward_search import ROUGH, forward
-from analysis.search.gates import against
-from analysis.search.irregular import followed, irregular
-from analysis.search.judged import as_far_as, foretells_little, of_a_machine, too_slow
-from analysis.search.law_form import with_form_asked, with_other_form
-from analysis.search.misstated import contradicted
-from analysis.search.next_test import next_test
-from analysis.search.odd_records import with_odd_records
-from analysis.search.other_way import other_way
-from analysis.search.second_look import looked_again
+from testbed.analysis.fit.budget import BUDGET, Budgeted, BudgetSpent
+from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.spindle_speed import at_modelled_speed, rules_the_speed, speed_swing
+from testbed.analysis.fit.swing_start import marks_show
+from testbed.analysis.search.begun_anew import from_believed
+from testbed.analysis.search.believed_look import BelievedLook
+from testbed.analysis.search.candidate_round import by_noise, candidate_of
+from testbed.analysis.search.common_factor import PLAINLY, explained_otherwise, instead_of, written_wrongly
+from testbed.analysis.search.diagnosis import COMPLETE, Candidate, Diagnosis, excess, never_nothing, told_of_base, verdict_of
+from testbed.analysis.search.forward_search import ROUGH, forward
+from testbed.analysis.search.gates import against
+from testbed.analysis.search.irregular import followed, irregular
+from testbed.analysis.search.judged import as_far_as, foretells_little, of_a_machine, too_slow
+from testbed.analysis.search.law_form import with_form_asked, with_other_form
+from testbed.analysis.search.misstated import contradicted
+from testbed.analysis.search.next_test import next_test
+from testbed.analysis.search.odd_records import with_odd_records
+from testbed.analysis.search.other_way import other_way
+from testbed.analysis.search.second_look import looked_again
 from testbed.effect import Effect
 from testbed.machine import Model
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.held_out import RecordError, holds_out, pooled_doubt, pooled_where_known
-from analysis.fit.waveform import Fitter
-from analysis.search.next_test import NextTest
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.held_out import RecordError, holds_out, pooled_doubt, pooled_where_known
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.next_test import NextTest
 from testbed.machine import BASE_UNITS, Model
 
 ADEQUATE = 1.02  # error over noise floor up to which nothing is looked for

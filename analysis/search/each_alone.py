@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from analysis.estimate import Estimate
-from analysis.fit.estimates import estimates, matters
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import Plant
-from analysis.information import Z_95
-from analysis.search.begun_anew import from_believed
-from analysis.search.unheard import SOUND
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.fit.estimates import estimates, matters
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.information import Z_95
+from testbed.analysis.search.begun_anew import from_believed
+from testbed.analysis.search.unheard import SOUND
 from testbed.effect import Effect
 from testbed.machine import BASE_UNITS, Model
 

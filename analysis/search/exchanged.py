@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from analysis.fit.effect_start import Origin, applicable, is_required, origins_of, refitted_without
-from analysis.search.candidate_round import begun_and_fitted, candidate_of
-from analysis.search.diagnosis import Candidate
-from analysis.search.first_looks import BEHIND
-from analysis.search.steady_speed import no_swing
-from analysis.search.ties import clearly_better, tied_with
+from testbed.analysis.fit.effect_start import Origin, applicable, is_required, origins_of, refitted_without
+from testbed.analysis.search.candidate_round import begun_and_fitted, candidate_of
+from testbed.analysis.search.diagnosis import Candidate
+from testbed.analysis.search.first_looks import BEHIND
+from testbed.analysis.search.steady_speed import no_swing
+from testbed.analysis.search.ties import clearly_better, tied_with
 from testbed.effect import Effect
 from testbed.machine import Model
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import betaincinv
 
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import Plant, predict
-from analysis.search.diagnose import diagnose
-from analysis.search.diagnosis import Candidate
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import Plant, predict
+from testbed.analysis.search.diagnose import diagnose
+from testbed.analysis.search.diagnosis import Candidate
 from testbed.effect import Effect
 
 

@@ -10,14 +10,14 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from analysis.fit.effect_start import Origin, applicable, far_step, first_step, gradual_entry, switched_on
-from analysis.fit.fit_state import State
-from analysis.fit.held_out import pooled
-from analysis.fit.length_cut import asks_length, carried_on
-from analysis.fit.starts import polish
-from analysis.fit.waveform import Fitter
-from analysis.search.diagnosis import ADEQUATE, Candidate
-from analysis.threads import threaded
+from testbed.analysis.fit.effect_start import Origin, applicable, far_step, first_step, gradual_entry, switched_on
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.length_cut import asks_length, carried_on
+from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.diagnosis import ADEQUATE, Candidate
+from testbed.analysis.threads import threaded
 from testbed.effect import Effect
 
 # Error over noise floor below which a leader that leaves only noise may still be the wrong one: what a helix does grows with

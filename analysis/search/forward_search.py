@@ -11,27 +11,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.fit.budget import BudgetSpent
-from analysis.fit.effect_start import ANCHOR, Origin, is_required, origins_of, state_without
-from analysis.fit.evidence import effective_size
-from analysis.fit.fine_steps import has_kinks
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.force_jumps import at_its_jumps
-from analysis.fit.held_out import pooled
-from analysis.fit.parts_of_passes import as_believed, with_parts_of_passes
-from analysis.fit.starts import polish
-from analysis.fit.taken import asked_again
-from analysis.fit.waveform import Fitter
-from analysis.search.begun_anew import begun_anew, switched_on_too
-from analysis.search.believed_look import BelievedLook
-from analysis.search.candidate_round import by_noise, candidate_of, certain_candidates, try_candidates
-from analysis.search.diagnosis import ADEQUATE, CERTAIN, COMPLETE, Candidate, OtherForm
-from analysis.search.exchanged import exchanged
-from analysis.search.gates import against, below_a_guess, certain_ones, passing_gates, vanishes
-from analysis.search.law_form import FormsAsked
-from analysis.search.mains import hum_of
-from analysis.search.settled import fitted_anew, settled, without
-from analysis.search.ties import tied_with, with_rivals
+from testbed.analysis.fit.budget import BudgetSpent
+from testbed.analysis.fit.effect_start import ANCHOR, Origin, is_required, origins_of, state_without
+from testbed.analysis.fit.evidence import effective_size
+from testbed.analysis.fit.fine_steps import has_kinks
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.force_jumps import at_its_jumps
+from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.parts_of_passes import as_believed, with_parts_of_passes
+from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.taken import asked_again
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.begun_anew import begun_anew, switched_on_too
+from testbed.analysis.search.believed_look import BelievedLook
+from testbed.analysis.search.candidate_round import by_noise, candidate_of, certain_candidates, try_candidates
+from testbed.analysis.search.diagnosis import ADEQUATE, CERTAIN, COMPLETE, Candidate, OtherForm
+from testbed.analysis.search.exchanged import exchanged
+from testbed.analysis.search.gates import against, below_a_guess, certain_ones, passing_gates, vanishes
+from testbed.analysis.search.law_form import FormsAsked
+from testbed.analysis.search.mains import hum_of
+from testbed.analysis.search.settled import fitted_anew, settled, without
+from testbed.analysis.search.ties import tied_with, with_rivals
 from testbed.effect import Effect
 from testbed.machine import Model
 

@@ -6,9 +6,19 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from analysis.fit.evidence import DELTA_BIC, bic, effective_size
-from analysis.search.candidate_round import GAIN
-from analysis.search.diagnosis import ADEQUATE, CERTAIN, COMPLETE, MANY, PARTIAL, Candidate, certain, excess, highest_floor
+from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
+from testbed.analysis.search.candidate_round import GAIN
+from testbed.analysis.search.diagnosis import (
+    ADEQUATE,
+    CERTAIN,
+    COMPLETE,
+    MANY,
+    PARTIAL,
+    Candidate,
+    certain,
+    excess,
+    highest_floor,
+)
 from testbed.effect import Effect
 
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name

@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from analysis.fit.first_passes import first_nuisances
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.observed import Observed
-from analysis.fit.own_course import own_course
-from analysis.fit.prediction import predict
-from analysis.fit.starts import polish
-from analysis.fit.waveform import Fitter
-from analysis.search.unheard import still_loud
+from testbed.analysis.fit.first_passes import first_nuisances
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.own_course import own_course
+from testbed.analysis.fit.prediction import predict
+from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.unheard import still_loud
 
 BEYOND_NOISE = 10.0  # change from one revolution to the next at a cut's end, in units of the noise, from which it is irregular,
 BEYOND_OTHERS = 5.0  # times that of the median record,

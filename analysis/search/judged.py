@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.budget import Budgeted, BudgetSpent
-from analysis.fit.held_out import pooled, pooled_doubt
-from analysis.fit.observed import Observed
-from analysis.fit.plausible import BELOW, against_adequacy, said_against, unlike_a_machine
-from analysis.fit.starts import at_a_bound
-from analysis.search.candidate_round import by_noise
-from analysis.search.diagnosis import Candidate, Diagnosis, told_of_base, verdict_of
+from testbed.analysis.fit.budget import Budgeted, BudgetSpent
+from testbed.analysis.fit.held_out import pooled, pooled_doubt
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.plausible import BELOW, against_adequacy, said_against, unlike_a_machine
+from testbed.analysis.fit.starts import at_a_bound
+from testbed.analysis.search.candidate_round import by_noise
+from testbed.analysis.search.diagnosis import Candidate, Diagnosis, told_of_base, verdict_of
 from testbed.effect import Effect
 from testbed.machine import Model
 

@@ -13,16 +13,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.effect_start import state_without
-from analysis.fit.estimates import Estimate, estimates
-from analysis.fit.evidence import DELTA_BIC, bic, effective_size
-from analysis.fit.fit_state import Free, State, WaveformFit
-from analysis.fit.held_out import errors_in_fit, pooled
-from analysis.fit.model_fit import model_fit
-from analysis.fit.starts import from_the_best_half
-from analysis.fit.waveform import Fitter
-from analysis.search.candidate_round import candidate_of
-from analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, OtherForm
+from testbed.analysis.fit.effect_start import state_without
+from testbed.analysis.fit.estimates import Estimate, estimates
+from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
+from testbed.analysis.fit.fit_state import Free, State, WaveformFit
+from testbed.analysis.fit.held_out import errors_in_fit, pooled
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.starts import from_the_best_half
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.candidate_round import candidate_of
+from testbed.analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, OtherForm
 from testbed.effect import Effect, Parameter
 
 ANOTHER = 0.25  # difference of an exponent from the law's own, from which it is another law's

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import chdtri
 
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.observed import Observed
-from analysis.fit.waveform import Fitter
-from analysis.search.diagnosis import COMPLETE
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.diagnosis import COMPLETE
 
 SEEN = 0.01  # rad by which the angle must differ between records to be told
 SURE = 0.999  # probability that the marks' own scatter makes them differ by less

@@ -14,15 +14,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from analysis.fit.first_passes import first_nuisances
-from analysis.fit.fit_state import State
-from analysis.fit.held_out import own_refit
-from analysis.fit.observed import Observed
-from analysis.fit.pass_search import place_entries, place_exits
-from analysis.fit.waveform import Fitter
-from analysis.search.candidate_round import candidate_of
-from analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, verdict_of
-from analysis.search.unheard import SOUND, agreed
+from testbed.analysis.fit.first_passes import first_nuisances
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.held_out import own_refit
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.pass_search import place_entries, place_exits
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.candidate_round import candidate_of
+from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, verdict_of
+from testbed.analysis.search.unheard import SOUND, agreed
 
 CONDITIONS = {"axial_depth_of_cut": "depth of cut", "feed_per_tooth": "feed per tooth"}
 WIDEST = 4.0  # times the stated value, or its inverse, that is looked at

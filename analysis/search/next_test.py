@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.fit.drift import drift_basis
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import Plant
-from analysis.linear.planar_multipliers import cut_multipliers
+from testbed.analysis.fit.drift import drift_basis
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.linear.planar_multipliers import cut_multipliers
 from testbed.cut import Cut, Sampling
 from testbed.machine import Model
 

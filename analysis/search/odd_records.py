@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from analysis.fit.prediction import Plant
-from analysis.search.candidate_round import by_noise
-from analysis.search.diagnosis import Candidate, Diagnosis, verdict_of
-from analysis.search.each_alone import each_alone, said_apart
-from analysis.search.unheard import agreed
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.search.candidate_round import by_noise
+from testbed.analysis.search.diagnosis import Candidate, Diagnosis, verdict_of
+from testbed.analysis.search.each_alone import each_alone, said_apart
+from testbed.analysis.search.unheard import agreed
 from testbed.effect import Effect
 from testbed.machine import Model
 

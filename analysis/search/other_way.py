@@ -10,16 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.fit.effect_start import all_free
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.held_out import errors_in_fit, pooled
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import Plant
-from analysis.fit.starts import glance
-from analysis.fit.structure_start import structure_start
-from analysis.fit.waveform import Fitter
-from analysis.search.diagnosis import ADEQUATE, Candidate
+from testbed.analysis.fit.effect_start import all_free
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.held_out import errors_in_fit, pooled
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.starts import glance
+from testbed.analysis.fit.structure_start import structure_start
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.diagnosis import ADEQUATE, Candidate
 from testbed.effect import Effect
 from testbed.machine import DIRECTIONS, Model
 

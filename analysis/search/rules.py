@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from analysis.fit.evidence import DELTA_BIC
-from analysis.fit.held_out import pooled_doubt
-from analysis.search.candidate_round import GAIN
-from analysis.search.diagnosis import (
+from testbed.analysis.fit.evidence import DELTA_BIC
+from testbed.analysis.fit.held_out import pooled_doubt
+from testbed.analysis.search.candidate_round import GAIN
+from testbed.analysis.search.diagnosis import (
     ADEQUATE,
     CERTAIN,
     COMPLETE,
@@ -24,7 +24,7 @@ from analysis.search.diagnosis import (
     excess,
     noise_share,
 )
-from analysis.search.gates import FINAL, MATERIAL, TAKEN
+from testbed.analysis.search.gates import FINAL, MATERIAL, TAKEN
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from analysis.search.believed_look import BelievedLook
-from analysis.search.candidate_round import by_noise
-from analysis.search.diagnosis import FAINT_REST, excess
-from analysis.search.forward_search import Path, forward
-from analysis.search.gates import against, worth_naming
-from analysis.search.law_form import steeper_form
+from testbed.analysis.search.believed_look import BelievedLook
+from testbed.analysis.search.candidate_round import by_noise
+from testbed.analysis.search.diagnosis import FAINT_REST, excess
+from testbed.analysis.search.forward_search import Path, forward
+from testbed.analysis.search.gates import against, worth_naming
+from testbed.analysis.search.law_form import steeper_form
 
 CLEARLY = 0.5  # share of the excess of the first search that the second may leave, to be believed instead
 SEEN = 0.8  # share of the cost of the openings with one effect that those with two may leave, to be fitted

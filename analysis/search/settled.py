@@ -8,14 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.effect_start import is_required, refitted_without
-from analysis.fit.evidence import DELTA_BIC, bic, effective_size
-from analysis.fit.fine_steps import finely, has_kinks
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.starts import polish, to_its_end
-from analysis.fit.waveform import Fitter
-from analysis.search.candidate_round import candidate_of
-from analysis.search.diagnosis import Candidate
+from testbed.analysis.fit.effect_start import is_required, refitted_without
+from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
+from testbed.analysis.fit.fine_steps import finely, has_kinks
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.starts import polish, to_its_end
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.candidate_round import candidate_of
+from testbed.analysis.search.diagnosis import Candidate
 from testbed.effect import Effect
 
 CHANCE = 3.0  # standard errors that an effect may differ from none by chance

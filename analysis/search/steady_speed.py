@@ -13,12 +13,12 @@ from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
-from analysis.fit.fit_state import State
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observed import Observed
-from analysis.fit.swing_start import swings_the_speed
-from analysis.records.spindle_clock import MARK_SHARE, clock_of, turns_of
-from analysis.search.diagnosis import Candidate
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.swing_start import swings_the_speed
+from testbed.analysis.records.spindle_clock import MARK_SHARE, clock_of, turns_of
+from testbed.analysis.search.diagnosis import Candidate
 from testbed.effect import Effect
 
 RECURS = 0.25  # periods of a swing in the longest record, below which it is none

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from analysis.fit.effect_start import extended, is_required, state_without
-from analysis.fit.evidence import DELTA_BIC, bic, effective_size
-from analysis.fit.starts import polish
-from analysis.search.candidate_round import candidate_of
-from analysis.search.diagnosis import ADEQUATE, Candidate, excess
+from testbed.analysis.fit.effect_start import extended, is_required, state_without
+from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
+from testbed.analysis.fit.starts import polish
+from testbed.analysis.search.candidate_round import candidate_of
+from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, excess
 from testbed.effect import Effect
 
 ALIKE = 0.02  # share of what the better one gains that the other may lack

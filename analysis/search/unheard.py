@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.fit_state import State, WaveformFit
-from analysis.fit.held_out import errors_in_fit
-from analysis.fit.own_course import own_course
-from analysis.fit.starts import polish
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.held_out import errors_in_fit
+from testbed.analysis.fit.own_course import own_course
+from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.waveform import Fitter
 
 LOUD = 4.0  # mean square residual over the median record's, from which a record is doubted
 SOUND = 1.15  # mean square residual, in noise, up to which a record counts as explained

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.records.white_noise import white_noise
-from analysis.tap.blows import lasting, left_at_end
-from analysis.tap.frequency_response import FrequencyResponse
+from testbed.analysis.records.white_noise import white_noise
+from testbed.analysis.tap.blows import lasting, left_at_end
+from testbed.analysis.tap.frequency_response import FrequencyResponse
 from testbed.machine import Carrier
 from testbed.recording import DERIVATIVES
 

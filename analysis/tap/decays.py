@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from analysis.estimate import Estimate
-from analysis.records.ring_downs import RingDown, RungMode, ring_downs, separated
-from analysis.records.segments import find_segments
-from testbed.campaign import Record
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.records.ring_downs import RingDown, RungMode, ring_downs, separated
+from testbed.analysis.records.segments import find_segments
+from testbed.files.campaign import Record
 from testbed.machine import Carrier
 from testbed.problem import InputProblem
 from testbed.recording import Recording
@@ -48,7 +48,7 @@ class DecayMode:
 
 
 def decays_of(taps: Sequence[Any], place: str, notes: list[str]) -> tuple[list[DecaySeen], list[DecayMode]]:
-    """What rings in taps (testbed.taps_file.Tap) without force, and the modes of it. Raises InputProblem where nothing does.
+    """What rings in taps (testbed.files.taps_file.Tap) without force, and the modes of it. Raises InputProblem where nothing does.
 
     Channels of one file belong together: only so do their ratios tell a shape.
     """

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.tap.poles import Stabilisation
-from analysis.tap.real_modes import Fit, Lines, fit_modes, residues, shapes_of
+from testbed.analysis.tap.poles import Stabilisation
+from testbed.analysis.tap.real_modes import Fit, Lines, fit_modes, residues, shapes_of
 
 MOST_MODES = 12
 DECISIVE = 10.0  # gain of BIC that one more mode must bring

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.tap.frequency_response import FrequencyResponse
+from testbed.analysis.tap.frequency_response import FrequencyResponse
 from testbed.problem import InputProblem
 
 TAP_EXTRA = 'pip install "machining-testbed[tap]"'

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares
 
-from analysis.tap.frequency_response import FrequencyResponse
+from testbed.analysis.tap.frequency_response import FrequencyResponse
 
 _SMOOTH = 5  # lines that a level is averaged over
 _SPREAD = 0.2  # of a natural frequency, that a fit may move it by

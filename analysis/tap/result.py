@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from analysis.estimate import Estimate
-from analysis.tap.decays import DecaySeen
-from analysis.tap.frequency_response import FrequencyResponse
-from analysis.tap.order import Step
-from analysis.tap.poles import Stabilisation
-from analysis.tap.real_modes import Fit
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.tap.decays import DecaySeen
+from testbed.analysis.tap.frequency_response import FrequencyResponse
+from testbed.analysis.tap.order import Step
+from testbed.analysis.tap.poles import Stabilisation
+from testbed.analysis.tap.real_modes import Fit
 from testbed.machine import Carrier, Mode
 
 

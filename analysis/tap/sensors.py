@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.tap.frequency_response import FEWEST_LINES, FrequencyResponse
-from analysis.tap.poles import poles
+from testbed.analysis.tap.frequency_response import FEWEST_LINES, FrequencyResponse
+from testbed.analysis.tap.poles import poles
 
 _SURE_SIGN = 0.5  # of the imaginary part's size, that has one sign at a drive point
 

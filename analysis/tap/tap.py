@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from analysis.tap.averaged import Stretch, averaged
-from analysis.tap.blows import Blow, find_blows, too_short
-from analysis.tap.decays import UNKNOWN_MASS, decays_of
-from analysis.tap.frequency_response import FEWEST_LINES, FrequencyResponse
-from analysis.tap.order import MOST_MODES, choose
-from analysis.tap.poles import poles
-from analysis.tap.real_modes import Fit, Lines, fit_modes, residues, shapes_of
-from analysis.tap.result import BlowSeen, FoundMode, Group, TapResult
-from analysis.tap.sensors import exchanged, sign_share, turned, unloaded
-from analysis.tap.uncertain import estimates
+from testbed.analysis.tap.averaged import Stretch, averaged
+from testbed.analysis.tap.blows import Blow, find_blows, too_short
+from testbed.analysis.tap.decays import UNKNOWN_MASS, decays_of
+from testbed.analysis.tap.frequency_response import FEWEST_LINES, FrequencyResponse
+from testbed.analysis.tap.order import MOST_MODES, choose
+from testbed.analysis.tap.poles import poles
+from testbed.analysis.tap.real_modes import Fit, Lines, fit_modes, residues, shapes_of
+from testbed.analysis.tap.result import BlowSeen, FoundMode, Group, TapResult
+from testbed.analysis.tap.sensors import exchanged, sign_share, turned, unloaded
+from testbed.analysis.tap.uncertain import estimates
 from testbed.problem import InputProblem
 from testbed.recording import Recording
 
@@ -41,7 +41,7 @@ class _Noted:
 
 
 def tap_test(taps: Any, most_modes: int | None = None) -> TapResult:
-    """Modes of the taps of a file (testbed.taps_file.Taps). Raises InputProblem where they hold none.
+    """Modes of the taps of a file (testbed.files.taps_file.Taps). Raises InputProblem where they hold none.
 
     most_modes: so many for each group of responses, instead of as many as the data ask for.
     """

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from scipy.special import chdtri, stdtrit
 
-from analysis.estimate import Estimate
-from analysis.information import Z_95
-from analysis.tap.order import together
-from analysis.tap.real_modes import Fit
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.information import Z_95
+from testbed.analysis.tap.order import together
+from testbed.analysis.tap.real_modes import Fit
 
 _CHANCE = 0.01  # by which blows scatter more than their noise explains
 

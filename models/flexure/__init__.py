@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import models
+from testbed import models
 from testbed.machine import Structure
 
 

@@ -18,9 +18,9 @@ from typing import Any, NoReturn
 
 import click
 
-from testbed.door import is_shortage
-from testbed.interruption import INTERRUPTED, interrupted, leave, listen, say_interrupted
+from testbed.files.door import is_shortage
 from testbed.problem import InputProblem, InputWarning, shortened
+from testbed.system.interruption import INTERRUPTED, interrupted, leave, listen, say_interrupted
 
 FOLDER = Path(__file__).parent
 # The order of `testbed --help`, along a user's way; a command not named here comes after, by the alphabet.
@@ -100,7 +100,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # results would change with the number of BLAS threads
     if not os.access(os.path.expanduser("~"), os.W_OK):
-        from testbed.kernel_cache import lodge_matplotlib
+        from testbed.system.kernel_cache import lodge_matplotlib
 
         lodge_matplotlib()
     restore = listen()

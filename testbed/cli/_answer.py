@@ -14,8 +14,8 @@ from typing import Any
 
 import click
 
-from testbed.atomic import write_text
 from testbed.cli._places import check_outputs, check_place
+from testbed.system.atomic import write_text
 
 MOST_DIGITS = 12  # of a number, however narrow its interval
 NOT_DETERMINED = "not determined"  # in place of an interval that spans decades

@@ -39,10 +39,10 @@ class Observed:
 
 def data_set(name: str, folder: Path, seed: int | None, show: Callable[[int, int], None]) -> Any:
     """Simulate a shipped scenario into `folder`, in place of an earlier demo's data; returns the sweep's report."""
-    from testbed import sweep
-    from testbed.data_set import is_data_set, read_data_set
     from testbed.engines.mujoco_engine import model_xml, simulate
-    from testbed.scenario_file import read_scenario
+    from testbed.scenario.scenario_file import read_scenario
+    from testbed.store.data_set import is_data_set, read_data_set
+    from testbed.sweeps import sweep
 
     scenario = read_scenario(name)
     scenario = scenario if seed is None else replace(scenario, seed=seed)
@@ -56,10 +56,10 @@ def data_set(name: str, folder: Path, seed: int | None, show: Callable[[int, int
 
 def observe(path: Path, names: Sequence[str] = (), published: Sequence[str] = ()) -> list[Observed]:
     """The verdicts on every cut of a data set, from multipliers and from once-per-tooth samples."""
-    from analysis.linear.published import PublishedTest, linear_multipliers
-    from analysis.linear.stability import classify
-    from analysis.multipliers.verdict import once_per_tooth_samples, simulated_verdict
-    from testbed.data_set import read_data_set
+    from testbed.analysis.linear.published import PublishedTest, linear_multipliers
+    from testbed.analysis.linear.stability import classify
+    from testbed.analysis.multipliers.verdict import once_per_tooth_samples, simulated_verdict
+    from testbed.store.data_set import read_data_set
 
     data = read_data_set(path)
     model = data.true_model()
@@ -86,10 +86,10 @@ class Scored:
 
 def identified(path: Path, show: Callable[[int, int], None]) -> Scored:
     """The paper's identification of each repeat of a data set's three tests, from the paper's starting guess."""
-    from analysis.multipliers.score import score
+    from testbed.analysis.multipliers.score import score
     from testbed.cli._identification import identify_by_multipliers
     from testbed.cli._records import records_of
-    from testbed.data_set import read_data_set
+    from testbed.store.data_set import read_data_set
 
     data = read_data_set(path)
     truth = data.true_model()
@@ -121,9 +121,9 @@ def chart(path: Path, spindle_speeds: tuple[float, float], deepest: float) -> An
 
     import numpy as np
 
-    from analysis.linear.chart_border import refined
-    from analysis.linear.stability import stability_chart
-    from testbed.data_set import read_data_set
+    from testbed.analysis.linear.chart_border import refined
+    from testbed.analysis.linear.stability import stability_chart
+    from testbed.store.data_set import read_data_set
 
     fill = partial(stability_chart, read_data_set(path).true_model())
     depths = np.linspace(deepest / DEPTH_CELLS, deepest, DEPTH_CELLS)
@@ -142,7 +142,7 @@ def hammer_test(folder: Path) -> dict[str, dict[str, Any]]:
     """First mode of the measured tool, from the blow itself and from the receptance its owners computed."""
     import numpy as np
 
-    from analysis.multipliers.ring_down import fit_receptance, receptance
+    from testbed.analysis.multipliers.ring_down import fit_receptance, receptance
 
     time, force, acceleration = np.loadtxt(folder / "impact_Point1_time.txt").T
     frequency, real, imaginary = np.loadtxt(folder / "FRF_Point_1.txt").T[:, 1:]  # the line at 0 Hz is drift

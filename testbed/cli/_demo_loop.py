@@ -78,10 +78,10 @@ def draw(seed: int) -> dict[str, Any]:
 
 def make(folder: Path, seed: int, show: Callable[[int, int], None] = lambda done, total: None) -> Sealed:
     """Seal a truth drawn by the seed, cut it with MuJoCo, and write the workshop's files. The truth is not handed back."""
-    from testbed.atomic import write_text
     from testbed.cut import Cut
     from testbed.engines.mujoco_engine import simulate
     from testbed.machine import Cutter, Cutting, Model, Structure
+    from testbed.system.atomic import write_text
     from testbed.workshop import RPM, Measurement, measured_cut, write_campaign
 
     place = workshop_folder(folder)
@@ -129,12 +129,12 @@ def run_loop(sealed: Sealed, say: Callable[[str], None] = lambda text: None) -> 
 
     Tied effects: the first of them is added. Nothing named: nothing is added.
     """
-    from analysis.search.add_effect import add_effect
-    from analysis.search.diagnose import diagnose
-    from analysis.search.diagnosis import as_json
+    from testbed.analysis.search.add_effect import add_effect
+    from testbed.analysis.search.diagnose import diagnose
+    from testbed.analysis.search.diagnosis import as_json
     from testbed.catalogue import catalogue
     from testbed.cli._fitting import channel_units, plant_of, read_both
-    from testbed.model_file import read_model, write_model
+    from testbed.files.model_file import read_model, write_model
 
     effects = catalogue()
     model, records, read = read_both(str(sealed.campaign), str(sealed.model), effects)
@@ -184,11 +184,11 @@ def open_truth(sealed: Sealed, loop: Loop) -> Revealed:
 
 def add_story(page: Any, loop: Loop) -> None:
     """The error falling, the candidates, effects to tick, and what was left before and after, on the demo's page."""
-    from analysis.fit.held_out import pooled
-    from analysis.report.steps import add_candidates, add_steps
-    from analysis.report.ticked import add_before_after, add_ticks, leading, points_for
-    from analysis.report.waveforms import looks, worst_first
-    from analysis.search.diagnosis import unaided
+    from testbed.analysis.fit.held_out import pooled
+    from testbed.analysis.report.steps import add_candidates, add_steps
+    from testbed.analysis.report.ticked import add_before_after, add_ticks, leading, points_for
+    from testbed.analysis.report.waveforms import looks, worst_first
+    from testbed.analysis.search.diagnosis import unaided
     from testbed.catalogue import catalogue
 
     found, error = loop.diagnosis, loop.error

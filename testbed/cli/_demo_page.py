@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from analysis.report.page import Page
+from testbed.analysis.report.page import Page
 
 __all__ = ["Page"]

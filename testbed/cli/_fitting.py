@@ -27,7 +27,7 @@ def plant_of(catalogue: Any) -> Any:
 
 def observed_records(records: Sequence[Any], model: Any, path: object, model_file: object) -> list[Any]:
     """Records made ready for a fit of the model. InputProblem names the record that cannot be predicted, and why."""
-    from analysis.fit.observe import observe
+    from testbed.analysis.fit.observe import observe
 
     chosen = [record for record in records if record.kind in PREDICTED]
     if not chosen:
@@ -48,9 +48,9 @@ def observed_records(records: Sequence[Any], model: Any, path: object, model_fil
 
 def read_both(campaign: str, model_file: str, catalogue: Any, planar: bool = False) -> tuple[Any, list[Any], tuple[Any, ...]]:
     """(model, records ready for a fit, records as read) of a command's two files; planar: it takes a machine in x and y."""
-    from analysis.fit.spindle_speed import at_modelled_speed
+    from testbed.analysis.fit.spindle_speed import at_modelled_speed
     from testbed.cli._options import refuse_planar
-    from testbed.model_file import read_model
+    from testbed.files.model_file import read_model
 
     model = read_model(model_file, catalogue)
     if not planar:
@@ -77,8 +77,8 @@ def uncalibrated(records: Sequence[Any]) -> list[str]:
 def doubts(records: Sequence[Any], model: Any) -> list[str]:
     """What is doubtful of each record: what reading found, sampling too slow for the model, a speed that the signal of a cut
     without tachometer contradicts."""
-    from analysis.records.record_report import report
-    from analysis.records.ring_downs import notes_of
+    from testbed.analysis.records.record_report import report
+    from testbed.analysis.records.ring_downs import notes_of
     from testbed.readers.checks import rate_notes
 
     found = []
@@ -100,7 +100,7 @@ def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
     """A line where cuts were measured by their motion alone, which tells forces only relative to the mass."""
     from testbed.recording import DERIVATIVES
 
-    if model.structure.planar:  # see analysis.fit.told
+    if model.structure.planar:  # see testbed.analysis.fit.told
         return []
     moving = any(record.kind == "cut" and any(name in DERIVATIVES for name in record.recording.channels) for record in records)
     if not moving or any(record.kind == "excited" for record in records):
@@ -121,7 +121,7 @@ def of_the_range(records: Sequence[Any]) -> list[str]:
 
 def of_the_parts(records: Sequence[Any]) -> list[str]:
     """A line for each ring-down of which a fit uses a part only."""
-    from analysis.records.ring_downs import used_note
+    from testbed.analysis.records.ring_downs import used_note
 
     return [f"{record.name}: {note}" for record in records for note in used_note(record.recording, record.kind)]
 

@@ -42,8 +42,8 @@ def motion_channel(record: Any) -> str | None:
 
 def cut_tests(records: Sequence[Any], flutes: int, path: object) -> list[CutTest]:
     """The cuts among records, with their entries and exits found. InputProblem where there is none."""
-    from analysis.multipliers.recorded_cut import at_measured_speed
-    from analysis.records.segments import find_segments
+    from testbed.analysis.multipliers.recorded_cut import at_measured_speed
+    from testbed.analysis.records.segments import find_segments
 
     tests = []
     for record in records:
@@ -73,7 +73,7 @@ def entry_and_exit(segments: Sequence[Any]) -> dict[str, float]:
 
 def free_decays(records: Sequence[Any], tests: Sequence[CutTest]) -> list[Any]:
     """The free decays after the cuts and of the taps, those that say anything."""
-    from analysis.multipliers.ring_down import ring_down
+    from testbed.analysis.multipliers.ring_down import ring_down
 
     found = []
     for test in tests:
@@ -151,9 +151,9 @@ class Identified:
 def identify_by_multipliers(model: Any, records: Sequence[Any], path: object, seed: int, *,
                             ratio_doubt: float = RATIO_DOUBT) -> Identified:
     """Fit the characteristic multipliers of the cuts. ValueError where they do not suffice."""
-    from analysis.fit.plausible import remarks_on
-    from analysis.multipliers.identify import at_an_end, identify_multipliers
-    from analysis.multipliers.recorded_cut import measured_multipliers
+    from testbed.analysis.fit.plausible import remarks_on
+    from testbed.analysis.multipliers.identify import at_an_end, identify_multipliers
+    from testbed.analysis.multipliers.recorded_cut import measured_multipliers
 
     flutes = model.cutter.flutes
     tests = cut_tests(records, flutes, path)
@@ -181,8 +181,8 @@ def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path
 
     A model whose motion repeats over several tooth passes only (runout) has none of a single one.
     """
-    from analysis.multipliers.identify import beside
-    from analysis.multipliers.recorded_cut import measured_multipliers
+    from testbed.analysis.multipliers.identify import beside
+    from testbed.analysis.multipliers.recorded_cut import measured_multipliers
     from testbed.cli.multipliers import multipliers
 
     if not any(record.kind == "cut" and motion_channel(record) is not None for record in records):
@@ -201,7 +201,7 @@ def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path
 
 def _multipliers_of(model: Any, fitter: Any, fit: Any, catalogue: Any) -> tuple[dict[str, Any], ...]:
     """The same of a machine in x and y: the model's own alone, since one channel holds several modes at once."""
-    from analysis.fit.estimates import speed_factors
+    from testbed.analysis.fit.estimates import speed_factors
     from testbed.cli.multipliers import multipliers
 
     rows, cuts = [], [record for record in fitter.records if record.cut is not None]
@@ -223,15 +223,15 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
 
     say: is told, before the fit, what the records' channels do not tell.
     """
-    from analysis.fit.doubted_marks import with_marks_doubted
-    from analysis.fit.estimates import at_bound, clock_note
-    from analysis.fit.held_guesses import with_guesses_held
-    from analysis.fit.held_out import errors_in_fit, pooled
-    from analysis.fit.model_fit import model_fit
-    from analysis.fit.plausible import remarks_on
-    from analysis.fit.spindle_speed import at_modelled_speed
-    from analysis.fit.taken import taken_notes
-    from analysis.fit.told import what_is_told
+    from testbed.analysis.fit.doubted_marks import with_marks_doubted
+    from testbed.analysis.fit.estimates import at_bound, clock_note
+    from testbed.analysis.fit.held_guesses import with_guesses_held
+    from testbed.analysis.fit.held_out import errors_in_fit, pooled
+    from testbed.analysis.fit.model_fit import model_fit
+    from testbed.analysis.fit.plausible import remarks_on
+    from testbed.analysis.fit.spindle_speed import at_modelled_speed
+    from testbed.analysis.fit.taken import taken_notes
+    from testbed.analysis.fit.told import what_is_told
 
     observed, plant = observed_records(records, model, path, model_file), plant_of(catalogue)
     observed = at_modelled_speed(observed, model.effects, catalogue)

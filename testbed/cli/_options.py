@@ -127,7 +127,7 @@ def catalogue_of(folders: tuple[str, ...]) -> Any:
 
 def cutting_model(path: str, catalogue: Any = None, otherwise: str = "") -> Any:
     """A model.yaml that has a cutter. InputProblem, with what to do `otherwise`, where it has none."""
-    from testbed.model_file import read_model
+    from testbed.files.model_file import read_model
 
     model = read_model(path, catalogue)
     check_cutting(model, path, otherwise)

@@ -13,7 +13,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from testbed.interruption import deaf, deaf_from_birth
+from testbed.system.interruption import deaf, deaf_from_birth
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Work:
 
 def make_all(work: Work, names: Sequence[str], workers: int, resume: bool) -> Iterator[tuple[Any, float]]:
     """Each part as it is finished, with the seconds it took (0: kept from before). Ctrl-C leaves those finished."""
-    from analysis.paper import LONGEST_FIRST
+    from testbed.analysis.paper import LONGEST_FIRST
 
     (Path(work.folder) / "parts").mkdir(exist_ok=True)
     waiting = []
@@ -65,17 +65,17 @@ def make_one(work: Work, name: str) -> tuple[Any, float]:
     """Compute a part, save its pictures, keep what it found; the part without its figures, and the seconds."""
     from importlib import import_module
 
-    from analysis.paper.bench import Bench
-    from analysis.paper.part import as_dict, from_dict
-    from analysis.paper.style import journal, save
-    from testbed.atomic import write_text
+    from testbed.analysis.paper.bench import Bench
+    from testbed.analysis.paper.part import as_dict, from_dict
+    from testbed.analysis.paper.style import journal, save
     from testbed.cli._answer import plain
     from testbed.engines import fast, mujoco_engine
+    from testbed.system.atomic import write_text
 
     began = time.perf_counter()
     folder = Path(work.folder)
     with journal():
-        part = import_module(f"analysis.paper.{name}").make(
+        part = import_module(f"testbed.analysis.paper.{name}").make(
             Bench(mujoco_engine.simulate, fast.simulate, folder, work.seed, work.quick, _render))
         for picture in part.pictures:
             if picture.figure is not None:
@@ -93,7 +93,7 @@ def _render(path: Path, camera: str) -> None:
 
 def _finished(work: Work, name: str) -> Any:
     """The part that an earlier run finished with the same program, seed and effort; None if there is none."""
-    from analysis.paper.part import from_dict, picture_files
+    from testbed.analysis.paper.part import from_dict, picture_files
 
     try:
         kept = json.loads(work.kept(name).read_text(encoding="utf-8"))
@@ -113,8 +113,8 @@ def fingerprint(work: Work) -> str:
 @lru_cache(maxsize=1)
 def _program() -> str:
     """A hash of every Python file of the analysis, the vocabulary, the effects and the engines."""
-    import analysis
     import testbed
+    from testbed import analysis
 
     digest = sha256()
     for package in (analysis, testbed):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from testbed.door import typed
+from testbed.files.door import typed
 from testbed.problem import InputProblem
 
 LONGEST_NAME = 235  # bytes: file systems take 255, and a file is first written under a longer name
@@ -57,7 +57,7 @@ def _check_replaced(parameter: click.Parameter, text: str, context: click.Contex
         with open(text, "rb") as file:
             kind = "" if file.read(64).lstrip()[:1] in (b"{", b"[", b"") else "JSON"
     elif parameter.make_metavar(context) == _MODEL:
-        from testbed.model_file import is_model
+        from testbed.files.model_file import is_model
 
         kind = "" if is_model(text) else "model.yaml"
     if kind:

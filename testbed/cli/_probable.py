@@ -96,8 +96,8 @@ def chances(asked: Asked) -> Sure:
 
 def with_chances(sure: Sure, asked: Asked) -> Sure:
     """The answer with the chances of all cells, from machines drawn from what is known."""
-    from analysis.probable.chance import by_surface, chance_of, charts_on_surface, each_drawn
-    from analysis.probable.draws import NoDraws
+    from testbed.analysis.probable.chance import by_surface, chance_of, charts_on_surface, each_drawn
+    from testbed.analysis.probable.draws import NoDraws
 
     notes = list(sure.notes)
     known, left_out = linear_where_it_can(sure.known)
@@ -142,7 +142,7 @@ def filled(model: Any, speeds: Any, depths: Any, catalogue: Any) -> Any:
     """The chart of a machine, with effects or without; of a law without periodic motion all cells are blank."""
     import numpy as np
 
-    from analysis.linear.stability import StabilityChart, stability_chart
+    from testbed.analysis.linear.stability import StabilityChart, stability_chart
     from testbed.cli.chart import with_effects
 
     if not model.effects:
@@ -159,7 +159,7 @@ def _in_plane(known: Any) -> bool:
 
 
 def _from_file(asked: Asked) -> Sure:
-    from analysis.probable.draws import of_spreads
+    from testbed.analysis.probable.draws import of_spreads
 
     known = of_spreads(asked.model, asked.catalogue)
     note = f"chances: {asked.draws} machines drawn from the deviations in {asked.model_file}, each value by itself"
@@ -168,8 +168,8 @@ def _from_file(asked: Asked) -> Sure:
 
 def _from_campaign(asked: Asked) -> Sure:
     """What the campaign's records tell, after the fit that `compare` makes."""
-    from analysis.comparison.compare import compare
-    from analysis.probable.posterior import posterior, why_no_chance
+    from testbed.analysis.comparison.compare import compare
+    from testbed.analysis.probable.posterior import posterior, why_no_chance
     from testbed.cli._fitting import notes_on, plant_of, read_both, sign_of_life
 
     assert asked.campaign is not None
@@ -195,7 +195,7 @@ def _from_campaign(asked: Asked) -> Sure:
 
 def _drawn(known: Any, catalogue: Any) -> tuple[dict[str, Any], ...]:
     """Every parameter that is drawn, with its value, deviation and unit."""
-    from analysis.probable.draws import unit_of
+    from testbed.analysis.probable.draws import unit_of
 
     rows = zip(known.paths, known.middle.tolist(), known.deviations.tolist(), strict=True)
     return tuple({"parameter": path, "value": value, "standard_deviation": size, "unit": unit_of(path, catalogue)}

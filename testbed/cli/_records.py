@@ -12,16 +12,16 @@ KNOWN = ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth", "flutes")  # w
 
 
 def load_records(path: str | Path) -> tuple[Any, ...]:
-    """The records of a data set or a campaign (testbed.campaign.Record), each blow by itself.
+    """The records of a data set or a campaign (testbed.files.campaign.Record), each blow by itself.
 
     InputProblem where the file is neither.
     """
-    from testbed.data_set import is_data_set, read_data_set
+    from testbed.store.data_set import is_data_set, read_data_set
 
     name = Path(path)
     if name.suffix.lower() in (".yaml", ".yml"):
-        from analysis.records.ring_downs import separated
-        from testbed.campaign import load_campaign
+        from testbed.analysis.records.ring_downs import separated
+        from testbed.files.campaign import load_campaign
 
         return separated(load_campaign(name).records)
     if name.is_file() and not is_data_set(name) and name.suffix.lower() not in (".h5", ".hdf5"):
@@ -32,8 +32,8 @@ def load_records(path: str | Path) -> tuple[Any, ...]:
 
 def records_of(data: Any) -> tuple[Any, ...]:
     """The finished runs of a data set as records: what its sensors gave, nothing of the truth."""
-    from testbed.campaign import Record
-    from testbed.manifest import Feed
+    from testbed.files.campaign import Record
+    from testbed.files.manifest import Feed
 
     records = []
     for recording in data:

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from testbed.interruption import deaf, deaf_from_birth
 from testbed.problem import InputProblem
+from testbed.system.interruption import deaf, deaf_from_birth
 
 METHODS = ("multipliers", "published", "waveform")
 _BELIEF = {"natural_frequency": 0.015, "damping_ratio": math.log(2.5), "tangential_coefficient": math.log(2.0)}
@@ -34,7 +34,7 @@ class Sealed:
 
     def __init__(self, order: Order) -> None:
         from testbed.cli._options import catalogue_of, refuse_planar
-        from testbed.data_set import read_data_set
+        from testbed.store.data_set import read_data_set
 
         self.order, self.catalogue = order, catalogue_of(order.folders)
         source = read_data_set(order.data)
@@ -142,7 +142,7 @@ def _waveform(sealed: Sealed, records: Sequence[Any], belief: Any) -> Mapping[st
 
 
 def _published(sealed: Sealed, records: Sequence[Any], belief: Any) -> Mapping[str, Any]:
-    from analysis.multipliers.identify_as_published import identify_as_published
+    from testbed.analysis.multipliers.identify_as_published import identify_as_published
     from testbed.cli._identification import cut_tests, start_from_ring_downs
 
     tests = cut_tests(records, belief.cutter.flutes, sealed.order.data)
@@ -212,7 +212,7 @@ def _checked(path: Path, answer: Any) -> Mapping[str, tuple[float, float, float]
         if not math.isfinite(value) or low > high:
             raise ValueError(f"{name}: {value:g} within {low:g} to {high:g}")
         checked[str(name)] = (value, low, high)
-    from analysis.multipliers.score import PARAMETERS
+    from testbed.analysis.multipliers.score import PARAMETERS
 
     if not set(PARAMETERS) & set(checked):
         raise InputProblem(path, f"identify returned none of {', '.join(PARAMETERS)}", form)
@@ -221,7 +221,7 @@ def _checked(path: Path, answer: Any) -> Mapping[str, tuple[float, float, float]
 
 def identified(sealed: Sealed, case: Any) -> Any:
     """The Outcome of one case. A ValueError or ArithmeticError of the method is a failure, told with its reason."""
-    from analysis.multipliers.score import PARAMETERS, Outcome
+    from testbed.analysis.multipliers.score import PARAMETERS, Outcome
 
     records, belief, method = sealed.campaign(case), sealed.belief(case.number), method_named(case.method)
     begin = time.process_time()

@@ -29,10 +29,10 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
     The errors before and after are those on records whose operating condition the fit left out. Intervals are 95 %.
     Nothing here is random: --seed changes nothing.
     """
-    from analysis.fit.plausible import unlike_a_machine
-    from analysis.search.add_effect import add_effects, as_json
+    from testbed.analysis.fit.plausible import unlike_a_machine
+    from testbed.analysis.search.add_effect import add_effects, as_json
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
-    from testbed.model_file import write_model
+    from testbed.files.model_file import write_model
 
     answer = Answer(json_file, quiet)
     check_place(output)
@@ -56,7 +56,7 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
     _say(answer, found, notes)
     answer.say(f"written: {output}")
     if folder is not None:
-        from analysis.report.story_page import addition_page
+        from testbed.analysis.report.story_page import addition_page
 
         page = addition_page(found, records, model, channel_units(read),
                              notes=[f"{campaign} against {model_file}", *notes])

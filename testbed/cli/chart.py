@@ -55,8 +55,8 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     """
     import numpy as np
 
-    from analysis.linear.chart_plot import plot_chart, save
-    from analysis.linear.stability import CLASSES, feed_note, sharpened_limit
+    from testbed.analysis.linear.chart_plot import plot_chart, save
+    from testbed.analysis.linear.stability import CLASSES, feed_note, sharpened_limit
 
     answer = Answer(json_file, quiet)
     if len(speed) * len(depth) > MOST_CELLS:
@@ -85,7 +85,7 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     drawn = plot_chart(_drawn(chart, model), tests, guessed, title=feed_note(model))
     pictures = save(drawn, folder / "stability_chart")
     if sure.chance is not None:
-        from analysis.probable.plot import plot_chance
+        from testbed.analysis.probable.plot import plot_chance
 
         said_chances(answer, sure)
         pictures += save(plot_chance(sure.chance, limit, sure.recommended, risk), folder / "probable_stability")
@@ -98,7 +98,7 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
 
 
 def _linear(model: Any, speeds: Any, depths: Any) -> Any:
-    from analysis.linear.stability import stability_chart
+    from testbed.analysis.linear.stability import stability_chart
 
     return stability_chart(model, speeds, depths)
 
@@ -107,7 +107,7 @@ def _drawn(chart: Any, model: Any) -> Any:
     """The chart for a picture, its borders finer than its cells; with effects, where a cell costs much, as it is."""
     from functools import partial
 
-    from analysis.linear.chart_border import MOST_PARTS, refined
+    from testbed.analysis.linear.chart_border import MOST_PARTS, refined
 
     most = PLANAR_PARTS if model.planar else MOST_PARTS
     return chart if model.effects else refined(chart, partial(_linear, model), most)
@@ -117,7 +117,7 @@ def with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: bo
     """The chart cell by cell. Over a period of several passes, the multiplier's modulus is given per tooth pass."""
     import numpy as np
 
-    from analysis.linear.stability import CLASSES, StabilityChart
+    from testbed.analysis.linear.stability import CLASSES, StabilityChart
     from testbed.cli.multipliers import multipliers
     from testbed.cut import Cut
 
@@ -147,9 +147,9 @@ def with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: bo
 
 def _tests(model: Any, data: str) -> list[Any]:
     """The cuts of a data set or campaign with the class that their own multipliers show."""
-    from analysis.linear.chart_plot import ChartTest
-    from analysis.linear.stability import classify
-    from analysis.multipliers.recorded_cut import measured_multipliers
+    from testbed.analysis.linear.chart_plot import ChartTest
+    from testbed.analysis.linear.stability import classify
+    from testbed.analysis.multipliers.recorded_cut import measured_multipliers
     from testbed.cli._identification import cut_tests
     from testbed.cli._records import load_records
 

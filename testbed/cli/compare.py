@@ -27,16 +27,16 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
 
     error = rms(measured - predicted) / rms(measured about its mean). Nothing here is random: --seed changes nothing.
     """
-    from analysis.comparison.compare import as_json, compare
-    from analysis.comparison.tapped import beside_the_tap, said_of_the_tap
-    from analysis.fit.estimates import clock_note
-    from analysis.fit.plausible import remarks_on
-    from analysis.fit.spindle_speed import at_modelled_speed
-    from analysis.fit.switched import switch_note
-    from analysis.fit.taken import taken_notes
-    from analysis.fit.told import what_is_told
-    from analysis.search.mark_delay import delay_note
-    from analysis.search.other_way import other_way_note
+    from testbed.analysis.comparison.compare import as_json, compare
+    from testbed.analysis.comparison.tapped import beside_the_tap, said_of_the_tap
+    from testbed.analysis.fit.estimates import clock_note
+    from testbed.analysis.fit.plausible import remarks_on
+    from testbed.analysis.fit.spindle_speed import at_modelled_speed
+    from testbed.analysis.fit.switched import switch_note
+    from testbed.analysis.fit.taken import taken_notes
+    from testbed.analysis.fit.told import what_is_told
+    from testbed.analysis.search.mark_delay import delay_note
+    from testbed.analysis.search.other_way import other_way_note
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
 
     answer = Answer(json_file, quiet)
@@ -59,11 +59,11 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     _say(answer, found, notes, model)
     notes += _of_silence(found)
     if pictures is not None:
-        from analysis.comparison.compare_plots import save
-        from analysis.comparison.constancy import constancy
-        from analysis.comparison.residual_views import map_units
-        from analysis.force.force_state import force_states
-        from analysis.report.compare_page import compare_page
+        from testbed.analysis.comparison.compare_plots import save
+        from testbed.analysis.comparison.constancy import constancy
+        from testbed.analysis.comparison.residual_views import map_units
+        from testbed.analysis.force.force_state import force_states
+        from testbed.analysis.report.compare_page import compare_page
 
         with sign_of_life("fitting test by test, drawing", quiet):
             tested, units = constancy(found.fitter, found.fit, catalogue), channel_units(read)
@@ -80,9 +80,9 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
 
 
 def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
-    from analysis.comparison.adequacy import LEFT_EXPLAINED, said_left
-    from analysis.comparison.compare import used_part
-    from analysis.fit.estimates import said_at_bound
+    from testbed.analysis.comparison.adequacy import LEFT_EXPLAINED, said_left
+    from testbed.analysis.comparison.compare import used_part
+    from testbed.analysis.fit.estimates import said_at_bound
 
     for note in notes:
         answer.say(note)
@@ -124,7 +124,7 @@ def _of_silence(found: Any) -> list[str]:
 
 def _in_words(found: Any) -> str:
     """What the error says of the model."""
-    from analysis.search.diagnosis import FAINT_REST
+    from testbed.analysis.search.diagnosis import FAINT_REST
 
     if found.against and found.error <= FAINT_REST * found.noise_floor:
         return f"little is left, but that says nothing for the model: {'; '.join(found.against)}"

@@ -80,7 +80,7 @@ class _Demo:
         self.page.table(titles, rows)
 
     def _picture(self, figure: Any, name: str, says: str) -> None:
-        from analysis.linear.chart_plot import save
+        from testbed.analysis.linear.chart_plot import save
 
         path = save(figure, self.folder / name)[0]
         self.pictures.append(path)
@@ -100,8 +100,8 @@ class _Demo:
 
     def published(self) -> None:
         """The five published experiments."""
-        from analysis.linear.published import PUBLISHED
-        from analysis.multipliers.published_plot import plot_samples
+        from testbed.analysis.linear.published import PUBLISHED
+        from testbed.analysis.multipliers.published_plot import plot_samples
         from testbed.cli._demo import observe
 
         self._begin("Five published experiments: observed, by multipliers, and by simulation with loss of contact")
@@ -134,7 +134,7 @@ class _Demo:
 
     def chart(self) -> None:
         """The stability chart with all tests on it."""
-        from analysis.linear.chart_plot import ChartTest, plot_chart
+        from testbed.analysis.linear.chart_plot import ChartTest, plot_chart
         from testbed.cli._demo import DEPTH_CELLS, SPEED_CELLS, chart
 
         self._begin("Stability chart, the simulated cuts laid over it")
@@ -149,7 +149,7 @@ class _Demo:
 
     def identification(self) -> None:
         """The paper's identification on three stable cuts, scored."""
-        from analysis.linear.chart_plot import plot_multipliers
+        from testbed.analysis.linear.chart_plot import plot_multipliers
         from testbed.cli._demo import identified
 
         self._begin("The paper's identification from three stable cuts, scored against the known truth")
@@ -234,7 +234,7 @@ class _Demo:
 
     def _reveal(self, revealed: Any, sealed: Any, loop: Any, error: dict[str, float]) -> dict[str, Any]:
         """Say what the sealed file holds; returns the step's part of the JSON."""
-        from analysis.search.add_effect import as_json
+        from testbed.analysis.search.add_effect import as_json
 
         self.page.heading("What was hidden?")
         self._say(f"the seal of {sealed.truth} is whole; hidden was {revealed.truth['effect']}: "
@@ -256,7 +256,7 @@ def _truth_row(row: Any) -> tuple[str, ...]:
 
 
 def _name(verdict: str) -> str:
-    from analysis.linear.stability import said_class
+    from testbed.analysis.linear.stability import said_class
 
     return said_class(verdict)
 

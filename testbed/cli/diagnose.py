@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from analysis.fit.budget import BUDGET
+from testbed.analysis.fit.budget import BUDGET
 from testbed.cli._answer import Answer, shown
 from testbed.cli._options import catalogue_of, effects_option, model_option, shared
 from testbed.cli._places import output_folder
@@ -43,13 +43,13 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 
     An honest "these records cannot tell" is an answer too. Only --false-alarms draws random numbers, from --seed.
     """
-    from analysis.search.diagnose import diagnose
-    from analysis.search.diagnosis import as_json, unaided
-    from analysis.search.other_way import other_way_note
-    from analysis.search.rules import rules_of
+    from testbed.analysis.search.diagnose import diagnose
+    from testbed.analysis.search.diagnosis import as_json, unaided
+    from testbed.analysis.search.other_way import other_way_note
+    from testbed.analysis.search.rules import rules_of
     from testbed.catalogue import DECOYS
     from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
-    from testbed.model_file import effect_text
+    from testbed.files.model_file import effect_text
 
     answer = Answer(json_file, quiet)
     folder = output_folder(output) if output else None
@@ -86,7 +86,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     if alarms:
         said["false_alarms"] = _false_alarms(answer, found, catalogue, alarms, seed or 0)
     if folder is not None:
-        from analysis.report.story_page import diagnosis_page
+        from testbed.analysis.report.story_page import diagnosis_page
 
         page = diagnosis_page(found, said, model, catalogue, channel_units(read),
                               notes=[f"{campaign} against {model_file}", *notes],
@@ -98,12 +98,19 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 def _of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
                      ) -> tuple[tuple[str, ...], tuple[str, ...], list[str], list[dict[str, Any]]]:  # fmt: skip
     """(parameters at a bound, those not determined, notes, rows beside the tap) of the fit of the best set of effects."""
-    from analysis.comparison.tapped import beside_the_tap, said_of_the_tap
-    from analysis.fit.estimates import at_bound, clock_note, estimates, not_determined, said_at_bound, said_not_determined
-    from analysis.fit.plausible import remarks_on
-    from analysis.fit.taken import taken_notes
-    from analysis.search.diagnosis import ADEQUATE
-    from analysis.search.mark_delay import delay_note
+    from testbed.analysis.comparison.tapped import beside_the_tap, said_of_the_tap
+    from testbed.analysis.fit.estimates import (
+        at_bound,
+        clock_note,
+        estimates,
+        not_determined,
+        said_at_bound,
+        said_not_determined,
+    )
+    from testbed.analysis.fit.plausible import remarks_on
+    from testbed.analysis.fit.taken import taken_notes
+    from testbed.analysis.search.diagnosis import ADEQUATE
+    from testbed.analysis.search.mark_delay import delay_note
 
     fitter, fit = found.best.fitter, found.best.fit
     if fitter is None or fit is None:
@@ -122,8 +129,8 @@ def _of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
 
 def _force_maps(found: Any, catalogue: Any) -> list[Any]:
     """Force-state maps of what the best model still lacks; none where that is but noise."""
-    from analysis.force.force_state import force_states
-    from analysis.search.diagnosis import ADEQUATE
+    from testbed.analysis.force.force_state import force_states
+    from testbed.analysis.search.diagnosis import ADEQUATE
     from testbed.cli._fitting import plant_of
 
     best = found.best
@@ -136,10 +143,10 @@ def _force_maps(found: Any, catalogue: Any) -> list[Any]:
 def _propose(answer: Answer, found: Any, records: Any, model: Any, catalogue: Any, folder: str, campaign: str,
              model_file: str, folders: tuple[str, ...]) -> Any:
     """Estimate what force is missing, say what it depends on, and write it as an effect; None where nothing is left."""
-    from analysis.force.explain_force import as_json, left_unexplained, write_effect
-    from analysis.force.formula_trial import Jury
+    from testbed.analysis.force.explain_force import as_json, left_unexplained, write_effect
+    from testbed.analysis.force.formula_trial import Jury
     from testbed.cli._fitting import plant_of, sign_of_life
-    from testbed.proposal import free_name
+    from testbed.trial.proposal import free_name
 
     try:
         with sign_of_life("estimating the missing force", answer.quiet) as say:
@@ -172,7 +179,7 @@ def _decoys(answer: Answer, found: Any, catalogue: Any) -> dict[str, Any]:
 
 
 def _false_alarms(answer: Answer, found: Any, catalogue: Any, count: int, seed: int) -> dict[str, Any]:
-    from analysis.search.false_alarms import false_alarms
+    from testbed.analysis.search.false_alarms import false_alarms
     from testbed.cli._fitting import plant_of, sign_of_life
 
     with sign_of_life("diagnosing campaigns without a hidden effect", answer.quiet) as say:

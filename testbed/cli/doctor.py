@@ -99,7 +99,7 @@ def _moves(engine: str) -> str:
 
 def _kept() -> dict[str, str]:
     """Where compiled functions are kept: what lies there runs as the user's own code."""
-    from testbed.kernel_cache import cache_folder, kept_bytes
+    from testbed.system.kernel_cache import cache_folder, kept_bytes
 
     folder = cache_folder()
     if folder is None:

@@ -45,7 +45,7 @@ def _list_effects(catalogue: Any, answer: Answer) -> None:
 
 def _show(name: str, catalogue: Any, answer: Answer, drawn: bool) -> None:
     from testbed.catalogue import unknown_effect
-    from testbed.model_file import effect_text
+    from testbed.files.model_file import effect_text
 
     if name not in catalogue:
         raise InputProblem(name, "unknown effect", unknown_effect(name, catalogue))
@@ -114,9 +114,9 @@ def _write_template(name: str, answer: Answer) -> None:
     from keyword import iskeyword
     from pathlib import Path
 
-    from testbed.atomic import write_text
     from testbed.catalogue import catalogue
     from testbed.cli._effect_template import EFFECT, TEST
+    from testbed.system.atomic import write_text
 
     if not name.isidentifier() or name.startswith(("_", "test_")):
         raise InputProblem(name, "is no name for an effect", "use letters, digits and _, a letter first")

@@ -35,8 +35,8 @@ def command(data: str, output: str, split_text: str, licence: str, description: 
     Splits hold whole operating conditions, chosen by a hash of the condition, so that they stay when runs are added; --seed
     gives another division. The card holds the scores of two simple methods on the conditions held out.
     """
-    from testbed.data_set import read_data_set
     from testbed.export.writing import new_folder, plan, write_shards
+    from testbed.store.data_set import read_data_set
 
     answer = Answer(json_file, quiet)
     shares = _shares(split_text)
@@ -88,14 +88,14 @@ class _Notes:
         self.rows: list[int] = []
         self.stability: list[str | None] = []
         self.modulus: list[float] = []
-        from analysis.multipliers.baseline_scores import MOST_TRAINED
+        from testbed.analysis.multipliers.baseline_scores import MOST_TRAINED
 
         self.every = max(1, -(-len(source) // (2 * MOST_TRAINED)))  # of many runs the baseline sees an even share
 
     def of_run(self, index: int, recording: Any) -> Mapping[str, Any]:
         """The label columns of a run."""
-        from analysis.multipliers.baseline_scores import features
-        from analysis.multipliers.run_labels import labels
+        from testbed.analysis.multipliers.baseline_scores import features
+        from testbed.analysis.multipliers.run_labels import labels
 
         model = self._model(index)
         linear = self._linear(model, index)
@@ -126,7 +126,7 @@ class _Notes:
         return model if all(model.value(path) == value for path, value in here.items()) else model.with_values(here)
 
     def _linear(self, model: Any, index: int) -> Any:
-        from analysis.multipliers.run_labels import NO_CLASS, class_of_linear, linear_class
+        from testbed.analysis.multipliers.run_labels import NO_CLASS, class_of_linear, linear_class
         from testbed.cli.multipliers import multipliers
         from testbed.cut import Cut
 
@@ -152,7 +152,7 @@ class _Notes:
         """The two simple methods, trained and scored."""
         import numpy as np
 
-        from analysis.multipliers.baseline_scores import as_json, baseline
+        from testbed.analysis.multipliers.baseline_scores import as_json, baseline
         from testbed.export.schema import truth_column
 
         rows = np.array(self.rows)

@@ -36,12 +36,12 @@ def command(data: str, model_file: str, output: str | None, method: str | None, 
     the model with its effects, and fits their parameters too. Intervals are 95 %. Of a machine in x and y it finds every mode's
     frequency, damping, direction and mass, as far as the channels tell them; what they do not tell is said before the fit.
     """
-    from analysis.fit.plausible import unlike_a_machine
-    from analysis.search.diagnosis import FAINT_REST, SILENT
+    from testbed.analysis.fit.plausible import unlike_a_machine
+    from testbed.analysis.search.diagnosis import FAINT_REST, SILENT
     from testbed.cli._fitting import doubts, of_the_mass, of_the_parts, uncalibrated
     from testbed.cli._identification import identify_by_multipliers, identify_by_waveform
     from testbed.cli._records import load_records
-    from testbed.model_file import read_model, write_model
+    from testbed.files.model_file import read_model, write_model
 
     answer = Answer(json_file, quiet)
     check_place(output)
@@ -102,8 +102,8 @@ def _of_the_misfit(found: Any) -> str:
 
 def _of_the_bounds(found: Any, multipliers: bool) -> str:
     """What it means that parameters ended at the end of the range searched, and of multipliers which range that is."""
-    from analysis.fit.estimates import said_at_bound
-    from analysis.multipliers.identify import COEFFICIENTS, FREQUENCIES
+    from testbed.analysis.fit.estimates import said_at_bound
+    from testbed.analysis.multipliers.identify import COEFFICIENTS, FREQUENCIES
 
     said = said_at_bound(found.at_bound)
     if not multipliers:

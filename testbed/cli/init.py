@@ -23,8 +23,8 @@ def command(files: tuple[str, ...], output: str, quiet: bool) -> None:
     FILE: measured files. The campaign names them, with the columns, units and sampling rates found in them, and with speeds and
     depths that their names tell (cut_3810rpm_2.9mm.csv). What nobody can guess is FILL_IN, to be replaced.
     """
-    from testbed.atomic import write_text
-    from testbed.starter import MODEL, SCENARIO, campaign_text, channels_of, not_named
+    from testbed.files.starter import MODEL, SCENARIO, campaign_text, channels_of, not_named
+    from testbed.system.atomic import write_text
 
     answer = Answer(None, quiet)
     folder = output_folder(output)
@@ -49,8 +49,8 @@ def command(files: tuple[str, ...], output: str, quiet: bool) -> None:
 
 
 def _look(file: str) -> Any:
-    from analysis.records.inspection import inspect
-    from testbed.starter import Found
+    from testbed.analysis.records.inspection import inspect
+    from testbed.files.starter import Found
 
     path = Path(file)
     if path.suffix.lower() in (".yaml", ".yml"):

@@ -13,10 +13,10 @@ from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
 if TYPE_CHECKING:
-    from analysis.records.chatter import Chatter
-    from analysis.records.inspection import Inspection
-    from analysis.records.record_report import RecordReport
-    from analysis.records.ring_downs import RingDown
+    from testbed.analysis.records.chatter import Chatter
+    from testbed.analysis.records.inspection import Inspection
+    from testbed.analysis.records.record_report import RecordReport
+    from testbed.analysis.records.ring_downs import RingDown
 
 FASTEST = 1e9  # Hz: no recorder of vibration comes near it
 KINDS = {"neimark_sacker": "Neimark-Sacker", "flip": "flip (period doubling)", None: "of a kind that this record does not tell",
@@ -57,7 +57,7 @@ def command(
     DATA is a campaign.yaml, an HDF5 data set (or the folder that `testbed run --shards` wrote), one measured file, or what
     `testbed export` wrote. Nothing here is random: --seed changes nothing.
     """
-    from analysis.records.inspection import inspect
+    from testbed.analysis.records.inspection import inspect
     from testbed.units import UnitProblem, parse_sampling_rate
 
     answer = Answer(json_file, quiet)
@@ -77,7 +77,7 @@ def command(
     for line in _text(found):
         answer.say(line)
     if pictures is not None:
-        from analysis.records.inspection_plot import save
+        from testbed.analysis.records.inspection_plot import save
 
         with progress("drawing", quiet) as tell:
             for number, record in enumerate(found.records, 1):

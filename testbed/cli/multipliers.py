@@ -78,8 +78,8 @@ def multipliers(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, An
     """
     import numpy as np
 
-    from analysis.linear.planar_multipliers import cut_multipliers
-    from analysis.linear.stability import classify
+    from testbed.analysis.linear.planar_multipliers import cut_multipliers
+    from testbed.analysis.linear.stability import classify
 
     refuse_planar_effects(model, name)
     try:
@@ -102,7 +102,7 @@ def _of_loop(model: Any, cut: Any, catalogue: Any) -> tuple[Any, Any, int]:
     """Multipliers of a loop with effects, how much each changes on pieces twice as long, and their period in passes."""
     import numpy as np
 
-    from analysis.linear.linearise import linearise
+    from testbed.analysis.linear.linearise import linearise
     from testbed.engines.regenerative_loop import regenerative_loop
 
     loop: Any = regenerative_loop(model, cut, catalogue)

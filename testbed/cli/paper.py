@@ -32,9 +32,9 @@ def command(output: str, only: tuple[str, ...], quick: bool, resume: bool, worke
     The page says which statements agree, which do not and why, and what of the paper is inferred or unknown here. Numbers
     depend on --seed alone, whatever the workers.
     """
-    from analysis.paper import PARTS
-    from analysis.paper.page import count, write_page
-    from analysis.paper.part import as_dict, picture_files
+    from testbed.analysis.paper import PARTS
+    from testbed.analysis.paper.page import count, write_page
+    from testbed.analysis.paper.part import as_dict, picture_files
     from testbed.cli._paper import Work, make_all
 
     unknown = [name for name in only if name not in PARTS]

@@ -54,7 +54,7 @@ def command(campaign: str, model_file: str, speed: list[float], depth: list[floa
     """
     import numpy as np
 
-    from analysis.probable.plan import plan
+    from testbed.analysis.probable.plan import plan
     from testbed.cli._fitting import plant_of, read_both
 
     answer = Answer(json_file, quiet)
@@ -87,11 +87,11 @@ def command(campaign: str, model_file: str, speed: list[float], depth: list[floa
 
 def _explanations(plant: Any, records: Any, model: Any, catalogue: Any, quiet: bool) -> tuple[list[Any], str | None]:
     """What the records leave open, each with what it would make of the machine, or why nothing can be said."""
-    from analysis.comparison.compare import compare
-    from analysis.fit.estimates import estimates
-    from analysis.probable.plan import Explanation
-    from analysis.probable.posterior import posterior, why_no_chance
-    from analysis.search.diagnose import diagnose, rivals_of
+    from testbed.analysis.comparison.compare import compare
+    from testbed.analysis.fit.estimates import estimates
+    from testbed.analysis.probable.plan import Explanation
+    from testbed.analysis.probable.posterior import posterior, why_no_chance
+    from testbed.analysis.search.diagnose import diagnose, rivals_of
     from testbed.cli._fitting import sign_of_life
 
     with sign_of_life("fitting the believed model to all records", quiet) as say:

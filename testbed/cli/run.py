@@ -43,8 +43,8 @@ def command(scenario_file: str, output: str, workers: int, engine: str | None, r
     from contextlib import ExitStack
     from dataclasses import replace
 
-    from testbed import sweep
-    from testbed.scenario_file import read_scenario
+    from testbed.scenario.scenario_file import read_scenario
+    from testbed.sweeps import sweep
 
     answer = Answer(json_file, quiet)
     if not (keep_shards and resume and Path(output).is_dir()):
@@ -62,7 +62,7 @@ def command(scenario_file: str, output: str, workers: int, engine: str | None, r
         with ExitStack() as stack:
             far = None
             if address or cluster_file:
-                from testbed.cluster import on_cluster
+                from testbed.sweeps.cluster import on_cluster
 
                 far = stack.enter_context(on_cluster(address, cluster_file))
             show = stack.enter_context(progress(scenario.name, quiet, "runs"))
@@ -99,7 +99,7 @@ def engine_named(name: str) -> Any:
 def _xml(scenario: Any, catalogue: Any, folders: tuple[str, ...]) -> str:
     """The MuJoCo model of the scenario's first run; the bare machine's where it would compile effects in vain."""
     if folders and scenario.engine != "mujoco":
-        import models
+        from testbed import models
 
         return models.machine(scenario.model.machine).xml() if scenario.model.machine else ""
     cutter = scenario.model.cutter

@@ -59,7 +59,7 @@ def command(data: str, noise: list[float] | None, repeats: int, tests: list[int]
     `marks` and `conditions`; belief.value(name) of natural_frequency (Hz), damping_ratio and tangential_coefficient (N/m^2)
     to start from, and of what is known: mass, immersion. It raises ValueError where the recordings do not suffice.
     """
-    from analysis.multipliers.score import cases, costs, study_scores
+    from testbed.analysis.multipliers.score import cases, costs, study_scores
     from testbed.cli._scoring import Order, Sealed, study
 
     answer = Answer(json_file, quiet)
@@ -160,10 +160,10 @@ def _failures(scores: Sequence[Any]) -> dict[str, int]:
 
 def _write(folder: Any, sealed: Any, scores: Sequence[Any], spent: Sequence[Any], answer: Answer) -> None:
     """The table as Markdown, and the figures."""
-    from analysis.linear.chart_plot import save
-    from analysis.multipliers.score_plots import figures
-    from testbed.atomic import write_text
+    from testbed.analysis.linear.chart_plot import save
+    from testbed.analysis.multipliers.score_plots import figures
     from testbed.export.card import table
+    from testbed.system.atomic import write_text
 
     titles, rows = _table(scores, True, True)
     prices = [(one.method, one.tests, _level(one.noise), f"{one.median:.3g} s", f"{one.high:.3g} s") for one in spent]

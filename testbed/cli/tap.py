@@ -39,9 +39,9 @@ def command(taps_file: str, model_file: str | None, output: str | None, report: 
     answer = Answer(json_file, quiet)
     if output is not None:
         check_place(output)
-    from analysis.tap.tap import tap_test
-    from testbed.model_file import read_model
-    from testbed.taps_file import load_taps
+    from testbed.analysis.tap.tap import tap_test
+    from testbed.files.model_file import read_model
+    from testbed.files.taps_file import load_taps
 
     catalogue = catalogue_of(folders)
     base = read_model(model_file, catalogue) if model_file else None
@@ -54,7 +54,7 @@ def command(taps_file: str, model_file: str | None, output: str | None, report: 
         masses = any(path.endswith("mass") for path in guessed)
         answer.say(f"written: {output}" + (", its masses are guesses: no force told them" if masses else ""))
     if folder is not None:
-        from analysis.report.tap_page import tap_page
+        from testbed.analysis.report.tap_page import tap_page
 
         answer.say(f"written: {tap_page(found, taps.name).write(folder / 'report.html')}")
     answer.finish({"modes": [mode.as_json() for mode in found.modes], "residual": found.residual, "blows": found.blows,
@@ -86,8 +86,8 @@ def _write(found: Any, base: Any, output: str, catalogue: Any, taps_file: str) -
     """
     from dataclasses import replace
 
+    from testbed.files.model_file import write_model
     from testbed.machine import CUTTING, Model, Structure
-    from testbed.model_file import write_model
 
     known = [(mode, mode.mode()) for mode in found.modes if mode.mass.determined]
     known = known or _with_believed_masses(found, base, taps_file)

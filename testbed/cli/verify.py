@@ -23,7 +23,7 @@ def command(data: str, quick: bool, threads: int, json_file: str | None, seed: i
     DATA is a data set, or the folder DATA.h5.parts of a sweep that is not finished. Exit code 0: all is as it was
     written; 2: it is not, and what is touched is said. Nothing here is random: --seed changes nothing.
     """
-    from testbed.verification import verify
+    from testbed.store.verification import verify
 
     answer = Answer(json_file, quiet)
     with progress("verifying", quiet) as show:

@@ -42,7 +42,7 @@ def command(machine: str, output: str, camera: str, width: int, height: int, qui
 
 
 def _draw_plane(model_file: str, output: str, width: int) -> None:
-    from analysis.report.plane import plot_plane
+    from testbed.analysis.report.plane import plot_plane
     from testbed.cli._options import cutting_model
 
     figure = plot_plane(cutting_model(model_file))

@@ -2,7 +2,7 @@
 
 The module is text: the effects' functions joined hook by hook, each behind its effect's flag, followed by the kernels'
 own source, in which the names of `testbed.engines.hooks` now mean the joined functions. What is compiled of it is kept
-(`testbed.kernel_cache`), so the second start of any command compiles nothing.
+(`testbed.system.kernel_cache`), so the second start of any command compiles nothing.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from types import ModuleType
 
 from testbed.effect import ACROSS_OFFERS, HOOKS, Effect
 from testbed.engines import hooks as base_hooks
-from testbed.kernel_cache import keep, read
+from testbed.system.kernel_cache import keep, read
 
 ENGINES = Path(__file__).parent
 FAST = ("array_kernel", "plane_kernel", "loop_kernel", "oscillator_kernel", "front_kernel", "sampling_kernel",
@@ -93,7 +93,7 @@ def _derivatives_text(layout: Layout) -> list[str]:
 
 
 def _import_text(effects: Mapping[str, Effect]) -> list[str]:
-    lines = ["from testbed.engines.compiled import holding, inner", "from testbed.kernel_cache import kept",
+    lines = ["from testbed.engines.compiled import holding, inner", "from testbed.system.kernel_cache import kept",
              "import testbed.engines.compose as _compose", ""]
     for effect in effects.values():
         for hook in effect.hooks:

@@ -15,7 +15,7 @@ from testbed.engines.oscillator_kernel import end_state, increment, set_half_and
 from testbed.engines.plane_kernel import bounded
 from testbed.engines.sampling_kernel import put_motion
 from testbed.engines.slider_kernel import fly_exactly
-from testbed.kernel_cache import kept
+from testbed.system.kernel_cache import kept
 
 
 @inner

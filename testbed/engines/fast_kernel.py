@@ -38,7 +38,7 @@ from testbed.engines.oscillator_kernel import end_state, increment, set_half_and
 from testbed.engines.plane_kernel import bounded, position_at_cut, structure_vx, structure_x, velocity_at_cut
 from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_forces, sample_step, skip_held
 from testbed.engines.slider_kernel import fly_exactly
-from testbed.kernel_cache import kept
+from testbed.system.kernel_cache import kept
 
 # integer settings of one run; STEPS and TEETH hold one number a segment, PLAIN the places of the states not carried exactly
 IDLE, CUT, RING_DOWN, EXACT_FLIGHT, STEADY_SPEED, SEGMENTS, CARRIED, PLAIN_COUNT, STEPS, TEETH, PLAIN = (*range(9), 12, 16)

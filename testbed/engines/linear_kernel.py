@@ -34,7 +34,7 @@ from testbed.engines.loop_kernel import (
 )
 from testbed.engines.oscillator_kernel import oscillator_map
 from testbed.engines.sampling_kernel import SENSED_A, SENSED_V, SENSED_X, fill_quintic, samples_until, skip_held
-from testbed.kernel_cache import kept
+from testbed.system.kernel_cache import kept
 
 
 @inner

@@ -18,7 +18,7 @@ from testbed.engines.loop_kernel import (
     piece_of_edge,
     spindle_speed,
 )
-from testbed.kernel_cache import kept
+from testbed.system.kernel_cache import kept
 
 
 @inner

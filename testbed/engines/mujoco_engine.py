@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
-import models
+from testbed import models
 from testbed.catalogue import catalogue as known_effects
 from testbed.cut import Cut, Sampling
 from testbed.effect import Effect

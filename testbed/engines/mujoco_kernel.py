@@ -27,7 +27,7 @@ from testbed.engines.loop_kernel import (
     spindle_speed,
 )
 from testbed.engines.plane_kernel import FIRST_MODE, MODE_SIZE, mode_place, sensed, sensed_across, sensed_on_tool
-from testbed.kernel_cache import kept
+from testbed.system.kernel_cache import kept
 
 # settings N: this head, with one number a segment from M_STEPS and M_TEETH on; then the arrays A, P and G of `packing`
 M_SEGMENTS, M_IDLE, M_CUT, M_STATES_ON, M_STEADY, M_A, M_P, M_Y, M_DOF, M_EDGES, M_RECORD, M_ROWS, M_MODES, M_STEPS = range(14)

@@ -15,7 +15,7 @@ from testbed.engines.mujoco_kernel import (
     R_T1,
     R_X0,
 )
-from testbed.kernel_cache import kept
+from testbed.system.kernel_cache import kept
 
 
 @kept

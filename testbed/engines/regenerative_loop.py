@@ -2,7 +2,7 @@
 
     dY/dphi = f(phi, Y(phi), Y(phi - pitch)),    Y = [x, v, t, states of the active effects]
 
-The delay is one pitch of spindle angle whatever the speed does. `analysis.linear.linearise` finds its multipliers.
+The delay is one pitch of spindle angle whatever the speed does. `testbed.analysis.linear.linearise` finds its multipliers.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from testbed.engines.fast_kernel import CUT, IDLE, OUTCOME_DIVERGED, OUTCOME_OK,
 from testbed.engines.linear_kernel import chip_stiffness
 from testbed.engines.loop_kernel import CORNERS, DAMPING, FEED, MASS, OMEGA, PITCH, STIFFNESS, weights_in_cut
 from testbed.engines.oscillator_kernel import oscillator_map
-from testbed.kernel_cache import kept
+from testbed.system.kernel_cache import kept
 
 LANES = 16
 LANE_X, LANE_V, LANE_LEFT, LANE_WORST, LANE_FEED, LANE_SIZE = range(0, 6 * LANES, LANES)  # x (m), v (m/s); left behind, largest

@@ -45,7 +45,7 @@ from testbed.engines.plane_kernel import bounded, position_at_cut, structure_vx,
 from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_step, skip_held
 from testbed.engines.slider_kernel import fly_exactly
 from testbed.engines.turn_kernel import fill_grid, leading_angle, meet, straight_front
-from testbed.kernel_cache import kept
+from testbed.system.kernel_cache import kept
 
 
 @inner

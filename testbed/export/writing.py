@@ -22,7 +22,7 @@ from testbed.export.schema import FORMAT, Column, arrow_schema, columns, truth_c
 from testbed.export.shards import ShardWriter
 from testbed.problem import InputProblem
 from testbed.recording import CHANNEL_UNITS, Recording
-from testbed.store import truth_units
+from testbed.store.store import truth_units
 
 MANIFEST = "export.json"
 DATA = "data"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from testbed.door import plain_file, readable
+from testbed.files.door import plain_file, readable
 from testbed.problem import InputProblem
 from testbed.readers.lvm import FIRST_LINE
 from testbed.readers.table import Table

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from testbed.door import room
+from testbed.files.door import room
 from testbed.problem import InputProblem
 from testbed.readers import checks, tachometer
 from testbed.readers.bridge import bridged, unmeasured

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from testbed.channel_units import channel_unit, is_channel_unit, unit_suffix
+from testbed.files.channel_units import channel_unit, is_channel_unit, unit_suffix
 from testbed.problem import InputProblem
 from testbed.readers.source import Source, base_name
 from testbed.readers.table import NO_SPECTRA, Table

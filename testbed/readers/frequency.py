@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from testbed.channel_units import channel_unit
-from testbed.door import readable
+from testbed.files.channel_units import channel_unit
+from testbed.files.door import readable
 from testbed.problem import InputProblem
 from testbed.readers.table import Table
 from testbed.recording import DERIVATIVES, MOTION_UNITS

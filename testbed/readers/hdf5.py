@@ -27,7 +27,7 @@ def read_hdf5(path: Path, *, key: str | None = None, matlab: bool = False) -> Ta
     Units come from attributes `units`, the rate from `sampling_rate`, `fs` or `dt` on the data set, its group or the
     file. Raises InputProblem.
     """
-    from testbed.hdf5_guard import opened
+    from testbed.files.hdf5_guard import opened
 
     def read() -> Table:
         with opened(path) as file:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from testbed.channel_units import is_channel_unit
+from testbed.files.channel_units import is_channel_unit
 from testbed.problem import InputProblem
 from testbed.readers.table import DECIMAL_COMMAS, bare_name, listed, simplest_between, unique_names, unit_in_name
 

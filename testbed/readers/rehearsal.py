@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from testbed.child import tried
 from testbed.problem import InputProblem
+from testbed.system.child import tried
 
 _AT_LEAST, _SLOWEST = 6.0, 10e6  # s that a reading may take, and bytes a second beyond
 

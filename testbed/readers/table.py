@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbed.channel_units import channel_unit, is_channel_unit
+from testbed.files.channel_units import channel_unit, is_channel_unit
 from testbed.problem import InputProblem
 
 FORMATS_EXTRA = 'pip install "machining-testbed[formats]"'

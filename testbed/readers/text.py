@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from testbed.door import room
+from testbed.files.door import room
 from testbed.problem import InputProblem
 from testbed.readers import lvm
 from testbed.readers.clock import is_clock, seconds

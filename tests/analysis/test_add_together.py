@@ -3,14 +3,14 @@
 from functools import partial
 
 import pytest
-from campaign_files import BELIEVED, TRUE
-from synthetic_campaign import synthetic_campaign
 
-from analysis.fit.observe import observe
-from analysis.search.add_effect import add_effect, add_effects, as_json
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.add_effect import add_effect, add_effects, as_json
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import synthetic_campaign
 
 KNOWN = catalogue()
 PLANT = plant_of(KNOWN)

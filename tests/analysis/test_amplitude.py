@@ -8,13 +8,13 @@ import pytest
 from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
-from analysis.comparison.amplitude import amplitude_dependence, course, free_decays
-from analysis.comparison.compare_plots import by_amplitude
-from analysis.fit.drift import drift_basis
-from analysis.fit.observed import Observed
-from analysis.records.segments import Segment
-from analysis.report.constants import add_amplitude
-from analysis.report.page import Page
+from testbed.analysis.comparison.amplitude import amplitude_dependence, course, free_decays
+from testbed.analysis.comparison.compare_plots import by_amplitude
+from testbed.analysis.fit.drift import drift_basis
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.records.segments import Segment
+from testbed.analysis.report.constants import add_amplitude
+from testbed.analysis.report.page import Page
 
 FREQUENCY, RATE, START, NOISE = 147.0, 12800.0, 1e-4, 1e-6
 OMEGA = 2 * math.pi * FREQUENCY

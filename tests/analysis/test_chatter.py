@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from independent_simulator import simulate
 
-from analysis.records.chatter import judge_cut
-from analysis.records.chatter_line import chatter_track
-from analysis.records.lines import SpectralLine, fed_by_the_cut
-from analysis.records.passing_speed import cut_speeds
-from analysis.records.record_report import report
-from analysis.records.segments import find_segments
+from testbed.analysis.records.chatter import judge_cut
+from testbed.analysis.records.chatter_line import chatter_track
+from testbed.analysis.records.lines import SpectralLine, fed_by_the_cut
+from testbed.analysis.records.passing_speed import cut_speeds
+from testbed.analysis.records.record_report import report
+from testbed.analysis.records.segments import find_segments
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
+from tests.support.independent_simulator import simulate
 
 RATE, START = 5000.0, 2.0
 TIME = START + np.arange(40000) / RATE

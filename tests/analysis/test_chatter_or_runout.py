@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.multipliers.run_labels import observed
-from analysis.records.chatter import judge_cut
-from analysis.records.cut_end import CutEnd
-from analysis.records.cut_span import still_cutting
-from analysis.records.orders import turns_of
-from analysis.records.passing_speed import cut_speeds
-from analysis.records.segments import Segment, find_segments
+from testbed.analysis.multipliers.run_labels import observed
+from testbed.analysis.records.chatter import judge_cut
+from testbed.analysis.records.cut_end import CutEnd
+from testbed.analysis.records.cut_span import still_cutting
+from testbed.analysis.records.orders import turns_of
+from testbed.analysis.records.passing_speed import cut_speeds
+from testbed.analysis.records.segments import Segment, find_segments
 from testbed.recording import Recording
 from tests.validation.chatter_cuts import draw
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.fit.observe import observe
+from testbed.analysis.fit.observe import observe
 from tests.validation.spoiled import KINDS, campaign, judged
 
 

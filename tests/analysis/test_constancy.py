@@ -6,18 +6,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from campaign_files import BELIEVED, TRUE
-from synthetic_campaign import MARK_ANGLE, synthetic_record
 
-from analysis.comparison.constancy import COVARIATES, PARAMETERS, TestFit, constancy, judged
-from analysis.estimate import Estimate
-from analysis.fit.first_passes import first_nuisances
-from analysis.fit.fit_state import State
-from analysis.fit.observe import observe
-from analysis.fit.starts import free_parameters, polish
-from analysis.fit.waveform import Fitter
+from testbed.analysis.comparison.constancy import COVARIATES, PARAMETERS, TestFit, constancy, judged
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.fit.first_passes import first_nuisances
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.starts import free_parameters, polish
+from testbed.analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import MARK_ANGLE, synthetic_record
 
 CATALOGUE = catalogue()
 PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=CATALOGUE),

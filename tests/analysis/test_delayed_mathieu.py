@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from analysis.linear.collocation import collocation_map, collocation_multipliers
-from analysis.linear.delayed_mathieu import Mathieu, mathieu_recording, simulate_mathieu, state_multipliers
-from analysis.linear.temporal_elements import characteristic_multipliers
+from testbed.analysis.linear.collocation import collocation_map, collocation_multipliers
+from testbed.analysis.linear.delayed_mathieu import Mathieu, mathieu_recording, simulate_mathieu, state_multipliers
+from testbed.analysis.linear.temporal_elements import characteristic_multipliers
 
 
 def test_the_integration_is_of_fourth_order():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.fit.drift import DRIFT_ORDER, MOST_DRIFT, drift_basis, drift_terms, of_a_part, over
+from testbed.analysis.fit.drift import DRIFT_ORDER, MOST_DRIFT, drift_basis, drift_terms, of_a_part, over
 
 RATE = 200.0
 

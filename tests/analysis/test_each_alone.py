@@ -5,15 +5,15 @@ from functools import partial
 from types import SimpleNamespace
 
 import pytest
-from campaign_files import BELIEVED, TRUE
-from synthetic_campaign import TESTS, synthetic_record
 
-from analysis.estimate import Estimate
-from analysis.fit.observe import observe
-from analysis.search.diagnose import diagnose
-from analysis.search.each_alone import differing, each_alone
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.diagnose import diagnose
+from testbed.analysis.search.each_alone import differing, each_alone
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import TESTS, synthetic_record
 
 KNOWN = catalogue()
 CANDIDATES = {name: KNOWN[name] for name in ("process_damping", "edge_force")}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.multipliers.embedding_dimension import (
+from testbed.analysis.multipliers.embedding_dimension import (
     delay_states,
     false_nearest_neighbours,
     first_minimum,

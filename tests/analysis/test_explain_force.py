@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plain_cut import MARK, RELEASED, TRUE, free_decays, record
 from test_latent_force import PLANT, cut_state
 
-from analysis.fit.fit_state import State
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observe import observe
-from analysis.force.explain_force import as_json, explain, explanations_from, formula_text, write_effect
-from analysis.force.latent_force import by_the_marks, missing_force
-from analysis.force.ranking import explained, rank
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.force.explain_force import as_json, explain, explanations_from, formula_text, write_effect
+from testbed.analysis.force.latent_force import by_the_marks, missing_force
+from testbed.analysis.force.ranking import explained, rank
 from testbed.catalogue import read_effect
+from tests.support.plain_cut import MARK, RELEASED, TRUE, free_decays, record
 
 WRONG = TRUE.with_values({"natural_frequency": 146.7, "damping_ratio": 0.0045})
 

@@ -3,19 +3,19 @@
 from functools import partial
 
 import pytest
-from campaign_files import BELIEVED, TRUE
 
-from analysis.comparison.compare import compare
-from analysis.fit.first_front import with_other_front
-from analysis.fit.first_passes import first_nuisances
-from analysis.fit.fit_state import State
-from analysis.fit.observe import observe
-from analysis.fit.taken import taken_notes
+from testbed.analysis.comparison.compare import compare
+from testbed.analysis.fit.first_front import with_other_front
+from testbed.analysis.fit.first_passes import first_nuisances
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.taken import taken_notes
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
 from testbed.engines import fast
 from testbed.workshop import RPM, Measurement, measured_cut
+from tests.support.campaign_files import BELIEVED, TRUE
 
 TESTS = ((3810, 2.9), (2850, 2.9), (3500, 0.8))  # rpm, mm
 FINE = Measurement(noise=3e-7, rate=6400.0)

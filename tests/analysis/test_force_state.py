@@ -8,13 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.comparison.residual_views import CALIBRATED, map_units
-from analysis.force.force_state import maps_of
+from testbed.analysis.comparison.residual_views import CALIBRATED, map_units
+from testbed.analysis.force.force_state import maps_of
 from testbed.cli import main
 from testbed.engines import fast
 from testbed.workshop import write_campaign
-from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import synthetic_campaign
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import synthetic_campaign
 
 
 @pytest.mark.long

@@ -5,14 +5,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from analysis.fit.held_out import NOTABLE, SUSPECT, pooled
-from analysis.fit.observe import observe
-from analysis.search.begun_anew import from_believed
-from analysis.search.diagnosis import verdict_of
+from testbed.analysis.fit.held_out import NOTABLE, SUSPECT, pooled
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.begun_anew import from_believed
+from testbed.analysis.search.diagnosis import verdict_of
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
-from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import synthetic_record
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import synthetic_record
 
 KNOWN = catalogue()
 PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),

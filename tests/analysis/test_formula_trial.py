@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 from test_explain_force import WRONG, decays
 
-from analysis.fit.effect_start import effect_parameters
-from analysis.force.explain_force import explanations
-from analysis.force.formula_trial import Jury, _Trial
-from analysis.force.trial_law import NAME, trial_law
+from testbed.analysis.fit.effect_start import effect_parameters
+from testbed.analysis.force.explain_force import explanations
+from testbed.analysis.force.formula_trial import Jury, _Trial
+from testbed.analysis.force.trial_law import NAME, trial_law
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 

@@ -5,20 +5,20 @@ from functools import partial
 from types import SimpleNamespace
 
 import pytest
-from campaign_files import BELIEVED
-from synthetic_campaign import synthetic_campaign
 
-from analysis.fit.effect_start import gradual_entry, state_without
-from analysis.fit.held_out import pooled
-from analysis.fit.observe import observe
-from analysis.fit.starts import anchored_states, base_fit, polish
-from analysis.search.begun_anew import from_believed
-from analysis.search.candidate_round import candidate_of
-from analysis.search.forward_search import _nesting_guard
+from testbed.analysis.fit.effect_start import gradual_entry, state_without
+from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.starts import anchored_states, base_fit, polish
+from testbed.analysis.search.begun_anew import from_believed
+from testbed.analysis.search.candidate_round import candidate_of
+from testbed.analysis.search.forward_search import _nesting_guard
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.workshop import RPM
+from tests.support.campaign_files import BELIEVED
+from tests.support.synthetic_campaign import synthetic_campaign
 
 TRUE = Model(Structure(2.573, 146.42, 0.0032), Cutter(), Cutting()).with_effect("entry_ramp", extent=0.4)
 PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),

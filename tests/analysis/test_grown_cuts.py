@@ -5,14 +5,14 @@ from functools import partial
 import numpy as np
 import pytest
 
-from analysis.fit.effect_start import all_free
-from analysis.fit.first_passes import first_nuisances
-from analysis.fit.fit_state import State
-from analysis.fit.grown_cuts import bends_frequency, grown_cuts
-from analysis.fit.observe import observe
-from analysis.fit.pass_search import SHORTEST, place_entries, place_exits
-from analysis.fit.starts import base_fit, polish
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.effect_start import all_free
+from testbed.analysis.fit.first_passes import first_nuisances
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.grown_cuts import bends_frequency, grown_cuts
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.pass_search import SHORTEST, place_entries, place_exits
+from testbed.analysis.fit.starts import base_fit, polish
+from testbed.analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.validation.blind.draw import draw

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from analysis.records.growth import growth, is_flip
-from analysis.records.orders import Turns
+from testbed.analysis.records.growth import growth, is_flip
+from testbed.analysis.records.orders import Turns
 
 PER_PASS, PASSES = 40, 160
 

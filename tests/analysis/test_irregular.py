@@ -6,18 +6,18 @@ from types import SimpleNamespace
 
 import pytest
 
-from analysis.fit.fit_state import State
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observe import observe
-from analysis.search.begun_anew import from_believed
-from analysis.search.candidate_round import candidate_of
-from analysis.search.diagnose import diagnose
-from analysis.search.diagnosis import OtherForm, verdict_of
-from analysis.search.irregular import followed, irregular, parts
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.begun_anew import from_believed
+from testbed.analysis.search.candidate_round import candidate_of
+from testbed.analysis.search.diagnose import diagnose
+from testbed.analysis.search.diagnosis import OtherForm, verdict_of
+from testbed.analysis.search.irregular import followed, irregular, parts
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
-from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import synthetic_campaign
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import synthetic_campaign
 
 STIFF = TRUE.with_effect("cubic_stiffness", coefficient=1.5e14)
 KNOWN = {name: catalogue()[name] for name in ("cubic_stiffness", "edge_force")}
@@ -88,9 +88,9 @@ def test_a_law_found_on_the_others_is_held_against_the_irregular_record_and_ends
         return replace(verdict_of(base, base, [base], (), 1e-9, ()), verdict="unexplained", form=form)
 
     records = observed if left_out == 4 else observed[:4]
-    monkeypatch.setattr("analysis.search.diagnose._as_believed",
+    monkeypatch.setattr("testbed.analysis.search.diagnose._as_believed",
                         lambda _, records, *more: replace(believed, fitter=believed.fitter.on(records)))
-    monkeypatch.setattr("analysis.search.diagnose.irregular", lambda _: [left_out])
-    monkeypatch.setattr("analysis.search.diagnose._search", searched)
+    monkeypatch.setattr("testbed.analysis.search.diagnose.irregular", lambda _: [left_out])
+    monkeypatch.setattr("testbed.analysis.search.diagnose._search", searched)
     found = diagnose(PLANT, records, BELIEVED, KNOWN)
     assert found.verdict == "unexplained" and told in found.sentence and records[left_out].name in found.sentence

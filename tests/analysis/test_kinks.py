@@ -7,27 +7,27 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.fit import scale_profile
-from analysis.fit.effect_start import effect_parameters, far_step
-from analysis.fit.estimates import estimates
-from analysis.fit.fine_steps import fine, finely, has_kinks, times_finer
-from analysis.fit.held_out import RecordError, pooled_doubt
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observe import observe
-from analysis.fit.pass_search import begun_otherwise
-from analysis.fit.scale_hops import hopped
-from analysis.fit.scale_profile import ALIKE, SAME, along_scales
-from analysis.fit.starts import base_fit, free_parameters, rested
-from analysis.fit.waveform import Fitter
-from analysis.search.begun_anew import begun_anew
-from analysis.search.candidate_round import candidate_of
-from analysis.search.diagnosis import Candidate, verdict_of
+from testbed.analysis.fit import scale_profile
+from testbed.analysis.fit.effect_start import effect_parameters, far_step
+from testbed.analysis.fit.estimates import estimates
+from testbed.analysis.fit.fine_steps import fine, finely, has_kinks, times_finer
+from testbed.analysis.fit.held_out import RecordError, pooled_doubt
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.pass_search import begun_otherwise
+from testbed.analysis.fit.scale_hops import hopped
+from testbed.analysis.fit.scale_profile import ALIKE, SAME, along_scales
+from testbed.analysis.fit.starts import base_fit, free_parameters, rested
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.begun_anew import begun_anew
+from testbed.analysis.search.candidate_round import candidate_of
+from testbed.analysis.search.diagnosis import Candidate, verdict_of
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
 from testbed.engines import fast, predict
 from testbed.workshop import RPM
-from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import synthetic_campaign
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import synthetic_campaign
 
 PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 RUBBING = TRUE.with_effect("dry_friction", force=1.0, presliding_displacement=2e-7)

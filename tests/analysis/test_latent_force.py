@@ -5,20 +5,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from plain_cut import COURSE, MARK, TRUE, record
 from scipy.signal import StateSpace, lsim
 
-from analysis.fit.drift import drift_basis
-from analysis.fit.fit_state import State
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observe import observe
-from analysis.fit.observed import Observed
-from analysis.force.cut_variables import SUBSTEPS, Trajectory, course_of, model_force
-from analysis.force.latent_force import missing_force, prior_of, with_force
-from analysis.force.response import response
-from analysis.force.smoother import Prior, smooth
+from testbed.analysis.fit.drift import drift_basis
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.force.cut_variables import SUBSTEPS, Trajectory, course_of, model_force
+from testbed.analysis.force.latent_force import missing_force, prior_of, with_force
+from testbed.analysis.force.response import response
+from testbed.analysis.force.smoother import Prior, smooth
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Model, Structure
+from tests.support.plain_cut import COURSE, MARK, TRUE, record
 
 RATE, NOISE = 12800.0, 1e-6
 STRUCTURE = Model(Structure(2.573, 146.4, 0.02))

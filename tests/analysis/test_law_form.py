@@ -4,17 +4,17 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from plain_cut import TRUE, free_decays, record
 
-from analysis.fit.observe import observe
-from analysis.force.explain_force import formula_text, left_unexplained
-from analysis.search.begun_anew import from_believed
-from analysis.search.diagnose import diagnose
-from analysis.search.diagnosis import as_json
-from analysis.search.law_form import FormsAsked, other_form, steeper_form
-from analysis.search.odd_records import with_odd_records
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.force.explain_force import formula_text, left_unexplained
+from testbed.analysis.search.begun_anew import from_believed
+from testbed.analysis.search.diagnose import diagnose
+from testbed.analysis.search.diagnosis import as_json
+from testbed.analysis.search.law_form import FormsAsked, other_form, steeper_form
+from testbed.analysis.search.odd_records import with_odd_records
 from testbed.catalogue import catalogue
 from testbed.engines import predict
+from tests.support.plain_cut import TRUE, free_decays, record
 
 PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 KNOWN = catalogue()
@@ -175,13 +175,13 @@ def test_the_force_is_looked_for_in_the_records_that_the_law_was_fitted_to(cubed
 
 def test_a_law_that_only_a_fit_sees_is_proposed_as_the_power_that_its_interval_holds(cubed, monkeypatch):
     records, found, known, _ = cubed
-    monkeypatch.setattr("analysis.force.explain_force.EXPLAINED", 1.1)  # no regression explains enough
+    monkeypatch.setattr("testbed.analysis.force.explain_force.EXPLAINED", 1.1)  # no regression explains enough
     (only,) = left_unexplained(PLANT, records, found, known)
     assert [one.term.name for one in only.formula] == ["damping_3"] and 0.9 < only.share <= 1.0
     monkeypatch.undo()
     (one,) = only.formula
     other = replace(only, formula=(replace(one, term=replace(one.term, name="another")),), share=0.9)
-    monkeypatch.setattr("analysis.force.explain_force.explanations", lambda *_: [other, other])
+    monkeypatch.setattr("testbed.analysis.force.explain_force.explanations", lambda *_: [other, other])
     told = left_unexplained(PLANT, records, found, known)  # a regression that is sure of another law is not believed alone
     assert [[one.term.name for one in each.formula] for each in told] == [["another"], ["damping_3"], ["another"]]
     monkeypatch.undo()

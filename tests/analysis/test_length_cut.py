@@ -7,15 +7,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.fit.estimates import estimates
-from analysis.fit.length_cut import asks_length, carried_on, length_note, moved_by_lengths
-from analysis.fit.observe import observe
-from analysis.information import Z_95
-from analysis.search.begun_anew import from_believed
+from testbed.analysis.fit.estimates import estimates
+from testbed.analysis.fit.length_cut import asks_length, carried_on, length_note, moved_by_lengths
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.information import Z_95
+from testbed.analysis.search.begun_anew import from_believed
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
-from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import begun_later, synthetic_record
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import begun_later, synthetic_record
 
 KNOWN = catalogue()
 PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.linear.collocation import collocation_entry_state, collocation_multipliers
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.linearise import linearise, principal_passes
+from testbed.analysis.linear.collocation import collocation_entry_state, collocation_multipliers
+from testbed.analysis.linear.delay_equation import milling_equation
+from testbed.analysis.linear.linearise import linearise, principal_passes
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
 from testbed.engines import fast

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.fit import waveform
-from analysis.fit.effect_start import extended
-from analysis.fit.model_fit import model_fit
-from analysis.fit.parts_of_passes import with_parts_of_passes
-from analysis.fit.starts import polish
+from testbed.analysis.fit import waveform
+from testbed.analysis.fit.effect_start import extended
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.parts_of_passes import with_parts_of_passes
+from testbed.analysis.fit.starts import polish
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of, read_both
 from tests.validation.outside.files import write

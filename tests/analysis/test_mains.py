@@ -2,8 +2,8 @@
 
 import pytest
 
-from analysis.search.diagnosis import Candidate
-from analysis.search.mains import hum_of
+from testbed.analysis.search.diagnosis import Candidate
+from testbed.analysis.search.mains import hum_of
 from testbed.catalogue import catalogue
 
 KNOWN = catalogue()

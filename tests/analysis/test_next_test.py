@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from analysis.fit.observe import observe
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.temporal_elements import characteristic_multipliers
-from analysis.search.next_test import STABLE, next_test
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.linear.delay_equation import milling_equation
+from testbed.analysis.linear.temporal_elements import characteristic_multipliers
+from testbed.analysis.search.next_test import STABLE, next_test
 from testbed.cut import Cut
 from testbed.engines import fast, predict
-from tests.campaign_files import TRUE
-from tests.synthetic_campaign import synthetic_campaign
+from tests.support.campaign_files import TRUE
+from tests.support.synthetic_campaign import synthetic_campaign
 
 
 @pytest.fixture(scope="module")

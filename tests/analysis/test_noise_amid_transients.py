@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.records.noise import noise_floor
-from analysis.records.segments import Segment
+from testbed.analysis.records.noise import noise_floor
+from testbed.analysis.records.segments import Segment
 from testbed.recording import Recording
 
 RATE, TURN, TURNS = 12800.0, 820.37, 10  # 1/s, samples, revolutions

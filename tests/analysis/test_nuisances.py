@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.fit.nuisances import MISSING, Nuisances, end_moved, end_moved_in_arc
+from testbed.analysis.fit.nuisances import MISSING, Nuisances, end_moved, end_moved_in_arc
 
 ENDS = sorted(MISSING)
 

@@ -7,26 +7,26 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from campaign_files import BELIEVED
-from synthetic_campaign import synthetic_campaign
 
-from analysis.comparison.adequacy import adequacy_tests, controlled
-from analysis.fit.drift import drift_basis
-from analysis.fit.fit_state import Free, State
-from analysis.fit.held_out import RecordError, pooled, pooled_doubt
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observe import observe
-from analysis.fit.observed import Observed
-from analysis.fit.starts import base_fit
-from analysis.fit.structure_start import decay_start
-from analysis.fit.waveform import Fitter
-from analysis.multipliers.recorded_cut import at_measured_speed
-from analysis.search.diagnose import diagnose
-from testbed.campaign import Record
+from testbed.analysis.comparison.adequacy import adequacy_tests, controlled
+from testbed.analysis.fit.drift import drift_basis
+from testbed.analysis.fit.fit_state import Free, State
+from testbed.analysis.fit.held_out import RecordError, pooled, pooled_doubt
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.starts import base_fit
+from testbed.analysis.fit.structure_start import decay_start
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.multipliers.recorded_cut import at_measured_speed
+from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
+from testbed.files.campaign import Record
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.recording import CHANNEL_UNITS, Recording
+from tests.support.campaign_files import BELIEVED
+from tests.support.synthetic_campaign import synthetic_campaign
 
 TRUE = Model(Structure(2.573, 146.42, 0.0032), Cutter(), Cutting())
 PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),

@@ -4,16 +4,16 @@ from dataclasses import replace
 from functools import lru_cache, partial
 
 import pytest
-from campaign_files import BELIEVED, TRUE
-from synthetic_campaign import synthetic_campaign
 
-from analysis.comparison.compare import compare
-from analysis.fit.observe import observe
-from analysis.search.diagnose import diagnose
-from analysis.search.other_way import _ways, other_way_note
+from testbed.analysis.comparison.compare import compare
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.diagnose import diagnose
+from testbed.analysis.search.other_way import _ways, other_way_note
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import synthetic_campaign
 
 KNOWN = catalogue()
 PLANT = plant_of(KNOWN)

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from short_round import fitted, round_of
 
-from analysis.search.candidate_round import LEADERS
+from testbed.analysis.search.candidate_round import LEADERS
+from tests.support.short_round import fitted, round_of
 
 # costs after the first step, in that of the base fit: the droop's is the least telling of all
 FIRST = {"speed_variation": 0.6, "entry_ramp": 0.7, "edge_force": 0.75, "helix": 0.8, "chip_force_exponent": 0.85,

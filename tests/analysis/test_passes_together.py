@@ -8,13 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.fit.entry_passes import REACH, best_moves, entries_together
-from analysis.fit.observe import observe
-from analysis.fit.pass_count import GAIN, _likely, cut_elsewhere, recounted
-from analysis.fit.starts import base_fit
+from testbed.analysis.fit.entry_passes import REACH, best_moves, entries_together
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.pass_count import GAIN, _likely, cut_elsewhere, recounted
+from testbed.analysis.fit.starts import base_fit
 from testbed.engines import fast, predict
-from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import synthetic_campaign
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import synthetic_campaign
 
 PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 STABLE = ((3500, 0.8), (2600, 1.5), (3900, 2.2))

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observe import observe
-from analysis.probable.draws import Known
-from analysis.probable.plan import Explanation, information, plan
-from analysis.search.next_test import COURSE
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.probable.draws import Known
+from testbed.analysis.probable.plan import Explanation, information, plan
+from testbed.analysis.search.next_test import COURSE
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.workshop import RPM
-from tests.campaign_files import TRUE
-from tests.synthetic_campaign import synthetic_campaign
+from tests.support.campaign_files import TRUE
+from tests.support.synthetic_campaign import synthetic_campaign
 
 PATHS = ("natural_frequency", "damping_ratio", "tangential_coefficient", "normal_coefficient")
 SIZES = np.array([0.02, 5e-5, 2e7, 2e7])

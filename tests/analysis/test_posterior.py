@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.estimate import Estimate
-from analysis.fit.estimates import estimates
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observe import observe
-from analysis.information import Z_95
-from analysis.probable.posterior import posterior
+from testbed.analysis.estimate import Estimate
+from testbed.analysis.fit.estimates import estimates
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.information import Z_95
+from testbed.analysis.probable.posterior import posterior
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
-from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import COURSE, synthetic_campaign
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import COURSE, synthetic_campaign
 
 EVERY = catalogue()
 HELD = "normal_coefficient"

@@ -8,14 +8,14 @@ import pytest
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from analysis.linear.stability import StabilityChart, stability_chart
-from analysis.probable.chance import QUANTILES, by_surface, chance_of, charts_on_surface, each_drawn
-from analysis.probable.draws import Known, NoDraws, of_spreads
-from analysis.probable.plot import plot_chance
+from testbed.analysis.linear.stability import StabilityChart, stability_chart
+from testbed.analysis.probable.chance import QUANTILES, by_surface, chance_of, charts_on_surface, each_drawn
+from testbed.analysis.probable.draws import Known, NoDraws, of_spreads
+from testbed.analysis.probable.plot import plot_chance
 from testbed.catalogue import catalogue
+from testbed.files.model_file import model_from_text
 from testbed.machine import Cutter, Cutting, Model, Structure
-from testbed.model_file import model_from_text
-from tests.campaign_files import TRUE
+from tests.support.campaign_files import TRUE
 
 RPM = math.pi / 30
 SLOT = Model(Structure(0.5, 600.0, 0.02), Cutter(4), Cutting("up-milling", 0.5, 6e8, 2e8))

@@ -6,18 +6,18 @@ from functools import partial
 
 import numpy as np
 import pytest
-from campaign_files import BELIEVED, TRUE
-from synthetic_campaign import begun_later, synthetic_record
 
-from analysis.fit import starts
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observe import observe
-from analysis.fit.own_course import own_course
-from analysis.fit.pass_search import recently_entered, settle_passes
-from analysis.search.diagnose import diagnose
+from testbed.analysis.fit import starts
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.own_course import own_course
+from testbed.analysis.fit.pass_search import recently_entered, settle_passes
+from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import begun_later, synthetic_record
 
 TESTS = ((3500, 0.8), (2850, 2.9), (3900, 2.2))
 LAST = TESTS[-1][0], TESTS[-1][1] * 1e-3  # rpm, m
@@ -47,7 +47,7 @@ def test_its_cut_is_begun_where_it_began(observed, fitted, monkeypatch):
     for name, error in zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True):
         assert name == "mark_angle" or abs(fit.state.model.value(name) - TRUE.value(name)) < 4 * error
     for module in ("starts", "own_course", "pass_count"):
-        monkeypatch.setattr(f"analysis.fit.{module}.recently_entered", lambda fitter, state: state)
+        monkeypatch.setattr(f"testbed.analysis.fit.{module}.recently_entered", lambda fitter, state: state)
     assert FITTED(records=observed[:-1])[1].mean_squares.max() > 1.05
 
 

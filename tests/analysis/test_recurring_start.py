@@ -6,19 +6,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from campaign_files import BELIEVED
-from synthetic_campaign import synthetic_campaign
 
-from analysis.fit.effect_start import Origin, first_step
-from analysis.fit.held_out import own_refit
-from analysis.fit.nuisances import Nuisances, turned_by
-from analysis.fit.observe import observe
-from analysis.fit.recurring_start import recurring_starts, residual_peaks
-from analysis.fit.starts import base_fit, polish
-from analysis.fit.waveform import Fitter
+from testbed.analysis.fit.effect_start import Origin, first_step
+from testbed.analysis.fit.held_out import own_refit
+from testbed.analysis.fit.nuisances import Nuisances, turned_by
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.recurring_start import recurring_starts, residual_peaks
+from testbed.analysis.fit.starts import base_fit, polish
+from testbed.analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
+from tests.support.campaign_files import BELIEVED
+from tests.support.synthetic_campaign import synthetic_campaign
 
 TRUE = Model(Structure(2.573, 146.42, 0.0032), Cutter(), Cutting())
 PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),

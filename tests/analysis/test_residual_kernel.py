@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.fit.fit_state import of_rows
-from analysis.fit.residual_kernel import difference, fill_residuals
+from testbed.analysis.fit.fit_state import of_rows
+from testbed.analysis.fit.residual_kernel import difference, fill_residuals
 
 FAR, LARGEST = 1e3, 50.0
 RNG = np.random.default_rng(4)

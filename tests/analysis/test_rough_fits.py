@@ -6,25 +6,25 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from campaign_files import BELIEVED
-from synthetic_campaign import synthetic_campaign
 
-from analysis.fit.drift import drift_basis
-from analysis.fit.effect_start import starting_points
-from analysis.fit.first_passes import first_nuisances
-from analysis.fit.held_out import pooled
-from analysis.fit.nuisances import Nuisances, other_teeth
-from analysis.fit.observe import observe
-from analysis.fit.observed import Observed
-from analysis.fit.prediction import predict as predicted
-from analysis.fit.starts import base_fit
-from analysis.search.candidate_round import by_noise as in_noise
-from analysis.search.candidate_round import candidate_of
-from analysis.search.forward_search import ROUGH, _weighed
+from testbed.analysis.fit.drift import drift_basis
+from testbed.analysis.fit.effect_start import starting_points
+from testbed.analysis.fit.first_passes import first_nuisances
+from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.nuisances import Nuisances, other_teeth
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.prediction import predict as predicted
+from testbed.analysis.fit.starts import base_fit
+from testbed.analysis.search.candidate_round import by_noise as in_noise
+from testbed.analysis.search.candidate_round import candidate_of
+from testbed.analysis.search.forward_search import ROUGH, _weighed
 from testbed.catalogue import catalogue
 from testbed.cut import Cut
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
+from tests.support.campaign_files import BELIEVED
+from tests.support.synthetic_campaign import synthetic_campaign
 
 TRUE = Model(Structure(2.573, 146.42, 0.0032), Cutter(), Cutting())
 PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),

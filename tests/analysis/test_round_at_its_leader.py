@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 import pytest
-from campaign_files import BELIEVED
-from short_round import BENT, KNOWN, fitted, quiet, round_of
 
-from analysis.fit.effect_start import origins_of
-from analysis.fit.held_out import pooled
-from analysis.search import candidate_round as cr
-from analysis.search import first_looks as fl
+from testbed.analysis.fit.effect_start import origins_of
+from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.search import candidate_round as cr
+from testbed.analysis.search import first_looks as fl
+from tests.support.campaign_files import BELIEVED
+from tests.support.short_round import BENT, KNOWN, fitted, quiet, round_of
 
 
 @pytest.fixture(scope="module")

@@ -6,18 +6,18 @@ from types import SimpleNamespace
 
 import pytest
 
-from analysis.fit.held_out import pooled
-from analysis.fit.observe import observe
-from analysis.search.begun_anew import from_believed
-from analysis.search.believed_look import BelievedLook
-from analysis.search.diagnosis import ADEQUATE
-from analysis.search.first_looks import shifts_in_time
-from analysis.search.forward_search import Path, _backward, forward
-from analysis.search.second_look import CLEARLY, begun_with, looked_again
+from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.begun_anew import from_believed
+from testbed.analysis.search.believed_look import BelievedLook
+from testbed.analysis.search.diagnosis import ADEQUATE
+from testbed.analysis.search.first_looks import shifts_in_time
+from testbed.analysis.search.forward_search import Path, _backward, forward
+from testbed.analysis.search.second_look import CLEARLY, begun_with, looked_again
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
-from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import synthetic_campaign
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import synthetic_campaign
 
 KNOWN = {name: catalogue()[name] for name in ("edge_force", "immersion_error", "tool_wear")}
 PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),

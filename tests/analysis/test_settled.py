@@ -2,10 +2,9 @@
 
 from dataclasses import replace
 
-from short_round import KNOWN, fitted
-
-from analysis.search.candidate_round import candidate_of
-from analysis.search.settled import settled
+from testbed.analysis.search.candidate_round import candidate_of
+from testbed.analysis.search.settled import settled
+from tests.support.short_round import KNOWN, fitted
 
 
 def test_a_set_that_has_not_converged_is_fitted_to_its_end():

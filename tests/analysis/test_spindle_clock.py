@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from analysis.records.spindle_clock import clock_error, clock_of, digital, samples_to_rise, smoothed, turns_of
+from testbed.analysis.records.spindle_clock import clock_error, clock_of, digital, samples_to_rise, smoothed, turns_of
 from testbed.recording import Recording
 
 RATE = 12800.0  # samples/s

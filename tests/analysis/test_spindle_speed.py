@@ -4,18 +4,18 @@ from functools import partial
 
 import numpy as np
 import pytest
-from campaign_files import BELIEVED, TRUE
-from synthetic_campaign import synthetic_campaign
 
-from analysis.comparison.compare import compare
-from analysis.fit.observe import observe
-from analysis.fit.spindle_speed import at_modelled_speed, speed_swing
-from analysis.records.spindle_clock import along_marks
-from analysis.search.add_effect import add_effect
-from analysis.search.diagnose import diagnose
+from testbed.analysis.comparison.compare import compare
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.spindle_speed import at_modelled_speed, speed_swing
+from testbed.analysis.records.spindle_clock import along_marks
+from testbed.analysis.search.add_effect import add_effect
+from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import synthetic_campaign
 
 KNOWN = {name: catalogue()[name] for name in ("speed_variation", "edge_force", "process_damping")}
 PLANT = plant_of(catalogue())

@@ -4,19 +4,19 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from campaign_files import BELIEVED, TRUE
-from synthetic_campaign import TESTS, synthetic_record
 
-from analysis.fit.effect_start import all_free
-from analysis.fit.fit_state import State
-from analysis.fit.nuisances import Nuisances, turned_by
-from analysis.fit.observe import observe
-from analysis.fit.waveform import Fitter
-from analysis.search.candidate_round import candidate_of
-from analysis.search.steady_speed import no_swing
+from testbed.analysis.fit.effect_start import all_free
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.nuisances import Nuisances, turned_by
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.candidate_round import candidate_of
+from testbed.analysis.search.steady_speed import no_swing
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import TESTS, synthetic_record
 
 FREQUENCY = 3.0
 FAINT = 4e-5  # by which the marks stray by 1e-4 of a revolution: steady to the eye

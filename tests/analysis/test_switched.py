@@ -5,14 +5,14 @@ from functools import partial
 
 import pytest
 
-from analysis.fit.observe import observe
-from analysis.fit.starts import base_fit
-from analysis.fit.switched import switch_note, switchable
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.starts import base_fit
+from testbed.analysis.fit.switched import switch_note, switchable
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast
-from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import synthetic_campaign
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import synthetic_campaign
 
 KNOWN = catalogue()
 PLANT = plant_of(KNOWN)

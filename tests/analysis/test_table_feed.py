@@ -4,22 +4,22 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
-from campaign_files import BELIEVED, TRUE
 
-from analysis.comparison.compare import compare
-from analysis.fit.first_passes import first_nuisances
-from analysis.fit.fit_state import State
-from analysis.fit.nuisances import Nuisances
-from analysis.fit.observe import observe
-from analysis.fit.table_feed import feed_note, with_other_feed
-from analysis.fit.taken import taken_notes
-from analysis.search.diagnose import diagnose
+from testbed.analysis.comparison.compare import compare
+from testbed.analysis.fit.first_passes import first_nuisances
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.nuisances import Nuisances
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.table_feed import feed_note, with_other_feed
+from testbed.analysis.fit.taken import taken_notes
+from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
 from testbed.engines import fast
-from testbed.manifest import Feed
+from testbed.files.manifest import Feed
 from testbed.workshop import RPM, Measurement, measured_cut
+from tests.support.campaign_files import BELIEVED, TRUE
 
 TESTS = ((3810, 2.9, 1.01), (2850, 2.9, 0.992), (3500, 0.8, 1.0))  # rpm as stated, mm, true over stated speed
 FEED = 1e-4  # m a tooth, as stated

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from analysis.threads import WORKERS, threaded
+from testbed.analysis.threads import WORKERS, threaded
 
 
 def test_results_come_in_the_order_of_the_items_whoever_ends_first():

@@ -5,16 +5,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from analysis.fit.held_out import pooled
-from analysis.fit.observe import observe
-from analysis.search.begun_anew import from_believed
-from analysis.search.diagnosis import Candidate, verdict_of
-from analysis.search.exchanged import exchanged
-from analysis.search.ties import with_rivals
+from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.begun_anew import from_believed
+from testbed.analysis.search.diagnosis import Candidate, verdict_of
+from testbed.analysis.search.exchanged import exchanged
+from testbed.analysis.search.ties import with_rivals
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
-from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import synthetic_campaign
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import synthetic_campaign
 from tests.validation.hard_pairs import DEEP, SMALL_LAG, Case, cuts, part_of, told
 
 KNOWN = catalogue()

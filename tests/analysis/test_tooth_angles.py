@@ -7,15 +7,15 @@ from functools import partial
 import numpy as np
 import pytest
 
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observe import observe
-from analysis.fit.own_course import ANGLES, angles_tried, own_course
-from analysis.fit.pass_search import settle_passes
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.own_course import ANGLES, angles_tried, own_course
+from testbed.analysis.fit.pass_search import settle_passes
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast
-from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import synthetic_record
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import synthetic_record
 
 TESTS = ((640, 0.25), (745, 0.3), (910, 0.25), (1060, 0.3))  # rpm, mm: 8 to 14 swings between two teeth
 

@@ -5,18 +5,18 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
-from synthetic_campaign import synthetic_record
 
-from analysis.comparison.compare import compare
-from analysis.fit.estimates import estimates
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observe import observe
-from analysis.fit.tooth_circles import at_least_strength, direction_notes, unknown_directions
-from analysis.fit.waveform import Fitter
+from testbed.analysis.comparison.compare import compare
+from testbed.analysis.fit.estimates import estimates
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.tooth_circles import at_least_strength, direction_notes, unknown_directions
+from testbed.analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from testbed.machine import Cutter, Cutting, Model, Structure
+from tests.support.synthetic_campaign import synthetic_record
 
 KNOWN = catalogue()
 OFFSET, ANGLE = 8.0e-6, 1.2

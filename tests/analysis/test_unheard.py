@@ -6,16 +6,16 @@ from functools import partial
 import numpy as np
 import pytest
 
-from analysis.fit.observe import observe
-from analysis.fit.starts import base_fit
-from analysis.search.add_effect import add_effect
-from analysis.search.diagnose import diagnose
-from analysis.search.unheard import agreed
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.starts import base_fit
+from testbed.analysis.search.add_effect import add_effect
+from testbed.analysis.search.diagnose import diagnose
+from testbed.analysis.search.unheard import agreed
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast
-from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import synthetic_record
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import synthetic_record
 
 KNOWN = catalogue()
 PLANT = plant_of(KNOWN)

@@ -6,20 +6,20 @@ from functools import partial
 
 import numpy as np
 import pytest
-from campaign_files import BELIEVED, TRUE
 
-from analysis.comparison.compare import compare
-from analysis.fit.observe import observe
-from analysis.records.noise import noise_floor
-from analysis.records.passing_speed import heard_speed, passing_speed
-from analysis.records.segments import Segment, find_segments
+from testbed.analysis.comparison.compare import compare
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.records.noise import noise_floor
+from testbed.analysis.records.passing_speed import heard_speed, passing_speed
+from testbed.analysis.records.segments import Segment, find_segments
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
 from testbed.engines import fast
+from testbed.files.manifest import Feed
 from testbed.machine import Cutter, Cutting, Model, Structure
-from testbed.manifest import Feed
 from testbed.workshop import RPM, Measurement, measured_cut
+from tests.support.campaign_files import BELIEVED, TRUE
 
 RATE = 10000.0
 STIFF = Model(Structure(0.35, 600.0, 0.009), Cutter(flutes=2, diameter=12e-3),

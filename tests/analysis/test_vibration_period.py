@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from independent_simulator import simulate
 
-from analysis.multipliers.identify import identify
-from analysis.multipliers.recorded_cut import at_measured_speed
-from analysis.multipliers.vibration_period import vibration_period
+from testbed.analysis.multipliers.identify import identify
+from testbed.analysis.multipliers.recorded_cut import at_measured_speed
+from testbed.analysis.multipliers.vibration_period import vibration_period
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.recording import Recording
+from tests.support.independent_simulator import simulate
 
 TRUTH = Model(Structure(2.573, 146.6, 0.0032), Cutter(), Cutting("up-milling", 0.162, 5.5577e8, 1.66731e8))
 CUTS = [Cut(rpm * 2 * math.pi / 60, depth * 1e-3, idle_passes=3, passes=50, ring_down_passes=20)

@@ -2,7 +2,6 @@
 
 import math
 
-import independent_simulator
 import located_contact
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from direct import KN, KT, MODEL, WINDOW, cut, engine, error, forces, integrate,
 from testbed.cut import Sampling
 from testbed.engines import fast
 from testbed.machine import Cutter, Model
+from tests.support import independent_simulator
 
 BOUNDED = MODEL.with_effect("contact_loss")
 

@@ -9,7 +9,7 @@ import pytest
 from testbed.cut import Cut, Sampling
 from testbed.engines import fast, mujoco_engine
 from testbed.machine import Cutter
-from tests.campaign_files import TRUE
+from tests.support.campaign_files import TRUE
 
 SPEED, PITCH = 400.0, math.pi
 UNEQUAL = replace(TRUE, cutter=Cutter(flutes=2))

@@ -6,7 +6,7 @@ import pytest
 from base_flexure import FEED, FREQUENCY, MASS, ZETA, flexure, stable_cut
 from scipy.integrate import solve_ivp
 
-from analysis.fit.effect_start import effect_parameters
+from testbed.analysis.fit.effect_start import effect_parameters
 from testbed.catalogue import catalogue
 from testbed.cut import Sampling
 from testbed.engines import fast

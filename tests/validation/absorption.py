@@ -11,14 +11,14 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from analysis.fit.first_passes import first_nuisances
-from analysis.fit.fit_state import State
-from analysis.fit.observe import observe
-from analysis.fit.starts import base_fit, polish
+from testbed.analysis.fit.first_passes import first_nuisances
+from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.starts import base_fit, polish
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter
-from tests.synthetic_campaign import MARK_ANGLE, synthetic_campaign
+from tests.support.synthetic_campaign import MARK_ANGLE, synthetic_campaign
 from tests.validation.claims import FLEXURE, Claim, Section
 
 TESTS = ((3810, 2.9), (2850, 1.5), (4200, 1.5))

@@ -9,14 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from testbed import sweep
 from testbed.problem import InputProblem
-from testbed.verification import verify
+from testbed.store.verification import verify
+from testbed.sweeps import sweep
 from tests.validation.claims import Claim, Section
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-import plain_engine
-import sweep_kills
+from tests.support import plain_engine, sweep_kills
 
 FLIPS = 400
 

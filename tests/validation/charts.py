@@ -1,4 +1,4 @@
-"""Charts of ordinary cutters against Chebyshev collocation that shares no code (tests/second_road.py)."""
+"""Charts of ordinary cutters against Chebyshev collocation that shares no code (tests/support/second_road.py)."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.linear.stability import StabilityChart, sharpened_limit, stability_chart
+from testbed.analysis.linear.stability import StabilityChart, sharpened_limit, stability_chart
 from testbed.machine import Cutter, Cutting, Model, Structure
-from tests.second_road import Milling, multipliers
+from tests.support.second_road import Milling, multipliers
 from tests.validation.claims import Claim, Section, below
 
 CUTS, DEPTHS = 300, 12

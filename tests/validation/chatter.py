@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 
-from analysis.multipliers.run_labels import observed
-from analysis.records.record_report import RecordReport, report
+from testbed.analysis.multipliers.run_labels import observed
+from testbed.analysis.records.record_report import RecordReport, report
 from tests.validation.chatter_cuts import KINDS, Drawn, accelerated, draw
 from tests.validation.claims import Claim, Section
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.linear.collocation import collocation_multipliers
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.stability import CLASSES, classify, stability_chart
+from testbed.analysis.linear.collocation import collocation_multipliers
+from testbed.analysis.linear.delay_equation import milling_equation
+from testbed.analysis.linear.stability import CLASSES, classify, stability_chart
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.engines.fast import simulate
 from testbed.machine import Cutter, Cutting, Model, Structure

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from concurrent.futures import ProcessPoolExecutor
 
-from analysis.fit.observe import observe
-from analysis.search.diagnose import diagnose
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import DECOYS, catalogue
 from testbed.cli._fitting import plant_of
 from tests.validation.blind.draw import SINGLES, draw

@@ -11,20 +11,20 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from analysis.fit.observe import observe
-from analysis.search.diagnose import diagnose
-from analysis.search.diagnosis import Diagnosis
-from testbed.campaign import Record
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.diagnose import diagnose
+from testbed.analysis.search.diagnosis import Diagnosis
 from testbed.catalogue import catalogue
 from testbed.engines import mujoco_engine, predict
+from testbed.files.campaign import Record
 from testbed.machine import Model, Structure
 from testbed.recording import Recording
 from tests.validation.claims import Claim, Section
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
 
-from campaign_files import BELIEVED, TRUE  # noqa: E402
-from synthetic_campaign import TESTS, synthetic_campaign  # noqa: E402
+from tests.support.campaign_files import BELIEVED, TRUE  # noqa: E402
+from tests.support.synthetic_campaign import TESTS, synthetic_campaign  # noqa: E402
 
 PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 MASS, OMEGA, ZETA = 2.573, 920.0, 0.0032

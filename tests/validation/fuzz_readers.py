@@ -19,12 +19,11 @@ import numpy as np
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parents[2])]
 
-from made_files import FORMATS, sources, stated_rate, write  # noqa: E402
-
 from testbed.problem import InputProblem  # noqa: E402
 from testbed.readers import read_table  # noqa: E402
 from testbed.readers.assemble import assemble  # noqa: E402
 from testbed.recording import Recording  # noqa: E402
+from tests.support.made_files import FORMATS, sources, stated_rate, write  # noqa: E402
 from tests.validation.claims import Claim, Section  # noqa: E402
 
 TEXT = ("csv", "tsv", "dynoware", "labview", "uff")

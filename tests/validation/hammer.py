@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from analysis.multipliers.ring_down import fit_receptance, receptance
-from tests.real_data import MEASUREMENTS
+from testbed.analysis.multipliers.ring_down import fit_receptance, receptance
+from tests.support.real_data import MEASUREMENTS
 from tests.validation.claims import Claim, Section
 
 BANDS = ((1000, 1140), (900, 1300))  # Hz, a narrow and a wide one

@@ -15,17 +15,17 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from analysis.fit.observe import observe
-from analysis.search.diagnose import diagnose
-from analysis.search.diagnosis import Diagnosis
-from testbed.campaign import Record
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.diagnose import diagnose
+from testbed.analysis.search.diagnosis import Diagnosis
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
 from testbed.engines import mujoco_engine, predict
+from testbed.files.campaign import Record
 from testbed.machine import Model
 from testbed.recording import Recording
 from testbed.workshop import RPM, Measurement, measured_cut
-from tests.campaign_files import BELIEVED, TRUE
+from tests.support.campaign_files import BELIEVED, TRUE
 from tests.validation.claims import Claim, Section
 
 PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.fit.prediction import predict as predict_forces
-from analysis.search.diagnosis import Candidate
-from testbed.campaign import Record, load_campaign
+from testbed.analysis.fit.prediction import predict as predict_forces
+from testbed.analysis.search.diagnosis import Candidate
 from testbed.cli.diagnose import MANY
+from testbed.files.campaign import Record, load_campaign
 from testbed.machine import Cutter, Cutting, Model, Structure
-from tests.real_data import MANIFESTS, MEASUREMENTS
+from tests.support.real_data import MANIFESTS, MEASUREMENTS
 from tests.validation.claims import Claim, Section
 from tests.validation.diagnosis import answer, told
 

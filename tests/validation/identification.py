@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.information import Z_95
-from analysis.multipliers.identify import identify
+from testbed.analysis.information import Z_95
+from testbed.analysis.multipliers.identify import identify
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.engines import mujoco_engine
 from testbed.recording import Recording

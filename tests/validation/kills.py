@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from testbed import sweep
-from testbed.data_set import read_data_set
+from testbed.store.data_set import read_data_set
+from testbed.sweeps import sweep
 from tests.validation.claims import Claim, Section
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-import plain_engine
-import sweep_kills
+from tests.support import plain_engine, sweep_kills
 
 WORKER_KILLS, WHOLE_KILLS = 200, 50
 RUNS = {WORKER_KILLS: 3200, WHOLE_KILLS: 1200}

@@ -23,14 +23,14 @@ def _one(seconds: float, drifts: tuple[tuple[float, float], ...], seed: int) -> 
     """Whether compare finds nothing but noise left, and the error over the noise floor."""
     from functools import partial
 
-    from analysis.comparison.compare import compare
-    from analysis.fit.observe import observe
+    from testbed.analysis.comparison.compare import compare
+    from testbed.analysis.fit.observe import observe
     from testbed.catalogue import catalogue
     from testbed.cli._fitting import plant_of
     from testbed.cut import Cut
     from testbed.engines.fast import simulate
     from testbed.workshop import RPM, Measurement, measured_cut
-    from tests.campaign_files import BELIEVED
+    from tests.support.campaign_files import BELIEVED
 
     model = BELIEVED
     speed = (3810, 2850, 4200, 2600)[seed % 4] * RPM

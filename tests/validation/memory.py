@@ -28,7 +28,7 @@ def campaign(folder: Path, seconds: float, records: int) -> tuple[Path, Path]:
     """A campaign of cuts as a workshop measures them, each so long, in HDF5 of single precision; its believed model."""
     from testbed.cut import Cut
     from testbed.engines.fast import simulate
-    from testbed.model_file import read_model, write_model
+    from testbed.files.model_file import read_model, write_model
     from testbed.workshop import RPM, Measurement, measured_cut, tachometer
 
     text = ("structure: {mass: 2.573 kg, natural_frequency: 147.5 Hz, damping_ratio: 0.005}\n"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.linear.collocation import collocation_multipliers
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.spectral_elements import multipliers
-from analysis.linear.temporal_elements import characteristic_multipliers
+from testbed.analysis.linear.collocation import collocation_multipliers
+from testbed.analysis.linear.delay_equation import milling_equation
+from testbed.analysis.linear.spectral_elements import multipliers
+from testbed.analysis.linear.temporal_elements import characteristic_multipliers
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
 from tests.validation.claims import MASS, PAPER, Claim, Section, below, rpm

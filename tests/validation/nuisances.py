@@ -16,16 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from analysis.comparison.compare import Comparison, compare
-from analysis.fit.observe import observe
-from testbed.campaign import Record, load_campaign
+from testbed.analysis.comparison.compare import Comparison, compare
+from testbed.analysis.fit.observe import observe
 from testbed.catalogue import catalogue
 from testbed.cut import Cut
 from testbed.engines import mujoco_engine, predict
+from testbed.files.campaign import Record, load_campaign
 from testbed.recording import Recording
 from testbed.workshop import Measurement, measured_cut, write_campaign
-from tests.campaign_files import BELIEVED, TRUE
-from tests.synthetic_campaign import COURSE, RPM, TESTS
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import COURSE, RPM, TESTS
 from tests.validation.claims import Claim, Section
 
 SEEDS = 6

@@ -15,19 +15,19 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.signal import cont2discrete, lfilter, ss2tf
 
-from analysis.comparison.compare import compare
-from analysis.fit.held_guesses import Held, with_guesses_held
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observe import observe
-from analysis.fit.taken import taken_notes
-from analysis.search.add_effect import add_effects
-from analysis.search.diagnose import diagnose
-from testbed.campaign import Record
+from testbed.analysis.comparison.compare import compare
+from testbed.analysis.fit.held_guesses import Held, with_guesses_held
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.taken import taken_notes
+from testbed.analysis.search.add_effect import add_effects
+from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.engines import predict
+from testbed.files.campaign import Record
 from testbed.machine import Model, Structure
 from testbed.recording import CHANNEL_UNITS, Recording
-from tests import plain_cut
+from tests.support import plain_cut
 from tests.validation.claims import Claim, Section
 
 PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)

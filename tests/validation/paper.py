@@ -6,10 +6,10 @@ import tempfile
 from importlib import import_module
 from pathlib import Path
 
-from analysis.paper import PARTS
-from analysis.paper.bench import Bench
-from analysis.paper.part import Part
-from analysis.paper.style import journal
+from testbed.analysis.paper import PARTS
+from testbed.analysis.paper.bench import Bench
+from testbed.analysis.paper.part import Part
+from testbed.analysis.paper.style import journal
 from testbed.engines import fast, mujoco_engine
 from tests.validation.claims import Claim, Section
 
@@ -20,7 +20,7 @@ def parts(quick: bool = False) -> list[Part]:
     """Every part as `testbed paper` makes it, but for the rendered rig."""
     with tempfile.TemporaryDirectory() as folder, journal():
         bench = Bench(mujoco_engine.simulate, fast.simulate, Path(folder), SEED, quick)
-        return [import_module(f"analysis.paper.{name}").make(bench) for name in PARTS]
+        return [import_module(f"testbed.analysis.paper.{name}").make(bench) for name in PARTS]
 
 
 def check() -> Section:

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.linear.stability import sharpened_limit, stability_chart
+from testbed.analysis.linear.stability import sharpened_limit, stability_chart
 from testbed.machine import Cutter, Cutting, Mode, Model, Structure
-from tests.second_road import Planar, planar_multipliers
+from tests.support.second_road import Planar, planar_multipliers
 from tests.validation.charts import compared, section
 from tests.validation.claims import Section
 

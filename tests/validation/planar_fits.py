@@ -18,18 +18,18 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.fit_state import WaveformFit
-from analysis.fit.held_guesses import with_guesses_held
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observe import observe
-from analysis.fit.told import what_is_told
-from analysis.linear.planar_multipliers import cut_multipliers
+from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.held_guesses import with_guesses_held
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.told import what_is_told
+from testbed.analysis.linear.planar_multipliers import cut_multipliers
 from testbed.catalogue import catalogue
 from testbed.cut import Cut
 from testbed.engines import mujoco_engine, predict
 from testbed.machine import Cutter, Cutting, Mode, Model, Structure, base_parameter
-from tests import road_simulator
-from tests.planar_campaign import PLACES, RPM, planar_campaign
+from tests.support import road_simulator
+from tests.support.planar_campaign import PLACES, RPM, planar_campaign
 from tests.validation.claims import Claim, Section, below
 
 KNOWN = catalogue()

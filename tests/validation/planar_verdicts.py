@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from analysis.linear.planar_multipliers import cut_multipliers
+from testbed.analysis.linear.planar_multipliers import cut_multipliers
 from testbed.cut import Cut, Sampling
 from testbed.engines import fast
 from tests.validation.claims import Claim, Section, below

@@ -13,17 +13,17 @@ from functools import partial
 
 import numpy as np
 
-from analysis.comparison.compare import compare
-from analysis.fit.observe import observe
-from analysis.linear.stability import sharpened_limit, stability_chart
-from analysis.probable.chance import by_surface, chance_of, each_drawn
-from analysis.probable.posterior import posterior, why_no_chance
+from testbed.analysis.comparison.compare import compare
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.linear.stability import sharpened_limit, stability_chart
+from testbed.analysis.probable.chance import by_surface, chance_of, each_drawn
+from testbed.analysis.probable.posterior import posterior, why_no_chance
 from testbed.catalogue import catalogue
 from testbed.cli._probable import filled
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.workshop import RPM
-from tests.synthetic_campaign import synthetic_record
+from tests.support.synthetic_campaign import synthetic_record
 from tests.validation.claims import Claim, Section
 
 MACHINES, DAMPED = 40, 5

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from analysis.linear.published import PUBLISHED, PublishedTest, linear_multipliers
-from analysis.linear.stability import classify
-from analysis.multipliers.verdict import SampleVerdict, simulated_verdict
+from testbed.analysis.linear.published import PUBLISHED, PublishedTest, linear_multipliers
+from testbed.analysis.linear.stability import classify
+from testbed.analysis.multipliers.verdict import SampleVerdict, simulated_verdict
 from testbed.cut import Cut, Sampling
 from testbed.engines import fast
 from tests.validation.claims import PAPER, Claim, Section

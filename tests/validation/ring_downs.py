@@ -18,13 +18,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from analysis.records.blows import grows
-from analysis.records.decay_modes import decay_modes
-from analysis.records.noise import Noise, noise_floor
-from analysis.records.ring_downs import blow_times, ring_downs
-from analysis.records.segments import find_segments
+from testbed.analysis.records.blows import grows
+from testbed.analysis.records.decay_modes import decay_modes
+from testbed.analysis.records.noise import Noise, noise_floor
+from testbed.analysis.records.ring_downs import blow_times, ring_downs
+from testbed.analysis.records.segments import find_segments
 from testbed.recording import Recording
-from tests.made_decays import decay, recorded, rubbed
+from tests.support.made_decays import decay, recorded, rubbed
 from tests.validation.claims import Claim, Section
 
 DRAWS = 60

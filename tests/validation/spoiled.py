@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fit.estimates import estimates
-from analysis.fit.held_out import errors_in_fit, pooled
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observe import observe
-from testbed.campaign import Record
+from testbed.analysis.fit.estimates import estimates
+from testbed.analysis.fit.held_out import errors_in_fit, pooled
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observe import observe
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.engines import fast
+from testbed.files.campaign import Record
 from testbed.machine import Cutter, Cutting, Model, Structure
-from tests.synthetic_campaign import TESTS, synthetic_record
+from tests.support.synthetic_campaign import TESTS, synthetic_record
 from tests.validation.claims import Claim, Section
 
 FIRST, CAMPAIGNS, CUTS = 700, 25, 3

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from analysis.tap.tap import TapResult, tap_test
+from testbed.analysis.tap.tap import TapResult, tap_test
+from testbed.files.taps_file import load_taps
 from testbed.machine import Mode
-from testbed.taps_file import load_taps
-from tests.made_taps import B2, B3, Hammer, write_taps
+from tests.support.made_taps import B2, B3, Hammer, write_taps
 from tests.validation.claims import Claim, Section, below
 
 MACHINES = SENSORS = 50

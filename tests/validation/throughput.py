@@ -17,7 +17,7 @@ import threading
 import time
 from pathlib import Path
 
-from testbed.chunk_writer import Compression
+from testbed.store.chunk_writer import Compression
 from tests.validation.claims import Claim, Section
 
 LARGEST = int(os.environ.get("TESTBED_RUNS", "100000"))
@@ -41,8 +41,8 @@ sensors: {sampling_rate: 12800 Hz}
 
 def scenario(runs: int):
     """The sweep of so many runs."""
-    from testbed.scenario_file import scenario_from
-    from testbed.yaml_text import parse
+    from testbed.files.yaml_text import parse
+    from testbed.scenario.scenario_file import scenario_from
 
     return scenario_from(parse(SCENARIO.replace("COUNT", str(runs // 10)), "throughput.yaml"))
 
@@ -80,20 +80,20 @@ def measure(runs: int, compression: Compression, shards: bool, folder: str) -> d
 
     import h5py
 
-    import testbed.chunk_writer
-    import testbed.consolidate
-    import testbed.store
-    from testbed import sweep
+    import testbed.store.chunk_writer
+    import testbed.store.store
+    import testbed.sweeps.consolidate
     from testbed.engines.fast import simulate
+    from testbed.sweeps import sweep
 
     sweep.run(scenario(20), simulate, Path(folder) / "warm.h5", workers=WORKERS)  # compiled and imported
     hdf5, hashes = Stopwatch(), Stopwatch()
     for owner, names in ((h5py.Dataset, ("__setitem__", "__getitem__", "make_scale")), (h5py.AttributeManager, (
             "__setitem__", "__getitem__", "__iter__")), (h5py.Group, ("create_dataset", "__getitem__", "visit")), (h5py.File, (
-            "__init__", "close")), (testbed.chunk_writer.ChannelWriter, ("_hand_over",))):
+            "__init__", "close")), (testbed.store.chunk_writer.ChannelWriter, ("_hand_over",))):
         for name in names:
             hdf5.watch(owner, name)
-    for module, name in ((testbed.store, "write_sealed"), (testbed.consolidate, "seal"), (testbed.consolidate, "state")):
+    for module, name in ((testbed.store.store, "write_sealed"), (testbed.sweeps.consolidate, "seal"), (testbed.sweeps.consolidate, "state")):
         hashes.watch(module, name)
     target = Path(folder) / ("shards" if shards else "data.h5")
     begin, processor = time.perf_counter(), time.process_time()

@@ -1,4 +1,4 @@
-"""Files as measuring software writes them (tests/vendor_files.py), with known contents, read as a campaign reads them.
+"""Files as measuring software writes them (tests/support/vendor_files.py), with known contents, read as a campaign reads them.
 
 Right: every channel to 1e-5 of its range, its unit, its rate (to 0.4 % where the printed digits of the times leave it open),
 and what must be told is told. Refused: one line that says what to do; some must be. Wrong: anything else.
@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import vendor_files as vendor  # noqa: E402
 
-from testbed.campaign import load_campaign  # noqa: E402
+from testbed.files.campaign import load_campaign  # noqa: E402
 from testbed.problem import InputProblem  # noqa: E402
 from tests.validation.claims import Claim, Section  # noqa: E402
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.linear.delay_equation import milling_equation
-from analysis.linear.temporal_elements import characteristic_multipliers
+from testbed.analysis.linear.delay_equation import milling_equation
+from testbed.analysis.linear.temporal_elements import characteristic_multipliers
 from testbed.cut import Cut, Sampling
 from testbed.engines import fast
 from testbed.machine import Model

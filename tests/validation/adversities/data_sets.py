@@ -18,21 +18,21 @@ from typing import Any
 import h5py
 import numpy as np
 
-from testbed import sweep
 from testbed.cli import main
-from testbed.data_set import read_data_set
-from testbed.one_writer import lock_path
 from testbed.problem import InputProblem
-from testbed.seal import seal
-from testbed.shards import find, shard_path
-from testbed.store import CONDITIONS
-from testbed.verification import verify
+from testbed.store.data_set import read_data_set
+from testbed.store.seal import seal
+from testbed.store.store import CONDITIONS
+from testbed.store.verification import verify
+from testbed.sweeps import sweep
+from testbed.sweeps.shards import find, shard_path
+from testbed.system.one_writer import lock_path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-import plain_engine
-import sweep_kills
 import test_one_writer as writers
 from test_seals import COMMANDS, MODEL, doubled_damping
+
+from tests.support import plain_engine, sweep_kills
 
 ALWAYS = ("verify", "inspect", "export")  # the others take their turns, but for these edits:
 BY_ALL = ("all damping ratios doubled", "a sample changed", "spindle_speed changed", "displacement's scale_factor changed",

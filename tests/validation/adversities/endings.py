@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from testbed.interruption import SAME_PRESS_S
+from testbed.system.interruption import SAME_PRESS_S
 from tests.validation.adversities.installation import ROOT, Probe, place, warm
 
 LONGEST_S = 60.0  # for an end, on a busy machine with the compiler at work
@@ -62,8 +62,8 @@ def _campaign(folder: Path) -> None:
     """Four cuts in which an effect is hidden."""
     from testbed.engines import fast
     from testbed.workshop import write_campaign
-    from tests.campaign_files import BELIEVED, TRUE
-    from tests.synthetic_campaign import synthetic_campaign
+    from tests.support.campaign_files import BELIEVED, TRUE
+    from tests.support.synthetic_campaign import synthetic_campaign
 
     true = TRUE.with_effect("process_damping", coefficient=6e5)
     write_campaign(folder, synthetic_campaign(partial(fast.simulate, steps=37), true, seed=4, rate=6400.0, course=(10, 35, 15),

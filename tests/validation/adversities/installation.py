@@ -23,7 +23,7 @@ from io import StringIO
 from pathlib import Path
 from unittest import mock
 
-from testbed import kernel_cache
+from testbed.system import kernel_cache
 
 Result = tuple[str, bool, str]
 ROOT = Path(__file__).resolve().parents[3]

@@ -33,7 +33,7 @@ def _damaged(raw: bytes, seed: int) -> bytes:
 
 def damaged(seeds: Sequence[int]) -> Iterator[Probe]:
     """Sound files of every kind, damaged at random, through the commands that open them in turn."""
-    from made_files import FORMATS
+    from tests.support.made_files import FORMATS
 
     for seed in seeds:
         for kind in ("model.yaml", "good.h5", "scenario.yaml", *FORMATS):
@@ -41,7 +41,7 @@ def damaged(seeds: Sequence[int]) -> Iterator[Probe]:
 
 
 def _damage(folder: Path, kind: str, seed: int) -> Sequence[object]:
-    from made_files import write
+    from tests.support.made_files import write
 
     if kind == "model.yaml":
         (folder / kind).write_bytes(_damaged(MODEL.encode(), seed))

@@ -46,8 +46,8 @@ class Said:
 
 def preload() -> None:
     """Import all of the program: children that are forked then need not."""
-    import analysis
     import testbed
+    from testbed import analysis
 
     for package in (testbed, analysis):
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):

@@ -11,13 +11,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from testbed import sweep
 from testbed.cli import main
+from testbed.sweeps import sweep
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-import faults
-import plain_engine
-import sweep_kills
+from tests.support import faults, plain_engine, sweep_kills
 
 faults.RUNS = RUNS = 2
 SIZE_STEP = 499  # bytes

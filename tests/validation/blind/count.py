@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis.search.false_alarms import FalseAlarms
+from testbed.analysis.search.false_alarms import FalseAlarms
 from tests.validation.blind.judge import RESULTS
 from tests.validation.claims import Claim, Section
 

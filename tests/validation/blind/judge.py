@@ -21,11 +21,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from analysis.fit.estimates import estimates
-from analysis.fit.held_out import held_out_errors, pooled
-from analysis.fit.model_fit import model_fit
-from analysis.fit.observe import observe
-from analysis.search.diagnose import diagnose
+from testbed.analysis.fit.estimates import estimates
+from testbed.analysis.fit.held_out import held_out_errors, pooled
+from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.engines import predict
 from tests.validation.blind.draw import draw

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbed.campaign import Record
 from testbed.engines import mujoco_engine
-from tests.synthetic_campaign import synthetic_record
+from testbed.files.campaign import Record
+from tests.support.synthetic_campaign import synthetic_record
 from tests.validation.blind.draw import Truth
 
 FAR = 5e-3  # m, beyond which no flexure moves: the law that was drawn lets the machine run away

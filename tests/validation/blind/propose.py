@@ -20,11 +20,11 @@ import sys
 import tempfile
 from typing import Any
 
-from analysis.fit.observe import observe
-from analysis.force.explain_force import formula_text, left_unexplained, write_effect
-from analysis.force.formula_trial import Jury
-from analysis.search.add_effect import add_effect
-from analysis.search.diagnose import diagnose
+from testbed.analysis.fit.observe import observe
+from testbed.analysis.force.explain_force import formula_text, left_unexplained, write_effect
+from testbed.analysis.force.formula_trial import Jury
+from testbed.analysis.search.add_effect import add_effect
+from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from tests.validation.blind.count import VISIBLE, misfit

@@ -1,0 +1,1 @@
+"""Data sets in HDF5: written, sealed, read and verified."""

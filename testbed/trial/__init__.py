@@ -1,0 +1,1 @@
+"""Effect files of somebody's own: tried before they are trusted, and written from a formula."""
