@@ -26,8 +26,10 @@ long: $(VENV)/ready
 
 lint: $(VENV)/ready
 	$(BIN)/ruff check .
+	rm -rf build/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --target build/installed .
 	$(BIN)/mypy
-	$(BIN)/lint-imports
+	cd build/installed && ../../$(BIN)/lint-imports --config ../../pyproject.toml
 
 validate: $(VENV)/ready
 	$(BIN)/python -m tests.validation.run

@@ -33,9 +33,8 @@ def render_rig(path: str | Path, machine: str = "flexure", width: int = 1600, he
         raise InputProblem("picture", f"{width} x {height} pixels cannot be drawn",
                            f"at most {model.vis.global_.offwidth} x {model.vis.global_.offheight}")
     command = [sys.executable, "-m", "testbed.view", str(rig.path), str(path), str(width), str(height), camera]
-    roots = [str(Path(package.__file__).parents[1]) for package in (models, sys.modules["testbed"]) if package.__file__]
     env = {**os.environ, "MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"),
-           "PYTHONPATH": os.pathsep.join([*roots, os.environ.get("PYTHONPATH", "")])}
+           "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])}
     done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         said = done.stderr.strip().splitlines()

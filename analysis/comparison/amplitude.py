@@ -28,8 +28,7 @@ from testbed.analysis.records.free_decay import fit_free_decay, spectral_peak
 from testbed.recording import quantity_of
 
 CYCLES = (6, 4, 3, 2)  # of a window, the shorter ones for decays that end soon
-LEAST = 6  # windows that a verdict needs
-SHORTEST = 16  # samples of a free decay at the least
+LEAST, SHORTEST = 6, 16  # windows that a verdict needs; samples of a free decay
 CLEAR = 8.0  # amplitude over its own standard error down to which windows count
 FREQUENCY_MATTERS = 1e-4  # relative change of the frequency over the decay that counts
 DAMPING_MATTERS = 0.1  # relative change of the damping over the decay that counts

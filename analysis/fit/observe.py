@@ -48,7 +48,7 @@ _FORCES = ("force_x", "force_y")
 
 
 def observe(record: Any, model: Model) -> Observed:
-    """Make a campaign's record (testbed.files.campaign.Record) ready. ValueError where it holds nothing that can be predicted."""
+    """Make a campaign's record (`files.campaign.Record`) ready. ValueError where it holds nothing that can be predicted."""
     planar = model.structure.planar
     recording = record.recording.in_the_plane() if planar else record.recording.along_feed()
     names = _predicted(recording, record.kind, planar)

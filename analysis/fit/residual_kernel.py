@@ -13,7 +13,7 @@ _BLOCK = 1024  # samples that are worked on together: they stay in the fastest m
 
 
 def _part(function):
-    return njit(fastmath=_SUMS, no_cpython_wrapper=True, error_model="numpy")(function)
+    return njit(fastmath=_SUMS, no_cpython_wrapper=True, error_model="numpy")(function)  # type: ignore[call-overload]
 
 
 @_part

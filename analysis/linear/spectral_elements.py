@@ -21,15 +21,14 @@ from testbed.analysis.linear.delay_equation import DelayEquation
 from testbed.analysis.linear.temporal_elements import sort_multipliers, transition_matrix
 from testbed.system.kernel_cache import kept
 
-MOST_POINTS = 24  # of one element: beyond, several elements cost less
-LONGEST = 16.0  # rad in one element, for the same reason
+MOST_POINTS, LONGEST = 24, 16.0  # points of one element, rad in it: beyond, several elements cost less
 FEWEST, A_RADIAN = 2.5, 0.65  # points of an element for 1e-5: measured on random cuts
 TURN = 0.7 * 2.0 * math.pi  # rad in a delay by which the coefficients' own changes add to the swings
 MOST_OF_A_TRIAL = 40.0 * 2.0 * math.pi  # rad in the cut
 MOST_UNKNOWNS = 800  # about 150 oscillations in the cut
 FINER = (0, 1, 2, 4, 6)  # points more in every element, as long as the largest multiplier has not settled
-TOLERANCE = 1e-5  # of the largest multiplier over max(1, modulus), as the map has it: one point more leaves a tenth
-FINE = 1e-6  # the same, aimed at where one cut is asked for, and not a chart of many
+# of the largest multiplier over max(1, modulus), as the map has it: one point more leaves a tenth; fine: of one cut alone
+TOLERANCE, FINE = 1e-5, 1e-6
 
 
 def _tables() -> tuple[np.ndarray, ...]:

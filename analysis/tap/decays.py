@@ -48,7 +48,7 @@ class DecayMode:
 
 
 def decays_of(taps: Sequence[Any], place: str, notes: list[str]) -> tuple[list[DecaySeen], list[DecayMode]]:
-    """What rings in taps (testbed.files.taps_file.Tap) without force, and the modes of it. Raises InputProblem where nothing does.
+    """What rings in taps (`taps_file.Tap`) without force, and the modes of it. Raises InputProblem where nothing does.
 
     Channels of one file belong together: only so do their ratios tell a shape.
     """

@@ -12,7 +12,6 @@ import click
 
 from testbed.cli._answer import Answer
 
-PACKAGES = ("testbed", "analysis", "models", "scenarios")
 EXTRAS = {"nptdms": "TDMS files (extra formats)", "pyuff": "UFF files (extra formats)",
           "soundfile": "WAV files (extra formats)", "pyarrow": "Parquet files (extra formats)",
           "hdf5plugin": "zstd in HDF5 files (extra fast)", "sdypy": "hammer taps (extra tap)"}
@@ -29,7 +28,7 @@ def command(json_file: str | None, quiet: bool) -> None:
     answer = Answer(json_file, quiet)
     if sys.platform == "linux":
         os.environ.setdefault("MUJOCO_GL", "egl")  # read once, when mujoco is first imported: before the engines' check
-    findings = [_python(), *_shadows(), *_checked(), _kept(), *_extras()]
+    findings = [_python(), _shadowed(), *_checked(), _kept(), *_extras()]
     for finding in findings:
         answer.say(f"{finding['state']:8} {finding['what']}")
     answer.finish({"ok": all(finding["state"] != "broken" for finding in findings), "findings": findings})
@@ -47,23 +46,12 @@ def _python() -> dict[str, str]:
     return _finding("ok" if good else "broken", f"Python {version}" + ("" if good else ": install 3.11 to 3.14"))
 
 
-def _shadows() -> list[dict[str, str]]:
-    """Whether a folder of the user's own takes the place of one of our packages, whose names are everyday words."""
-    import importlib.util
-
-    home = Path(__file__).resolve().parents[2]
-    found = []
-    for name in PACKAGES:
-        spec = importlib.util.find_spec(name)
-        place = Path(spec.origin).resolve().parent if spec and spec.origin else None
-        if place != home / name:
-            found.append(_finding("broken", f"package {name} is taken from {place or 'a folder without __init__.py'}: "
-                                            f"rename your folder '{name}', or run from another one"))
-    for name in PACKAGES:
-        own = Path.cwd() / name
-        if own.is_dir() and own.resolve() != home / name:
-            found.append(_finding("note", f"the folder {own} bears a name of our packages; `python -m` takes it"))
-    return found or [_finding("ok", "packages " + ", ".join(PACKAGES))]
+def _shadowed() -> dict[str, str]:
+    """Whether a folder of the user's own, named as our package is, takes its place under `python -m`."""
+    own = Path.cwd() / "testbed"
+    if own.is_dir() and own.resolve() != Path(__file__).resolve().parents[1]:
+        return _finding("note", f"the folder {own} bears the name of our package: `python -m testbed` takes it, so rename it")
+    return _finding("ok", "package testbed")
 
 
 def _checked() -> list[dict[str, str]]:

@@ -13,7 +13,6 @@ import linecache
 import marshal
 import sys
 from collections.abc import Mapping
-from functools import lru_cache
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -93,21 +92,12 @@ def _derivatives_text(layout: Layout) -> list[str]:
 
 
 def _import_text(effects: Mapping[str, Effect]) -> list[str]:
-    lines = ["from testbed.engines.compiled import holding, inner", "from testbed.system.kernel_cache import kept",
-             "import testbed.engines.compose as _compose", ""]
+    lines = ["from testbed.engines.compiled import holding, inner", "from testbed.system.kernel_cache import kept", ""]
     for effect in effects.values():
         for hook in effect.hooks:
             if hook in _COMPILED or hook.startswith("derivative_"):
-                lines.append(f"{effect.name}__{hook} = inner(_compose.source_of({effect.name!r}, {hook!r}))")
+                lines.append(f"{effect.name}__{hook} = inner(HOOKS[{effect.name!r}][{hook!r}])")
     return [*lines, "", ""]
-
-
-_loading: dict[str, Effect] = {}
-
-
-def source_of(effect: str, hook: str):
-    """The Python function behind a hook of the catalogue being composed (called by the generated module)."""
-    return _loading[effect].hooks[hook]
 
 
 def _kernel_text(name: str) -> str:
@@ -129,9 +119,11 @@ def _module_text(layout: Layout, kernels: tuple[str, ...]) -> str:
     return "\n".join(lines) + "\n\n".join(_kernel_text(name) for name in kernels)
 
 
-@lru_cache(maxsize=16)
-def _compose(key: str, text: str) -> ModuleType:
+def _compose(key: str, text: str, effects: Mapping[str, Effect]) -> ModuleType:
+    """The module of a text, in which HOOKS are the Python functions of the effects by name and hook."""
     name = f"testbed_kernels_{key}"
+    if name in sys.modules:
+        return sys.modules[name]
     file = f"<{name}>"
     linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)  # what a traceback shows
     body = read(f"{name}.code")
@@ -139,8 +131,9 @@ def _compose(key: str, text: str) -> ModuleType:
     if body is None:
         keep(f"{name}.code", marshal.dumps(code))
     module = ModuleType(name)
-    sys.modules[name] = module
+    module.__dict__["HOOKS"] = {effect.name: effect.hooks for effect in effects.values()}
     exec(code, module.__dict__)
+    sys.modules[name] = module
     return module
 
 
@@ -169,8 +162,6 @@ def _composed(effects: Mapping[str, Effect], kernels: tuple[str, ...], planar: b
     sources = "".join(effect.path.read_text() for effect in by_name if effect.path)
     modules = " ".join(hook.__module__ for effect in by_name for hook in effect.hooks.values())  # kept in code
     stamp = "|".join([text, sources, modules, version("numba"), version("numpy"), sys.version])
-    _loading.clear()
-    _loading.update(effects)
-    module = _compose(sha256(stamp.encode()).hexdigest()[:16], text)
+    module = _compose(sha256(stamp.encode()).hexdigest()[:16], text, effects)
     _modules[id(effects), kernels, planar] = (effects, module)
     return module

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import report_pages as pages
 from matplotlib.figure import Figure
 
 from testbed.analysis.comparison.adequacy import LEFT_EXPLAINED, Adequacy, controlled, said_left
@@ -18,6 +17,7 @@ from testbed.cli import main
 from testbed.cli._answer import Answer
 from testbed.engines import fast
 from testbed.workshop import write_campaign
+from tests.support import report_pages as pages
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import MARK_ANGLE, TESTS, synthetic_campaign
 

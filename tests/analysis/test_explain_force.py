@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_latent_force import PLANT, cut_state
 
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.nuisances import Nuisances
@@ -13,6 +12,7 @@ from testbed.analysis.force.explain_force import as_json, explain, explanations_
 from testbed.analysis.force.latent_force import by_the_marks, missing_force
 from testbed.analysis.force.ranking import explained, rank
 from testbed.catalogue import read_effect
+from tests.analysis.test_latent_force import PLANT, cut_state
 from tests.support.plain_cut import MARK, RELEASED, TRUE, free_decays, record
 
 WRONG = TRUE.with_values({"natural_frequency": 146.7, "damping_ratio": 0.0045})

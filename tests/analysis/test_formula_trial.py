@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import pytest
-from test_explain_force import WRONG, decays
 
 from testbed.analysis.fit.effect_start import effect_parameters
 from testbed.analysis.force.explain_force import explanations
@@ -11,6 +10,7 @@ from testbed.analysis.force.formula_trial import Jury, _Trial
 from testbed.analysis.force.trial_law import NAME, trial_law
 from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
+from tests.analysis.test_explain_force import WRONG, decays
 
 STRENGTH = 4e20
 

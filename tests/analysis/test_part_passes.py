@@ -6,7 +6,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from direct import KN, KT, MODEL, WINDOW, cut, error, integrate
 
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.nuisances import Nuisances, nearly_whole
@@ -18,6 +17,7 @@ from testbed.catalogue import catalogue
 from testbed.cli._fitting import plant_of
 from testbed.cut import Cut, Sampling, whole_cut_sampling
 from testbed.engines import fast, mujoco_engine
+from tests.effects.direct import KN, KT, MODEL, WINDOW, cut, error, integrate
 from tests.support.campaign_files import BELIEVED
 from tests.support.synthetic_campaign import synthetic_record
 

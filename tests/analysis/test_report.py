@@ -10,7 +10,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import report_pages as pages
 from matplotlib.figure import Figure
 from scipy.stats import binomtest, spearmanr
 
@@ -32,6 +31,7 @@ from testbed.analysis.search.diagnosis import as_json, unaided
 from testbed.analysis.search.diagnosis import verdict_of as verdict_over
 from testbed.analysis.search.false_alarms import FalseAlarms
 from testbed.cli.diagnose import _force_maps
+from tests.support import report_pages as pages
 from tests.support.campaign_files import BELIEVED, TRUE
 
 

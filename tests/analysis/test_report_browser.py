@@ -7,7 +7,8 @@ import shutil
 import subprocess
 
 import pytest
-import report_pages as pages
+
+from tests.support import report_pages as pages
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 BROWSER = next((path for path in map(shutil.which, NAMES) if path), None)

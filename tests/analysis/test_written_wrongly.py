@@ -8,7 +8,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from test_diagnose import CANDIDATES, PLANT
 
 from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.budget import Budgeted, BudgetSpent
@@ -21,6 +20,7 @@ from testbed.analysis.search.diagnosis import as_json
 from testbed.engines import fast
 from testbed.files.model_file import model_from_text, write_model
 from testbed.machine import Cutter, Cutting, Model, Structure
+from tests.analysis.test_diagnose import CANDIDATES, PLANT
 from tests.support.campaign_files import BELIEVED
 from tests.support.synthetic_campaign import synthetic_campaign
 

@@ -324,7 +324,8 @@ def test_help_imports_nothing_heavy():
 
 
 def test_commands_start_without_what_is_slow_and_wanted_by_few():
-    code = "import sys, testbed.analysis.search.diagnose, testbed.analysis.comparison.compare, testbed.analysis.multipliers.identify\n" \
+    code = "import sys, testbed.analysis.search.diagnose, testbed.analysis.comparison.compare\n" \
+           "import testbed.analysis.multipliers.identify\n" \
            "import testbed.analysis.tap.uncertain, testbed.analysis.report.story_page, testbed.analysis.force.latent_force\n" \
            "print('SLOW', sorted({'scipy.stats', 'scipy.signal', 'mujoco', 'matplotlib'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)

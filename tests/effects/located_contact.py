@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import math
 
-from direct import KN, KT, MODEL, WINDOW
-
 from testbed.cut import Cut
+from tests.effects.direct import KN, KT, MODEL, WINDOW
 
 Triple = tuple[float, float, float]
 MASS, DAMPING, STIFFNESS = MODEL.structure.mass, MODEL.structure.damping, MODEL.structure.stiffness

@@ -2,9 +2,9 @@ import math
 
 import numpy as np
 import pytest
-from base_flexure import flexure, samples, stable_cut
 
 from testbed.engines import fast
+from tests.effects.base_flexure import flexure, samples, stable_cut
 
 LINE = {"amplitude": 3e-6, "frequency": 50.0, "phase": 0.5}
 CHANNELS = ("displacement", "velocity", "acceleration", "force_x")

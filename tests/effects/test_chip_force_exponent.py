@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from direct import KN, KT, MODEL, WINDOW, cut, engine, error, forces, integrate, rigid
 
 from testbed.catalogue import catalogue
+from tests.effects.direct import KN, KT, MODEL, WINDOW, cut, engine, error, forces, integrate, rigid
 
 Q, H0, E0 = 0.75, 1.0e-4, 3.0e-7
 CURVED = MODEL.with_effect("chip_force_exponent", exponent=Q)

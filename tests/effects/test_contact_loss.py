@@ -2,14 +2,14 @@
 
 import math
 
-import located_contact
 import numpy as np
 import pytest
-from direct import KN, KT, MODEL, WINDOW, cut, engine, error, forces, integrate, rigid
 
 from testbed.cut import Sampling
 from testbed.engines import fast
 from testbed.machine import Cutter, Model
+from tests.effects import located_contact
+from tests.effects.direct import KN, KT, MODEL, WINDOW, cut, engine, error, forces, integrate, rigid
 from tests.support import independent_simulator
 
 BOUNDED = MODEL.with_effect("contact_loss")

@@ -2,11 +2,11 @@ import math
 
 import numpy as np
 import pytest
-from base_flexure import FREQUENCY, STIFFNESS, flexure, free, samples, stable_cut
 from scipy.integrate import quad
 from scipy.special import ellipk
 
 from testbed.engines import fast
+from tests.effects.base_flexure import FREQUENCY, STIFFNESS, flexure, free, samples, stable_cut
 
 
 def backbone(coefficient: float, amplitude: float) -> float:

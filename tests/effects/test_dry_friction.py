@@ -3,12 +3,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from base_flexure import MASS, RPM, STIFFNESS, flexure, free, samples, turning_points
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from testbed.engines import fast
+from tests.effects.base_flexure import MASS, RPM, STIFFNESS, flexure, free, samples, turning_points
 
 Z_C = 0.2e-6
 

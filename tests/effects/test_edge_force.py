@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from direct import KN, KT, MODEL, WINDOW, cut, engine, error, forces, integrate, rigid
 
 from testbed.machine import Cutter, Cutting, Model
+from tests.effects.direct import KN, KT, MODEL, WINDOW, cut, engine, error, forces, integrate, rigid
 
 KTE, KNE = 2.5e4, 3.0e4
 RUBBING = MODEL.with_effect("edge_force", tangential=KTE, normal=KNE)

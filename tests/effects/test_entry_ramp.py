@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from direct import KN, KT, MODEL, RADIUS, WINDOW, cut, engine, error, forces, integrate, rigid
 
 from testbed.catalogue import catalogue
 from testbed.machine import Cutting
+from tests.effects.direct import KN, KT, MODEL, RADIUS, WINDOW, cut, engine, error, forces, integrate, rigid
 
 ROUNDED = 0.1  # share of the reach
 GATE = catalogue()["entry_ramp"].hooks["engagement"]

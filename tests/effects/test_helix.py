@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from direct import KN, KT, MODEL, RADIUS, WINDOW, cut, engine, error, forces, integrate, rigid
 
 from testbed.cut import whole_cut_sampling
 from testbed.engines import fast
 from testbed.machine import Cutter, Cutting, Model
+from tests.effects.direct import KN, KT, MODEL, RADIUS, WINDOW, cut, engine, error, forces, integrate, rigid
 
 
 def exact(phase, lag, window=WINDOW, entry=0.0):

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from direct import KN, KT, MODEL, WINDOW, cut, engine, error, integrate
 
 from testbed.cut import whole_cut_sampling
 from testbed.engines import fast
 from testbed.machine import Cutting
+from tests.effects.direct import KN, KT, MODEL, WINDOW, cut, engine, error, integrate
 
 WRONG = MODEL.with_effect("immersion_error", error=0.15)
 

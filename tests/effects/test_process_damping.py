@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from direct import KN, KT, MODEL, RADIUS, WINDOW, cut, engine, error, integrate
 
 from testbed.cut import whole_cut_sampling
 from testbed.engines import fast
+from tests.effects.direct import KN, KT, MODEL, RADIUS, WINDOW, cut, engine, error, integrate
 
 B = 2.0e5
 DAMPED = MODEL.with_effect("process_damping", coefficient=B)

@@ -2,10 +2,10 @@ import math
 
 import numpy as np
 import pytest
-from base_flexure import FREQUENCY, MASS, flexure, free, samples, turning_points
 from scipy.optimize import brentq
 
 from testbed.engines import fast
+from tests.effects.base_flexure import FREQUENCY, MASS, flexure, free, samples, turning_points
 
 
 def ring_down(coefficient: float, amplitude: float = 50e-6):

@@ -3,13 +3,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from base_flexure import FEED, FREQUENCY, MASS, ZETA, flexure, stable_cut
 from scipy.integrate import solve_ivp
 
 from testbed.analysis.fit.effect_start import effect_parameters
 from testbed.catalogue import catalogue
 from testbed.cut import Sampling
 from testbed.engines import fast
+from tests.effects.base_flexure import FEED, FREQUENCY, MASS, ZETA, flexure, stable_cut
 
 LENGTH = {"samples": 1000, "rate": 12800.0}  # of a record: Hz
 MODE = {"mass_ratio": 0.5, "frequency": 480.0, "damping_ratio": 0.01, "participation": 0.6}

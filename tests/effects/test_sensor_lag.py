@@ -2,10 +2,10 @@ import math
 
 import numpy as np
 import pytest
-from base_flexure import flexure, samples, stable_cut
 
 from testbed.catalogue import catalogue
 from testbed.engines import fast
+from tests.effects.base_flexure import flexure, samples, stable_cut
 
 
 @pytest.mark.parametrize("time_constant", [1e-6, 2e-4, 5e-3])

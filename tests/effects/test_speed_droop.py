@@ -1,11 +1,11 @@
 import math
 
 import numpy as np
-from base_flexure import FEED, flexure, stable_cut
 from scipy.integrate import solve_ivp
 
 from testbed.cut import Sampling
 from testbed.engines import fast
+from tests.effects.base_flexure import FEED, flexure, stable_cut
 
 
 def test_speed_falls_as_the_torque_of_the_moment_has_it():

@@ -1,13 +1,13 @@
 import math
 
 import numpy as np
-from base_flexure import FEED, FREQUENCY, MASS, ZETA, flexure, stable_cut
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import jv
 
 from testbed.cut import Cut, Sampling
 from testbed.engines import fast
+from tests.effects.base_flexure import FEED, FREQUENCY, MASS, ZETA, flexure, stable_cut
 
 VARIATION = {"amplitude": 0.2, "frequency": 23.0, "phase": 0.7}
 

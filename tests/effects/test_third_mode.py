@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from base_flexure import FEED, FREQUENCY, MASS, ZETA, flexure, stable_cut
 from scipy.signal import StateSpace, lsim
 
 from testbed.catalogue import catalogue
 from testbed.cut import Sampling
 from testbed.engines import fast, predict
+from tests.effects.base_flexure import FEED, FREQUENCY, MASS, ZETA, flexure, stable_cut
 
 SECOND = {"mass_ratio": 0.5, "frequency": 480.0, "damping_ratio": 0.01, "participation": 0.6}
 THIRD = {"mass_ratio": 0.3, "frequency": 790.0, "damping_ratio": 0.015, "participation": -0.8}

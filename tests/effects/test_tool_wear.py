@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from direct import KN, KT, MODEL, WINDOW, cut, engine, error, forces, integrate, rigid
+
+from tests.effects.direct import KN, KT, MODEL, WINDOW, cut, engine, error, forces, integrate, rigid
 
 RATE = 5.0
 WORN = MODEL.with_effect("tool_wear", rate=RATE)

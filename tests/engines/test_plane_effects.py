@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_plane_engine import apart
 
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.engines import fast, mujoco_engine
 from testbed.machine import Cutter, Cutting, Mode, Model, Structure
+from tests.engines.test_plane_engine import apart
 
 EFFECTS = catalogue()
 MODES = (Mode(2.573, 146.4, 0.0032), Mode(1.8, 205.0, 0.01, math.pi / 2, "tool"), Mode(3.0, 310.0, 0.02, 0.6, "tool"),

@@ -10,10 +10,10 @@ CODE = """
 import importlib, pkgutil, sys
 sys.modules["mujoco"] = None  # as where it is not installed: to import it is an ImportError
 from testbed import analysis
-for found in pkgutil.walk_packages(analysis.__path__, "analysis."):
+for found in pkgutil.walk_packages(analysis.__path__, "testbed.analysis."):
     importlib.import_module(found.name)
-from test_identify import PAPER_START, records
-print("DAMPING", testbed.analysis.multipliers.identify.identify(PAPER_START, records()).parameters["damping_ratio"].value)
+from tests.analysis.test_identify import PAPER_START, records
+print("DAMPING", analysis.multipliers.identify.identify(PAPER_START, records()).parameters["damping_ratio"].value)
 """
 
 

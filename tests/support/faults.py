@@ -33,9 +33,10 @@ _CALLS = {os: ("replace", "rename", "fsync", "mkdir", "chmod", "ftruncate", "pwr
           h5py.Group: ("create_dataset",), h5py.Dataset: ("__setitem__", "make_scale"), h5py.AttributeManager: ("__setitem__",)}
 _LATER = {"testbed.store.chunk_writer": ("ChannelWriter._hand_over",), "testbed.system.memory_file": ("MemoryFile._reach",),
           "pyarrow.parquet": ("ParquetWriter.__init__", "ParquetWriter.write_table", "ParquetWriter.close")}
-_MODULES = (*(f"testbed.{name}" for name in (
-    "chunk_writer", "store", "memory_file", "consolidate", "rows", "data_set", "content_hash", "shards", "batch",
-    "export.shards", "export.writing")), "testbed.analysis.multipliers.run_labels", "testbed.analysis.multipliers.baseline_scores")
+_MODULES = tuple(f"testbed.{name}" for name in (
+    "store.chunk_writer", "store.store", "store.rows", "store.data_set", "store.content_hash", "system.memory_file",
+    "sweeps.consolidate", "sweeps.shards", "sweeps.batch", "export.shards", "export.writing",
+    "analysis.multipliers.run_labels", "analysis.multipliers.baseline_scores"))
 _MAKING = frozenset(("empty", "zeros", "full", "arange", "array", "where", "rint", "concatenate", "stack", "frombuffer"))
 
 

@@ -1,4 +1,4 @@
-"""What the files of measuring software hold (tests/support/vendor_files.py): a hammer's force, the response and a rate, drawn."""
+"""What the files of measuring software hold (`vendor_files`): a hammer's force, the response and a rate, drawn."""
 
 from __future__ import annotations
 

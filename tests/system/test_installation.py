@@ -33,7 +33,7 @@ def test_a_slow_adversity_is_answered_as_asked(name):
 
 def test_every_compiled_function_is_kept_in_the_one_folder():
     """numba's own keeping, beside the sources or in a folder of its own choice, is used nowhere."""
-    root = Path(kernel_cache.__file__).parents[1]
+    root = Path(kernel_cache.__file__).parents[2]
     sources = [path for package in ("testbed", "analysis", "models", "scenarios") for path in (root / package).rglob("*.py")]
     assert len(sources) > 100
     assert not [path.name for path in sources if "cache=True" in path.read_text() and path.name != "kernel_cache.py"]
@@ -66,7 +66,7 @@ def test_what_a_function_calls_is_part_of_what_it_is_kept_under(folder, tmp_path
     (tmp_path / "outer_part.py").write_text("from testbed.system.kernel_cache import kept\nfrom inner_part import inner\n"
                                             "@kept\ndef outer(x):\n    return inner(x)\n")
     asked = [sys.executable, "-c", "from outer_part import outer; print(outer(1.0))"]
-    path = os.pathsep.join([str(tmp_path), str(Path(kernel_cache.__file__).parents[1])])
+    path = os.pathsep.join([str(tmp_path), str(Path(kernel_cache.__file__).parents[2])])
 
     def answer():
         return subprocess.run(asked, capture_output=True, text=True, check=True, env={**os.environ, "PYTHONPATH": path,

@@ -279,7 +279,7 @@ def test_a_shard_that_cannot_be_read_just_now_is_not_removed(scenario, tmp_path,
 def test_runs_of_two_laws_under_one_name_are_not_mixed(tmp_path):
     law, folders = tmp_path / "fx" / "my_drag.py", (str(tmp_path / "fx"),)
     law.parent.mkdir()
-    text = (Path(sweep.__file__).parent / "effects" / "process_damping.py").read_text("utf-8")
+    text = (Path(sweep.__file__).parents[1] / "effects" / "process_damping.py").read_text("utf-8")
     law.write_text(text, "utf-8")
     effect = "  effects: {my_drag: {coefficient: 1e4 N/m}}\ncut: {"
     described = sweep_kills.TEXT.replace("RUNS", "8").replace("cut: {", effect, 1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -12,10 +11,8 @@ import numpy as np
 from testbed.problem import InputProblem
 from testbed.store.verification import verify
 from testbed.sweeps import sweep
-from tests.validation.claims import Claim, Section
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tests.support import plain_engine, sweep_kills
+from tests.validation.claims import Claim, Section
 
 FLIPS = 400
 

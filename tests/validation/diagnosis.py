@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,12 +17,9 @@ from testbed.engines import mujoco_engine, predict
 from testbed.files.campaign import Record
 from testbed.machine import Model, Structure
 from testbed.recording import Recording
+from tests.support.campaign_files import BELIEVED, TRUE
+from tests.support.synthetic_campaign import TESTS, synthetic_campaign
 from tests.validation.claims import Claim, Section
-
-sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
-
-from tests.support.campaign_files import BELIEVED, TRUE  # noqa: E402
-from tests.support.synthetic_campaign import TESTS, synthetic_campaign  # noqa: E402
 
 PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 MASS, OMEGA, ZETA = 2.573, 920.0, 0.0032

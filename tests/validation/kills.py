@@ -10,10 +10,8 @@ import numpy as np
 
 from testbed.store.data_set import read_data_set
 from testbed.sweeps import sweep
-from tests.validation.claims import Claim, Section
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tests.support import plain_engine, sweep_kills
+from tests.validation.claims import Claim, Section
 
 WORKER_KILLS, WHOLE_KILLS = 200, 50
 RUNS = {WORKER_KILLS: 3200, WHOLE_KILLS: 1200}

@@ -80,20 +80,18 @@ def measure(runs: int, compression: Compression, shards: bool, folder: str) -> d
 
     import h5py
 
-    import testbed.store.chunk_writer
-    import testbed.store.store
-    import testbed.sweeps.consolidate
     from testbed.engines.fast import simulate
-    from testbed.sweeps import sweep
+    from testbed.store import chunk_writer, store
+    from testbed.sweeps import consolidate, sweep
 
     sweep.run(scenario(20), simulate, Path(folder) / "warm.h5", workers=WORKERS)  # compiled and imported
     hdf5, hashes = Stopwatch(), Stopwatch()
     for owner, names in ((h5py.Dataset, ("__setitem__", "__getitem__", "make_scale")), (h5py.AttributeManager, (
             "__setitem__", "__getitem__", "__iter__")), (h5py.Group, ("create_dataset", "__getitem__", "visit")), (h5py.File, (
-            "__init__", "close")), (testbed.store.chunk_writer.ChannelWriter, ("_hand_over",))):
+            "__init__", "close")), (chunk_writer.ChannelWriter, ("_hand_over",))):
         for name in names:
             hdf5.watch(owner, name)
-    for module, name in ((testbed.store.store, "write_sealed"), (testbed.sweeps.consolidate, "seal"), (testbed.sweeps.consolidate, "state")):
+    for module, name in ((store, "write_sealed"), (consolidate, "seal"), (consolidate, "state")):
         hashes.watch(module, name)
     target = Path(folder) / ("shards" if shards else "data.h5")
     begin, processor = time.perf_counter(), time.process_time()

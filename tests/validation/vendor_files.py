@@ -7,20 +7,16 @@ and what must be told is told. Refused: one line that says what to do; some must
 from __future__ import annotations
 
 import json
-import sys
 import tempfile
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-import vendor_files as vendor  # noqa: E402
-
-from testbed.files.campaign import load_campaign  # noqa: E402
-from testbed.problem import InputProblem  # noqa: E402
-from tests.validation.claims import Claim, Section  # noqa: E402
+from testbed.files.campaign import load_campaign
+from testbed.problem import InputProblem
+from tests.support import vendor_files as vendor
+from tests.validation.claims import Claim, Section
 
 DRAWS = 3
 CLOSE = 1e-5  # of a channel's range

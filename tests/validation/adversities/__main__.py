@@ -8,7 +8,6 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-sys.path[:0] = [str(Path(__file__).resolve().parents[2])]
 MODULES = ("files", "scarce_memory", "data_sets", "installation")  # and write_faults, which takes longer
 RESULTS = Path(__file__).parent / "results.jsonl"
 

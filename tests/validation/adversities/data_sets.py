@@ -9,7 +9,6 @@ import json
 import os
 import shutil
 import signal
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -27,12 +26,9 @@ from testbed.store.verification import verify
 from testbed.sweeps import sweep
 from testbed.sweeps.shards import find, shard_path
 from testbed.system.one_writer import lock_path
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-import test_one_writer as writers
-from test_seals import COMMANDS, MODEL, doubled_damping
-
+from tests.store.test_seals import COMMANDS, MODEL, doubled_damping
 from tests.support import plain_engine, sweep_kills
+from tests.system import test_one_writer as writers
 
 ALWAYS = ("verify", "inspect", "export")  # the others take their turns, but for these edits:
 BY_ALL = ("all damping ratios doubled", "a sample changed", "spindle_speed changed", "displacement's scale_factor changed",

@@ -49,8 +49,8 @@ def preload() -> None:
     import testbed
     from testbed import analysis
 
-    for package in (testbed, analysis):
-        for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+    for package, places in ((testbed, testbed.__path__[:1]), (analysis, analysis.__path__)):
+        for module in pkgutil.walk_packages(places, f"{package.__name__}."):
             if not module.name.endswith("__main__"):
                 importlib.import_module(module.name)
 

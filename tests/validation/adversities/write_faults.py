@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -13,8 +12,6 @@ from typing import Any
 
 from testbed.cli import main
 from testbed.sweeps import sweep
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from tests.support import faults, plain_engine, sweep_kills
 
 faults.RUNS = RUNS = 2
