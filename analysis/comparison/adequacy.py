@@ -49,9 +49,11 @@ def tooth_angle(record: Observed, angle: float, own: Nuisances) -> np.ndarray:
     return (turns * 2 * math.pi) % (2 * math.pi / record.flutes)
 
 
-_LEFT = {"rms": "too large", "autocorrelation": "not random", "tooth angle": "recurring with the tooth"}
+_LEFT = {"rms": "too large", "autocorrelation": "not random", "tooth angle": "recurring with the tooth",
+         "parameters": "asking for other parameters"}
 LEFT_EXPLAINED = ("what is left is more than noise where it is larger than that, not random (a sample foretells the next), "
-                  "or recurring with the angle of the tooth")
+                  "recurring with the angle of the tooth, or asking for other parameters than the other records do; what those "
+                  "leave open of the parameters counts as noise")
 
 
 def said_left(tests: Sequence[Adequacy], record: str) -> str:

@@ -36,6 +36,24 @@ class _Risk(click.ParamType):
         return risk
 
 
+class Length(click.ParamType):
+    """A length above 0 with its unit, in m."""
+
+    name = "length"
+
+    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> float:
+        """The length; click's error where it is none."""
+        from testbed.units import UnitProblem, parse_quantity
+
+        try:
+            length = parse_quantity(value, "m")
+        except UnitProblem as problem:
+            self.fail(str(problem), parameter, context)
+        if not length > 0.0:
+            self.fail(f"'{value}' is not above 0: give for example 0.2mm", parameter, context)
+        return length
+
+
 RISK = _Risk()
 
 
@@ -139,7 +157,8 @@ def linear_where_it_can(known: Any) -> tuple[Any, str]:
 
 
 def filled(model: Any, speeds: Any, depths: Any, catalogue: Any) -> Any:
-    """The chart of a machine, with effects or without; of a law without periodic motion all cells are blank."""
+    """The chart of a machine, with effects or without; of a law without periodic motion, and of a machine in x and y with
+    effects, all cells are blank."""
     import numpy as np
 
     from testbed.analysis.linear.stability import StabilityChart, stability_chart
@@ -173,9 +192,10 @@ def _from_campaign(asked: Asked) -> Sure:
     from testbed.cli._fitting import notes_on, plant_of, read_both, sign_of_life
 
     assert asked.campaign is not None
-    believed, records, read = read_both(asked.campaign, asked.model_file, asked.catalogue)
-    if not any(record.kind == "cut" for record in records):
-        raise InputProblem(asked.campaign, "holds no cut", "record a cut: nothing else tells of the cutting coefficients")
+    believed, records, read = read_both(asked.campaign, asked.model_file, asked.catalogue, planar=True)
+    if not any(record.kind == "cut" for record in records) and not {"tangential_coefficient"} & set(dict(believed.spreads)):
+        raise InputProblem(asked.campaign, "holds no cut", "record one, or give the cutting coefficients a deviation in "
+                           f"{asked.model_file} (550 +- 50 N/mm^2): nothing else tells of them")
     with sign_of_life("fitting the believed model to all records", asked.quiet):
         found = compare(plant_of(asked.catalogue), records, believed, asked.catalogue)
         why = why_no_chance(found)
@@ -185,12 +205,23 @@ def _from_campaign(asked: Asked) -> Sure:
         told = posterior(found.fitter, found.fit, found.parameters, believed, asked.catalogue)
     model = replace(told.known.model, spreads=(), not_determined=told.given)
     notes = [*notes_on(read, believed), f"the chart is that of the machine fitted to {asked.campaign}, and its chances come "
-             f"from {asked.draws} machines drawn from the fit, correlations and all"]
-    kept = [path for path, _ in believed.spreads if path not in told.known.paths]
-    if kept:
-        notes.append(f"{', '.join(kept)}: the records were fitted with the value as believed, whose deviation is left out")
+             f"from {asked.draws} machines drawn from the fit, correlations and all", *of_beliefs(told, believed, asked.catalogue)]
     return Sure(asked.draws, asked.risk, model, replace(told.known, model=model), drawn=_drawn(told.known, asked.catalogue),
                 notes=tuple(notes))
+
+
+def of_beliefs(told: Any, believed: Any, catalogue: Any) -> list[str]:
+    """Lines on what the records do not tell: drawn as far as a belief may be off, held, or with a deviation that is left out."""
+    from testbed.analysis.probable.draws import unit_of
+
+    notes = [f"{path}: not determined by these records, and drawn about the value of the file with a standard deviation of "
+             f"{shown(size, unit_of(path, catalogue), 3)}, as beliefs may be off; give its own there, a +- b"
+             for path, size in told.assumed.items()]
+    held = [path for path in told.given if path not in told.assumed]
+    notes += [f"{', '.join(held)}: not determined by these records, and held as believed in all machines drawn"] if held else []
+    left = [path for path, _ in believed.spreads if path not in told.known.paths]
+    return notes + ([f"{', '.join(left)}: the records were fitted with the value as believed, whose deviation is left out"]
+                    if left else [])
 
 
 def _drawn(known: Any, catalogue: Any) -> tuple[dict[str, Any], ...]:
