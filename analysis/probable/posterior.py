@@ -81,8 +81,9 @@ def posterior(fitter: Fitter, fit: WaveformFit, values: Mapping[str, Estimate], 
     more = np.maximum(1.0, half / np.sqrt(np.diag(covariance)))
     known = Known(model, tuple(one.path for one in free), covariance * np.outer(more, more),
                   tuple(_within(one, model) for one in free))
-    if not any(record.cut is not None for record in fitter.records):
-        known = _with_stated(known, deviations, catalogue)
+    moved = any(record.cut is not None and not record.forces_only for record in fitter.records)
+    scale = ("mass", "stiffness") if moved else ()  # motion of a cut tells coefficients over masses, and those alone count
+    known = _with_stated(known, {path: size for path, size in deviations.items() if not path.endswith(scale)}, catalogue)
     given = tuple(path for path in held if path not in deviations)
     return Told(known, given, {path: assumed[path] for path in given if path in assumed}, wider)
 

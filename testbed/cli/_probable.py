@@ -213,6 +213,7 @@ def _from_campaign(asked: Asked) -> Sure:
 def of_beliefs(told: Any, believed: Any, catalogue: Any) -> list[str]:
     """Lines on what the records do not tell: drawn as far as a belief may be off, held, or with a deviation that is left out."""
     from testbed.analysis.probable.draws import unit_of
+    from testbed.machine import base_parameter
 
     notes = [f"{path}: not determined by these records, and drawn about the value of the file with a standard deviation of "
              f"{shown(size, unit_of(path, catalogue), 3)}, as beliefs may be off; give its own there, a +- b"
@@ -220,8 +221,12 @@ def of_beliefs(told: Any, believed: Any, catalogue: Any) -> list[str]:
     held = [path for path in told.given if path not in told.assumed]
     notes += [f"{', '.join(held)}: not determined by these records, and held as believed in all machines drawn"] if held else []
     left = [path for path, _ in believed.spreads if path not in told.known.paths]
-    return notes + ([f"{', '.join(left)}: the records were fitted with the value as believed, whose deviation is left out"]
-                    if left else [])
+    notes += [f"{', '.join(left)}: coefficients over masses are what the records tell and what counts, so that its deviation is "
+              "left out"] if left else []
+    silent = [path for path in believed.base_parameters if base_parameter(path) not in ("mass", "immersion")
+              and path not in (*told.known.paths, *told.given)]
+    return notes + ([f"{', '.join(silent)}: no record tells of it, and all machines drawn have it as the file has it; give it a "
+                     "deviation there, a +- b"] if silent else [])
 
 
 def _drawn(known: Any, catalogue: Any) -> tuple[dict[str, Any], ...]:
