@@ -2,7 +2,9 @@
 
 A record that was left out of the fit is foretold with parameters that the others leave open: its residual varies by
 I + J C J^T in units of the noise, J its slopes and C the covariance of the fit without it. It is judged in units of that, and
-how far it lies along J beside its own share: whether it asks for other parameters than the records that foretell it.
+how far it lies along J beside its own share: whether it asks for other parameters than the records that foretell it. Both follow
+from the joint fit, as 1 / (1 - leverage) does in a linear one; where the others leave much open, a fit without the record may
+end far from where slopes hold.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from testbed.analysis.records.spindle_clock import turns_of
 LAGS = 20  # autocorrelations that the Ljung-Box test looks at
 SECTORS = 36  # of the tooth's turn, for the test against its angle
 FALSE_DISCOVERIES = 0.05  # share of false alarms among the tests that fail (Benjamini and Hochberg 1995)
+_TINY = 1e-9  # share of what is told, to which rounding leaves 0 and 1
 TRIVIAL = 0.02  # of the noise: what the rms may exceed it by before it counts
 
 
@@ -94,34 +97,36 @@ def _channel_tests(record: Observed, rest: np.ndarray, angle: float, own: Nuisan
 
 
 def less_open(fitter: Fitter, fit: WaveformFit, errors: Sequence[RecordError]) -> tuple[list[RecordError], list[Adequacy]]:
-    """Held-out errors with residuals less what the other conditions leave open, and a test of every condition's parameters.
-
-    That leaves residuals as independent and as large as the noise, if nothing else is missing. Of one condition as they are.
+    """Held-out errors with residuals in units of what noise and the other conditions make of them, times the noise, and a test
+    of every condition's parameters. Of one condition as they are.
     """
     groups, found, tests = conditions_of(fitter.records), list(errors), []
     if len(groups) < 2:
         return found, tests
     told = [_told(part) for part in fit.parts]
-    axes = _axes(sum(told[1:], told[0]))
+    whole, pull = (sum(each[1:], each[0]) for each in map(list, zip(*told, strict=True)))
+    axes = _axes(whole)
     for group in groups:
-        share, turn = np.linalg.eigh(axes.T @ sum(told[place] for place in group) @ axes)
-        share, ways = np.clip(share, 1e-300, 1.0), axes @ turn  # of what all records tell along each way, that of this group
-        pulled = ways.T @ sum(_pull(fitter.records[place], fit.parts[place], errors[place]) for place in group)
-        step = ways @ (pulled * (1.0 - np.sqrt(1.0 - share)) / share)
-        statistic = float(np.sum(pulled**2 * (1.0 - share) / share))
+        share, turn = np.linalg.eigh(axes.T @ sum(told[place][0] for place in group) @ axes)
+        ways = axes @ turn  # along each, of 1 that all records tell, this group tells a share
+        share = np.clip(share, _TINY, 1.0 - _TINY)
+        own = ways.T @ sum(told[place][1] for place in group)
+        at_rest = own - share * (ways.T @ pull)  # pull of the group where those of all records are in balance
+        step = ways @ ((at_rest / np.sqrt(1.0 - share) - own) / share)
         for place in group:
             record, part = fitter.records[place], fit.parts[place]
-            open_ = part.without_own(part.shared @ step)[: record.size]
-            found[place] = replace(errors[place], residual=errors[place].residual
-                                   - record.on_samples(open_) * record.scale[:, None])
+            rest = fit.residuals[place] + part.without_own(part.shared @ step)[: record.size]
+            found[place] = replace(errors[place], residual=record.on_samples(rest) * record.scale[:, None])
+        statistic = float(np.sum(at_rest**2 / (share * (1.0 - share))))
         tests.append(Adequacy(fitter.records[group[0]].name, "parameters", statistic, float(chdtrc(len(share), statistic))))
     return found, tests
 
 
-def _told(part: Linearised) -> np.ndarray:
-    """Information of one record on the shared unknowns, in their natural steps, its own unknowns eliminated."""
-    own, cross, _, shared, _ = part.products
-    return shared - (cross.T @ np.linalg.pinv(own) @ cross if len(own) else 0.0)
+def _told(part: Linearised) -> tuple[np.ndarray, np.ndarray]:
+    """Information of one record on the shared unknowns, in their natural steps, and its pull on them, own unknowns eliminated."""
+    own, cross, pulled, shared, gradient = part.products
+    taken = cross.T @ np.linalg.pinv(own) if len(own) else cross.T
+    return shared - taken @ cross, gradient - taken @ pulled
 
 
 def _axes(information: np.ndarray) -> np.ndarray:
@@ -130,14 +135,6 @@ def _axes(information: np.ndarray) -> np.ndarray:
     values, vectors = np.linalg.eigh(information / np.outer(size, size))
     kept = values > COLLINEAR
     return vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
-
-
-def _pull(record: Observed, part: Linearised, error: RecordError) -> np.ndarray:
-    """Slopes times residual, (unknowns,), the record's own unknowns eliminated."""
-    rest = error.residual / record.scale[:, None]
-    values = np.zeros(len(part.residual))  # the last of what marks say of the clock
-    values[: record.size] = (rest if record.believed is None else rest[:, record.believed]).ravel()
-    return part.without_own(values) @ part.shared
 
 
 def controlled(tests: Sequence[Adequacy], level: float = FALSE_DISCOVERIES) -> list[Adequacy]:
