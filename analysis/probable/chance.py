@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed.analysis.linear.cells import largest_multipliers
-from testbed.analysis.linear.stability import LimitLies, StabilityChart, classes_of, stability_chart
+from testbed.analysis.linear.stability import LimitLies, StabilityChart, classes_of
 from testbed.analysis.probable.draws import Known
 from testbed.machine import Model
 
@@ -18,7 +17,6 @@ KNOWN = 0.9  # of the machines drawn that must have multipliers in a cell, for a
 NODE = math.sqrt(3.0)  # standard deviations along an axis at which a surface is held: a cubic through them keeps the variance
 NEAR = 0.1  # standard deviations to a bound, below which the surface is held on the other side alone
 _SMALL = 1e-12  # modulus that stands for none
-_CLEAR = 0.05  # of log modulus, on either side, from which a cell between two of one class is of that class
 
 Fill = Callable[[Model, np.ndarray, np.ndarray], StabilityChart]
 Show = Callable[[int, int], None]
@@ -107,30 +105,6 @@ def each_drawn(fill: Fill, known: Known, speeds: np.ndarray, depths: np.ndarray,
     for number, values in enumerate(known.drawn(draws, seed)):
         yield fill(known.at(values), speeds, depths)
         show(number + 1, draws)
-
-
-def linear_chart(model: Model, speeds: np.ndarray, depths: np.ndarray) -> StabilityChart:
-    """The chart of a machine without effects, of which every second depth is computed only where the class is not clear.
-
-    Cells between two that are clearly stable, or clearly unstable of one kind, are of their class, with the mean of their
-    logarithms for a multiplier: half the work of a chart. What lies within one step of the depths, a chart does not show.
-    """
-    if depths.size < 3:
-        return stability_chart(model, speeds, depths)
-    even = np.union1d(np.arange(0, depths.size, 2), [depths.size - 1])
-    found = stability_chart(model, speeds, depths[even])
-    largest = np.full((depths.size, speeds.size), np.nan + 0j)
-    largest[even] = found.largest
-    odd = np.setdiff1d(np.arange(depths.size), even)
-    above, below = largest[odd - 1], largest[odd + 1]
-    clear = np.minimum(np.abs(np.log(np.abs(above))), np.abs(np.log(np.abs(below)))) > _CLEAR  # of a blank one it is not
-    clear &= classes_of(above) == classes_of(below)
-    middle = np.sqrt(np.abs(above * below)) * np.exp(0.5j * (np.angle(above) + np.angle(below)))
-    rows, columns = np.nonzero(~clear)
-    if rows.size:
-        middle[rows, columns] = largest_multipliers(model, speeds[columns], depths[odd[rows]])[0]
-    largest[odd] = middle
-    return StabilityChart(speeds, depths, largest, classes_of(largest))
 
 
 def charts_on_surface(known: Known) -> int:

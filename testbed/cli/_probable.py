@@ -161,12 +161,11 @@ def filled(model: Any, speeds: Any, depths: Any, catalogue: Any) -> Any:
     effects, all cells are blank."""
     import numpy as np
 
-    from testbed.analysis.linear.stability import StabilityChart
-    from testbed.analysis.probable.chance import linear_chart
+    from testbed.analysis.linear.stability import StabilityChart, stability_chart
     from testbed.cli.chart import with_effects
 
     if not model.effects:
-        return linear_chart(model, speeds, depths)
+        return stability_chart(model, speeds, depths)
     try:
         return with_effects(model, speeds, depths, catalogue, True)
     except InputProblem:
