@@ -2,9 +2,9 @@
 
 A record that was left out of the fit is foretold with parameters that the others leave open: its residual varies by
 I + J C J^T in units of the noise, J its slopes and C the covariance of the fit without it. It is judged in units of that, and
-how far it lies along J beside its own share: whether it asks for other parameters than the records that foretell it. Both follow
-from the joint fit, as 1 / (1 - leverage) does in a linear one; where the others leave much open, a fit without the record may
-end far from where slopes hold.
+how far it lies along J beside its own share: whether it asks for other parameters than the records that foretell it. Both
+follow from the joint fit, by 1 / (1 - leverage); where the others leave much open, a fit without the record may end far from
+where slopes hold.
 """
 
 from __future__ import annotations
@@ -100,7 +100,8 @@ def less_open(fitter: Fitter, fit: WaveformFit, errors: Sequence[RecordError]) -
     """Held-out errors with residuals in units of what noise and the other conditions make of them, times the noise, and a test
     of every condition's parameters. Of one condition as they are.
     """
-    groups, found, tests = conditions_of(fitter.records), list(errors), []
+    groups, found = conditions_of(fitter.records), list(errors)
+    tests: list[Adequacy] = []
     if len(groups) < 2:
         return found, tests
     told = [_told(part) for part in fit.parts]
@@ -123,7 +124,7 @@ def less_open(fitter: Fitter, fit: WaveformFit, errors: Sequence[RecordError]) -
 
 
 def _told(part: Linearised) -> tuple[np.ndarray, np.ndarray]:
-    """Information of one record on the shared unknowns, in their natural steps, and its pull on them, own unknowns eliminated."""
+    """Information of one record on the shared unknowns, in natural steps, and its pull on them, own unknowns eliminated."""
     own, cross, pulled, shared, gradient = part.products
     taken = cross.T @ np.linalg.pinv(own) if len(own) else cross.T
     return shared - taken @ cross, gradient - taken @ pulled

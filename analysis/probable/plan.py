@@ -42,8 +42,8 @@ class Planned:
 
     information: expected, nats, of which `of_explanations` say which explanation is right. separates: names of those that it
     would tell from another. difference: between the two furthest apart, in standard errors. expects: by explanation and channel
-    the peak to peak while it cuts. vibration: the same (m) of the displacement, where it is largest, as large as any explanation
-    leaves open.
+    the peak to peak while it cuts. vibration: the same (m) of the displacement, where it is largest, as large as any
+    explanation leaves open.
     """
 
     spindle_speed: float

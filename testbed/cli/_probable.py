@@ -205,13 +205,14 @@ def _from_campaign(asked: Asked) -> Sure:
         told = posterior(found.fitter, found.fit, found.parameters, believed, asked.catalogue)
     model = replace(told.known.model, spreads=(), not_determined=told.given)
     notes = [*notes_on(read, believed), f"the chart is that of the machine fitted to {asked.campaign}, and its chances come "
-             f"from {asked.draws} machines drawn from the fit, correlations and all", *of_beliefs(told, believed, asked.catalogue)]
+             f"from {asked.draws} machines drawn from the fit, correlations and all"]
+    notes += of_beliefs(told, believed, asked.catalogue)
     return Sure(asked.draws, asked.risk, model, replace(told.known, model=model), drawn=_drawn(told.known, asked.catalogue),
                 notes=tuple(notes))
 
 
 def of_beliefs(told: Any, believed: Any, catalogue: Any) -> list[str]:
-    """Lines on what the records do not tell: drawn as far as a belief may be off, held, or with a deviation that is left out."""
+    """Lines on what the records do not tell: drawn as far as beliefs may be off, held, or with a deviation that is left out."""
     from testbed.analysis.probable.draws import unit_of
     from testbed.machine import base_parameter
 
@@ -221,12 +222,12 @@ def of_beliefs(told: Any, believed: Any, catalogue: Any) -> list[str]:
     held = [path for path in told.given if path not in told.assumed]
     notes += [f"{', '.join(held)}: not determined by these records, and held as believed in all machines drawn"] if held else []
     left = [path for path, _ in believed.spreads if path not in told.known.paths]
-    notes += [f"{', '.join(left)}: coefficients over masses are what the records tell and what counts, so that its deviation is "
-              "left out"] if left else []
+    notes += [f"{', '.join(left)}: coefficients over masses are what the records tell and what counts, so that its deviation "
+              "is left out"] if left else []
     silent = [path for path in believed.base_parameters if base_parameter(path) not in ("mass", "immersion")
               and path not in (*told.known.paths, *told.given)]
-    return notes + ([f"{', '.join(silent)}: no record tells of it, and all machines drawn have it as the file has it; give it a "
-                     "deviation there, a +- b"] if silent else [])
+    return notes + ([f"{', '.join(silent)}: no record tells of it, and all machines drawn have it as the file has it; give it "
+                     "a deviation there, a +- b"] if silent else [])
 
 
 def _drawn(known: Any, catalogue: Any) -> tuple[dict[str, Any], ...]:

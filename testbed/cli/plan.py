@@ -82,7 +82,7 @@ def command(campaign: str, model_file: str, speed: list[float], depth: list[floa
     with progress("cuts foretold", quiet) as show:
         found = plan(plant_of(catalogue), max(cuts, key=lambda one: one.samples), open_, within, show)
     calm = [one for one in found if vibration is None or one.vibration <= vibration]
-    if len(calm) < len(found):
+    if vibration is not None and len(calm) < len(found):
         notes.append(f"{len(found) - len(calm)} of the {len(found)} cuts that are stable at that risk may vibrate by more than "
                      f"{shown(vibration, 'm')}: left out")
     found = calm

@@ -53,7 +53,7 @@ class Linear:
 @pytest.mark.parametrize("off", [0.0, 0.02])
 @pytest.mark.parametrize("conditions", [("a", "b", "c"), ("a", "b", "b")])
 def test_residuals_are_whitened_by_what_noise_and_the_fit_of_the_others_make_of_them(conditions, off):
-    """Second road: every group truly left out of a fit, and the dense root of I + J C J^T; the joint fit need not be settled."""
+    """Second road: every group truly left out of a fit, and the dense root of I + J C J^T; the joint fit may be unsettled."""
     linear = Linear(7, conditions)
     found, tests = linear.judged(off)
     assert [one.record for one in tests] == list(dict.fromkeys(conditions))

@@ -58,7 +58,7 @@ def test_a_deviation_of_the_file_is_one_more_measurement(fitted, share):
     order = [whole.paths.index(path) for path in told.known.paths]
     assert told.given == () and HELD in told.known.paths
     assert told.known.deviations == pytest.approx(np.sqrt(np.diag(exact))[order], rel=0.05)
-    guess = posterior(without, again, values, BELIEVED, EVERY)  # without one it is drawn as far as a belief may be off, and said
+    guess = posterior(without, again, values, BELIEVED, EVERY)  # without one: as beliefs may be off
     size = again.state.model.cutting.tangential_coefficient
     assert guess.given == (HELD,) and guess.assumed == {HELD: pytest.approx(DOUBT[HELD] * 0.2 * size)}  # 30 % of the larger
     joined[place, place] += guess.assumed[HELD] ** -2 - deviation**-2
