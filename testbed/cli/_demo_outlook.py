@@ -23,7 +23,8 @@ class Outlook:
 
     def as_json(self) -> dict[str, Any]:
         """Its part of the demo's JSON."""
-        return self.sure.as_json() | {"limit_before": self.before[1], "next": [vars(one) for one in self.planned]}
+        planned = [vars(one) | {"information_per_minute": one.information_per_minute} for one in self.planned]
+        return self.sure.as_json() | {"limit_before": self.before[1], "next": planned}
 
 
 def outlook(sealed: Any, loop: Any) -> Outlook | None:

@@ -163,6 +163,11 @@ def _say(answer: Answer, found: list[Any], said: dict[str, Any]) -> None:
     answer.say("information in nats: 1 nat narrows one parameter 2.7 times; a minute of cutting. Vibration: peak to peak")
     best = found[0]
     for name, channels in best.expects.items():
-        seen = ", ".join(f"{size * 1e6:.4g} um{'' if channel == 'displacement' else f' ({channel})'}" if "displacement" in channel
-                         else f"{size:.4g} ({channel}, SI)" for channel, size in channels.items())
+        seen = ", ".join(_size(channel, size) for channel, size in channels.items())
         answer.say(f"at the first, if it is {name}: {seen} peak to peak while it cuts")
+
+
+def _size(channel: str, size: float) -> str:
+    if "displacement" not in channel:
+        return f"{size:.4g} ({channel}, SI)"
+    return f"{size * 1e6:.4g} um" + ("" if channel == "displacement" else f" ({channel})")

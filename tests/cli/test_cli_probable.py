@@ -118,7 +118,8 @@ def test_decays_and_a_deviation_of_the_coefficient_make_chances(shell, files):
         noisy = clean + 5e-7 * np.random.default_rng(number).standard_normal(clean.size)
         np.savetxt(files / f"tap_{number}.csv", noisy * 1e6, header="x", comments="")
     (files / "taps.yaml").write_text("name: taps\nsampling_rate: 3200 Hz\nchannels:\n  displacement: {column: x, unit: um}"
-                                     "\nrecords:\n" + "".join(f"  - {{file: tap_{one}.csv, kind: ring-down}}\n" for one in (0, 1)))
+                                     "\nrecords:\n  - {file: tap_0.csv, kind: ring-down}\n"
+                                     "  - {file: tap_1.csv, kind: ring-down}\n")
     text = (files / "plain" / "model.yaml").read_text()
     (files / "stated.yaml").write_text(text.replace("630 N/mm^2", "630 +- 50 N/mm^2"))
     assert "deviation" in shell.refused("chart", "plain/model.yaml", "--campaign", "taps.yaml", *GRID)
