@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from testbed.analysis.comparison.adequacy import Adequacy, adequacy_tests, controlled
+from testbed.analysis.comparison.adequacy import Adequacy, adequacy_tests, controlled, less_open
 from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.doubted_marks import with_marks_doubted
 from testbed.analysis.fit.estimates import at_bound
@@ -133,10 +133,11 @@ def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
     held = with_guesses_held(fitter, fit, model, catalogue)
     fitter, fit = held.fitter, held.fit
     errors, held_out = held_out_errors(fitter, fit), holds_out(records)
-    rows, tests = [], []
-    for index, (record, error) in enumerate(zip(fitter.records, errors, strict=True)):
+    judged, tests = less_open(fitter, fit, errors)
+    rows = []
+    for index, (record, error, less) in enumerate(zip(fitter.records, errors, judged, strict=True)):
         rows.append(_record(plant, record, error, fit, index, held_out))
-        tests += adequacy_tests(record, error, fit.state.angle, fit.state.nuisances[index])
+        tests += adequacy_tests(record, less, fit.state.angle, fit.state.nuisances[index])
     overall, noise = pooled(errors)
     shared = {}
     if fitter.fits_angle:

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 from testbed.api.believed import CampaignLike, EffectsLike, ModelLike, effects_of, name_of
 from testbed.api.chart import chance_of_chatter
 from testbed.api.fitting import plant_of, read_both
-from testbed.api.probable import Asked, Sure, linear_where_it_can, with_chances
-from testbed.api.quantity import DEPTH, SPEED, Quantities, Quantity
+from testbed.api.probable import Asked, Sure, linear_where_it_can, of_beliefs, with_chances
+from testbed.api.quantity import DEPTH, SPEED, Quantities, Quantity, quantity
 from testbed.api.result import Result, Table, shown_here
 from testbed.api.watch import Progress, Watch
+from testbed.api.words import shown
 from testbed.api.working import working
 from testbed.problem import InputProblem
 
@@ -32,7 +33,7 @@ class Plan(Result):
 
     next: each with spindle_speed (rad/s), axial_depth_of_cut (m), stable_probability, information (nats), what it separates and
     what it is expected to show. explanations: what the campaign leaves open. no_plan: why none is planned, else None.
-    candidates: how many cuts were looked at.
+    candidates: how many cuts were looked at. most_vibration: m, peak to peak, that a cut may be expected to have, or None.
     """
 
     next: tuple[Planned, ...]
@@ -42,6 +43,7 @@ class Plan(Result):
     draws: int
     candidates: int
     notes: tuple[str, ...] = ()
+    most_vibration: float | None = None
 
     def plot(self) -> Figure:
         """The cuts over speed and depth, larger where they tell more."""
@@ -60,14 +62,15 @@ class Plan(Result):
 
     def _answer(self) -> Mapping[str, Any]:
         return {"next": [vars(one) | {"information_per_minute": one.information_per_minute} for one in self.next],
-                "explanations": self.explanations, "no_plan": self.no_plan, "risk": self.risk, "draws": self.draws,
-                "candidates": self.candidates, "notes": self.notes}
+                "explanations": self.explanations, "no_plan": self.no_plan, "risk": self.risk,
+                "most_vibration": self.most_vibration, "draws": self.draws, "candidates": self.candidates, "notes": self.notes}
 
     def _table(self) -> Table:
-        names = ("spindle_speed", "axial_depth_of_cut", "stable_probability", "information", "information_per_minute")
+        names = ("spindle_speed", "axial_depth_of_cut", "stable_probability", "vibration", "information",
+                 "information_per_minute")
         return Table("", {name: [getattr(one, name) for one in self.next] for name in names}
                      | {"separates": [", ".join(one.separates) for one in self.next]},
-                     {"spindle_speed": "rad/s", "axial_depth_of_cut": "m"})
+                     {"spindle_speed": "rad/s", "axial_depth_of_cut": "m", "vibration": "m"})
 
     def _headline(self) -> str:
         if self.no_plan is not None:
@@ -76,7 +79,8 @@ class Plan(Result):
 
 
 def plan(campaign: CampaignLike, model: ModelLike, speed: Quantities, depth: Quantities, *, risk: Quantity = 0.05,
-         draws: int = 300, count: int = 5, seed: int = 0, effects: EffectsLike = (), progress: Progress = None) -> Plan:
+         vibration: Quantity | None = None, draws: int = 300, count: int = 5, seed: int = 0, effects: EffectsLike = (),
+         progress: Progress = None) -> Plan:
     """Rank the cuts within reach that are stable at the stated risk by what they are expected to tell in a minute of cutting.
 
     Fits the model as `compare` does; where that leaves more than noise, makes the diagnosis. After "unexplained" no cut is
@@ -84,30 +88,36 @@ def plan(campaign: CampaignLike, model: ModelLike, speed: Quantities, depth: Qua
 
     campaign: a campaign.yaml, or testbed.load of one. model: a model.yaml or a Model. speed: within reach,
     `"2500 rpm:4500 rpm"`, with `:COUNT` or without, or values in rad/s. depth: `"0.5 mm:4 mm"`, or in m. risk: of chatter
-    that a cut may have. draws: machines drawn. count: how many cuts to give. effects: folders of one's own effects. progress:
-    a function of (title, done, all), or False. Raises InputProblem.
+    that a cut may have. vibration: the most that a cut may be expected to vibrate, peak to peak, `"0.2 mm"` or in m; two
+    standard deviations of what is known count. draws: machines drawn. count: how many cuts to give. effects: folders of one's
+    own effects. progress: a function of (title, done, all), or False. Raises InputProblem.
     """
     with working(progress) as watch:
         speeds, depths = SPEED.values(speed, "speed", SPEEDS), DEPTH.values(depth, "depth", DEPTHS)
         if len(speeds) * len(depths) > MOST_CUTS:
             raise InputProblem("speed, depth", f"{len(speeds) * len(depths)} cuts", f"give at most {MOST_CUTS}")
-        return _planned((campaign, model), (speeds, depths), (chance_of_chatter(risk), draws, count, seed),
-                        effects_of(effects).known, watch)
+        calm = None if vibration is None else quantity(vibration, "m", "vibration")
+        if calm is not None and not calm > 0.0:
+            raise InputProblem("vibration", f"'{vibration}' is not above 0", "give for example '0.2 mm'")
+        found = _planned((campaign, model), (speeds, depths), (chance_of_chatter(risk), draws, seed, calm),
+                         effects_of(effects).known, watch)
+        return replace(found, next=found.next[:count])
 
 
-def _planned(given: tuple[CampaignLike, ModelLike], reach: tuple[list[float], list[float]], how: tuple[float, int, int, int],
-             catalogue: Any, watch: Watch) -> Plan:
+def _planned(given: tuple[CampaignLike, ModelLike], reach: tuple[list[float], list[float]],
+             how: tuple[float, int, int, float | None], catalogue: Any, watch: Watch) -> Plan:
     import numpy as np
 
     from testbed.analysis.probable.plan import plan as ranked
 
-    (campaign, model_given), (speeds, depths), (risk, draws, count, seed) = given, reach, how
-    model, records, _ = read_both(campaign, model_given, catalogue)
+    (campaign, model_given), (speeds, depths), (risk, draws, seed, calm) = given, reach, how
+    model, records, _ = read_both(campaign, model_given, catalogue, planar=True)
     cuts = [record for record in records if record.kind == "cut"]
     if not cuts:
         raise InputProblem(name_of(campaign), "holds no cut", "record one: what a cut shows is foretold from those there are")
-    open_, why = _explanations(plant_of(catalogue), records, model, catalogue, watch)
-    nothing = Plan((), tuple(one.name for one in open_), why, risk, draws, len(speeds) * len(depths))
+    open_, why, beliefs = _explanations(plant_of(catalogue), records, model, catalogue, watch)
+    nothing = Plan((), tuple(one.name for one in open_), why, risk, draws, len(speeds) * len(depths),
+                   most_vibration=calm)
     if why is not None:
         return nothing
     asked = Asked(model, model_given, campaign, catalogue, np.array(speeds), np.array(depths), draws, seed, risk, watch)
@@ -116,11 +126,16 @@ def _planned(given: tuple[CampaignLike, ModelLike], reach: tuple[list[float], li
               if b > 0.0 and stable[row, column] * draws / (draws + 1.0) >= 1.0 - risk]
     with watch.counted("cuts foretold") as show:
         found = ranked(plant_of(catalogue), max(cuts, key=lambda one: one.samples), open_, within, show)
-    return replace(nothing, next=tuple(found[:count]), notes=tuple(notes))
+    kept = [one for one in found if calm is None or one.vibration <= calm]
+    if calm is not None and len(kept) < len(found):
+        notes.append(f"{len(found) - len(kept)} of the {len(found)} cuts that are stable at that risk may vibrate by more than "
+                     f"{shown(calm, 'm')}: left out")
+    return replace(nothing, next=tuple(kept), notes=(*beliefs, *notes))
 
 
-def _explanations(plant: Any, records: Any, model: Any, catalogue: Any, watch: Watch) -> tuple[list[Any], str | None]:
-    """What the records leave open, each with what it would make of the machine, or why nothing can be said."""
+def _explanations(plant: Any, records: Any, model: Any, catalogue: Any, watch: Watch
+                  ) -> tuple[list[Any], str | None, list[str]]:  # fmt: skip
+    """What the records leave open, each with what it would make of the machine; why nothing can be said; what was believed."""
     from testbed.analysis.comparison.compare import compare
     from testbed.analysis.fit.estimates import estimates
     from testbed.analysis.probable.plan import Explanation
@@ -132,22 +147,22 @@ def _explanations(plant: Any, records: Any, model: Any, catalogue: Any, watch: W
         why = why_no_chance(found)
         if not why:
             told = posterior(found.fitter, found.fit, found.parameters, model, catalogue)
-            return [Explanation("the model as it is", told.known, told.wider)], None
+            return [Explanation("the model as it is", told.known, told.wider)], None, of_beliefs(told, model, catalogue)
         if found.says_nothing or found.adequate or found.against:
-            return [], why
+            return [], why, []
         diagnosis = diagnose(plant, records, model, catalogue, say=say)
         open_ = []
         for one in rivals_of(diagnosis):
             assert one.fitter is not None and one.fit is not None  # of a rival
             told = posterior(one.fitter, one.fit, estimates(one.fitter, one.fit, catalogue), model, catalogue)
             open_.append(Explanation(" + ".join(one.effects), told.known, told.wider))
-    return open_, None if open_ else f"{diagnosis.verdict.replace('_', ' ')}: {diagnosis.sentence}"
+    return open_, None if open_ else f"{diagnosis.verdict.replace('_', ' ')}: {diagnosis.sentence}", []
 
 
 def _stable(open_: list[Any], asked: Asked) -> tuple[Any, list[str]]:
     """The chance of every cell over the explanations, all as likely, and notes: NaN where none is known of one of them.
 
-    Where a law leaves no periodic motion to linearise about, the machine without its effects counts.
+    Where a law leaves no periodic motion to linearise about, and in x and y, the machine without its effects counts.
     """
     import numpy as np
 
@@ -161,7 +176,7 @@ def _stable(open_: list[Any], asked: Asked) -> tuple[Any, list[str]]:
         chance = sure.chance.probability
         if np.isnan(chance).any() and known.model.effects:
             linear = with_chances(Sure(asked.draws, asked.risk, known=known.without_effects()), asked).chance
-            notes.append(f"{one.name}: where it leaves no periodic motion, the chance is that of the machine without it")
+            notes.append(f"{one.name}: where its loop is not linearised, the chance is that of the machine without it")
             chance = np.where(np.isnan(chance), linear.probability, chance)
         total += chance / len(open_)
     return np.nan_to_num(total), list(dict.fromkeys(notes))

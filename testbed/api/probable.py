@@ -9,6 +9,7 @@ from typing import Any
 
 from testbed.api.believed import CampaignLike, ModelLike, name_of
 from testbed.api.watch import Watch
+from testbed.api.words import shown
 from testbed.problem import InputProblem
 
 # seconds a cell, rounded up: one mode along the feed, a machine in x and y, a loop with effects
@@ -126,7 +127,8 @@ def linear_where_it_can(known: Any) -> tuple[Any, str]:
 
 
 def filled(model: Any, speeds: Any, depths: Any, catalogue: Any) -> Any:
-    """The chart of a machine, with effects or without; of a law without periodic motion all cells are blank."""
+    """The chart of a machine, with effects or without; of a law without periodic motion, and of a machine in x and y with
+    effects, all cells are blank."""
     import numpy as np
 
     from testbed.analysis.linear.stability import StabilityChart, stability_chart
@@ -160,9 +162,10 @@ def _from_campaign(asked: Asked) -> Sure:
     from testbed.api.fitting import notes_on, plant_of, read_both
 
     assert asked.campaign is not None
-    believed, records, read = read_both(asked.campaign, asked.model_file, asked.catalogue)
-    if not any(record.kind == "cut" for record in records):
-        raise InputProblem(asked.campaign_name, "holds no cut", "record a cut: nothing else tells of the cutting coefficients")
+    believed, records, read = read_both(asked.campaign, asked.model_file, asked.catalogue, planar=True)
+    if not any(record.kind == "cut" for record in records) and not {"tangential_coefficient"} & set(dict(believed.spreads)):
+        raise InputProblem(asked.campaign_name, "holds no cut", "record one, or give the cutting coefficients a deviation in "
+                           f"{asked.model_name} (550 +- 50 N/mm^2): nothing else tells of them")
     with asked.watch.busy("fitting the believed model to all records"):
         found = compare(plant_of(asked.catalogue), records, believed, asked.catalogue)
         why = why_no_chance(found)
@@ -173,11 +176,28 @@ def _from_campaign(asked: Asked) -> Sure:
     model = replace(told.known.model, spreads=(), not_determined=told.given)
     notes = [*notes_on(read, believed), f"the chart is that of the machine fitted to {asked.campaign_name}, and its chances "
              f"come from {asked.draws} machines drawn from the fit, correlations and all"]
-    kept = [path for path, _ in believed.spreads if path not in told.known.paths]
-    if kept:
-        notes.append(f"{', '.join(kept)}: the records were fitted with the value as believed, whose deviation is left out")
+    notes += of_beliefs(told, believed, asked.catalogue)
     return Sure(asked.draws, asked.risk, model, replace(told.known, model=model), drawn=_drawn(told.known, asked.catalogue),
                 notes=tuple(notes))
+
+
+def of_beliefs(told: Any, believed: Any, catalogue: Any) -> list[str]:
+    """Lines on what the records do not tell: drawn as far as beliefs may be off, held, or with a deviation that is left out."""
+    from testbed.analysis.probable.draws import unit_of
+    from testbed.machine import base_parameter
+
+    notes = [f"{path}: not determined by these records, and drawn about the value of the file with a standard deviation of "
+             f"{shown(size, unit_of(path, catalogue), 3)}, as beliefs may be off; give its own there, a +- b"
+             for path, size in told.assumed.items()]
+    held = [path for path in told.given if path not in told.assumed]
+    notes += [f"{', '.join(held)}: not determined by these records, and held as believed in all machines drawn"] if held else []
+    left = [path for path, _ in believed.spreads if path not in told.known.paths]
+    notes += [f"{', '.join(left)}: coefficients over masses are what the records tell and what counts, so that its deviation "
+              "is left out"] if left else []
+    silent = [path for path in believed.base_parameters if base_parameter(path) not in ("mass", "immersion")
+              and path not in (*told.known.paths, *told.given)]
+    return notes + ([f"{', '.join(silent)}: no record tells of it, and all machines drawn have it as the file has it; give it "
+                     "a deviation there, a +- b"] if silent else [])
 
 
 def _drawn(known: Any, catalogue: Any) -> tuple[dict[str, Any], ...]:

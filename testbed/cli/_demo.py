@@ -187,3 +187,20 @@ def draw_rig(path: Path) -> str | None:
     except RuntimeError as problem:
         return str(problem)
     return None
+
+
+def score_row(one: Any, estimate: Any) -> tuple[str, ...]:
+    """One parameter's scores as a row: truth, first estimate, its interval, bias, rms error."""
+    from testbed.api.words import shown
+
+    unit = estimate.unit
+    return (one.parameter, *(shown(value, unit, 6) for value in (one.truth, estimate.value)),
+            f"{shown(estimate.low, unit)} to {shown(estimate.high, unit)}",
+            f"{one.bias / one.truth:+.3%}", f"{one.rms / one.truth:.3%}")
+
+
+def plain(cut: Any) -> dict[str, Any]:
+    """A cut observed, for JSON."""
+    return {"name": cut.name, "spindle_speed": cut.spindle_speed, "axial_depth_of_cut": cut.axial_depth_of_cut,
+            "published": cut.published, "multiplier": cut.multiplier, "linear": cut.linear,
+            "simulated": cut.simulated, "reason": cut.reason, "agree": cut.agrees}

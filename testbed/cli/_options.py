@@ -76,7 +76,25 @@ class _Risk(click.ParamType):
         return risk
 
 
-RISK = _Risk()
+class _Length(click.ParamType):
+    """A length above 0 with its unit, in m."""
+
+    name = "length"
+
+    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> float:
+        """The length; click's error where it is none."""
+        from testbed.units import UnitProblem, parse_quantity
+
+        try:
+            length = parse_quantity(value, "m")
+        except UnitProblem as problem:
+            self.fail(str(problem), parameter, context)
+        if not length > 0.0:
+            self.fail(f"'{value}' is not above 0: give for example 0.2mm", parameter, context)
+        return length
+
+
+RISK, LENGTH = _Risk(), _Length()
 
 
 class _Rate(click.ParamType):

@@ -103,7 +103,7 @@ class _Demo:
         """The five published experiments."""
         from testbed.analysis.linear.published import PUBLISHED
         from testbed.analysis.multipliers.published_plot import plot_samples
-        from testbed.cli._demo import observe
+        from testbed.cli._demo import observe, plain
 
         self._begin("Five published experiments: observed, by multipliers, and by simulation with loss of contact")
         path = self._simulate("rig_published")
@@ -115,11 +115,11 @@ class _Demo:
                   "alternate between two, Neimark-Sacker run round a closed curve")
         self._picture(plot_samples({f"{test.name}: {_name(test.simulated)}": test.samples for test in self.tests}),
                       "published_tests", "once-per-tooth samples of the five tests")
-        self.result["published"] = [_plain(test) for test in self.tests]
+        self.result["published"] = [plain(test) for test in self.tests]
 
     def sweep(self) -> None:
         """Speeds by depths, each cut judged from its samples and by its multipliers."""
-        from testbed.cli._demo import observe
+        from testbed.cli._demo import observe, plain
 
         self._begin("A sweep over spindle speed and depth of cut")
         self.cuts = observe(self._simulate("rig_sweep"))
@@ -131,7 +131,7 @@ class _Demo:
             if not cut.agrees:
                 self._say(f"{_point(cut)}: multipliers say {_name(cut.linear)} (|mu| = {abs(cut.multiplier):.3f}), "
                           f"samples {_name(cut.simulated)} ({cut.reason})")
-        self.result["sweep"] = [_plain(cut) for cut in self.cuts]
+        self.result["sweep"] = [plain(cut) for cut in self.cuts]
 
     def chart(self) -> None:
         """The stability chart with all tests on it."""
@@ -151,14 +151,14 @@ class _Demo:
     def identification(self) -> None:
         """The paper's identification on three stable cuts, scored."""
         from testbed.analysis.linear.chart_plot import plot_multipliers
-        from testbed.cli._demo import identified
+        from testbed.cli._demo import identified, score_row
 
         self._begin("The paper's identification from three stable cuts, scored against the known truth")
         path = self._simulate("rig_identification")
         with progress("identifying", self.quiet) as show:
             found = identified(path, show)
         self._table(("parameter", "truth", "first estimate", "95 % interval", "bias", "rms error"),
-                    [_score_row(one, found.first.parameters[one.parameter]) for one in found.scores])
+                    [score_row(one, found.first.parameters[one.parameter]) for one in found.scores])
         one = found.scores[0]
         self._say(f"{one.count - one.failures} of {one.count} campaigns identified, noise {one.noise * 1e6:g} um, "
                   "started from the paper's guess (930 rad/s, Gamma1 5.0e8) by way of the ring-down")
@@ -231,7 +231,29 @@ class _Demo:
         self._say(f"error on cuts left out of the fit: {error['before']:.4f} before, {error['after']:.4f} after, noise floor "
                   f"{error['noise_floor']:.4f}; diagnosed and added in {time.perf_counter() - began:.0f} s")
         add_story(self.page, loop)
+        self.result["outlook"] = self._outlook(sealed, loop)
         self.result["workshop"] = self._reveal(open_truth(sealed, loop), sealed, loop, error)
+
+    def _outlook(self, sealed: Any, loop: Any) -> dict[str, Any] | None:
+        """The chance of stability once the effect is added, beside the limit before, and the next cuts; None without."""
+        from testbed.analysis.probable.plot import plot_chance
+        from testbed.cli._demo_outlook import PLAN_CUTS, RISK, cuts_table, outlook, said
+
+        self.page.heading("How sure, and what next?")
+        with self.answer.watch.busy("drawing machines"):
+            found = outlook(sealed, loop)
+        if found is None:
+            self._say("no effect was added, and no chance is given for a machine that the records do not explain")
+            return None
+        self._code(f"testbed chart {loop.written} --campaign {sealed.campaign}")
+        for line in said(found):
+            self._say(line)
+        if found.sure.chance is not None:
+            drawn = plot_chance(found.sure.chance, found.sure.chance.limits[1], found.sure.recommended, RISK, found.before)
+            self._picture(drawn, "probable_stability", "the chance of stability, and the limit before the effect was added")
+            self._code(f"testbed plan {sealed.campaign} -m {loop.written} {PLAN_CUTS}")
+            self._table(*cuts_table(found))
+        return found.as_json()
 
     def _reveal(self, revealed: Any, sealed: Any, loop: Any, error: dict[str, float]) -> dict[str, Any]:
         """Say what the sealed file holds; returns the step's part of the JSON."""
@@ -276,16 +298,3 @@ def _published_row(test: Any) -> tuple[str, ...]:
     shown_value = f"{value.real:+.3f}" if abs(value.imag) < 1e-9 else f"{value.real:+.3f} +- {abs(value.imag):.3f}i"
     return (test.name, _rpm(test.spindle_speed), f"{test.axial_depth_of_cut * 1e3:.1f} mm", _name(test.published),
             shown_value, _name(test.linear), _name(test.simulated), "yes" if test.agrees else "no")
-
-
-def _score_row(one: Any, estimate: Any) -> tuple[str, ...]:
-    unit = estimate.unit
-    return (one.parameter, *(shown(value, unit, 6) for value in (one.truth, estimate.value)),
-            f"{shown(estimate.low, unit)} to {shown(estimate.high, unit)}",
-            f"{one.bias / one.truth:+.3%}", f"{one.rms / one.truth:.3%}")
-
-
-def _plain(cut: Any) -> dict[str, Any]:
-    return {"name": cut.name, "spindle_speed": cut.spindle_speed, "axial_depth_of_cut": cut.axial_depth_of_cut,
-            "published": cut.published, "multiplier": cut.multiplier, "linear": cut.linear,
-            "simulated": cut.simulated, "reason": cut.reason, "agree": cut.agrees}

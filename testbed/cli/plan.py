@@ -9,7 +9,7 @@ import click
 
 from testbed.api.plan import DEPTHS, MOST_CUTS, SPEEDS
 from testbed.cli._answer import Answer
-from testbed.cli._options import DEPTH, RISK, SPEED, effects_option, model_option, shared
+from testbed.cli._options import DEPTH, LENGTH, RISK, SPEED, effects_option, model_option, shared
 
 if TYPE_CHECKING:
     from testbed.api.plan import Plan
@@ -37,15 +37,18 @@ class _Ends(click.ParamType):
 @click.option("--depth", type=_Ends(DEPTH, DEPTHS), required=True,
               help=f"Axial depths within reach, mm: FIRST:LAST[:{DEPTHS}].")
 @click.option("--risk", type=RISK, default="5%", show_default=True, help="Chance of chatter that a cut may have.")
+@click.option("--vibration", type=LENGTH, metavar="LENGTH",
+              help="The most that a cut may be expected to vibrate, peak to peak, such as 0.2mm.")
 @click.option("--draws", type=click.IntRange(20, 100_000), default=300, show_default=True,
               help="Machines drawn for the chance of stability.")
 @click.option("--count", type=click.IntRange(1, 100), default=5, show_default=True, help="How many cuts to give.")
 @effects_option
 @shared
-def command(campaign: str, model_file: str, speed: list[float], depth: list[float], risk: float, draws: int, count: int,
-            folders: tuple[str, ...], json_file: str | None, seed: int | None, quiet: bool) -> None:
+def command(campaign: str, model_file: str, speed: list[float], depth: list[float], risk: float, vibration: float | None,
+            draws: int, count: int, folders: tuple[str, ...], json_file: str | None, seed: int | None, quiet: bool) -> None:
     """Rank the cuts within reach that are stable at the stated risk by what they are expected to tell in a minute of cutting:
-    about the machine's parameters, and about which effect is missing where the campaign leaves that open.
+    about the machine's parameters, and about which effect is missing where the campaign leaves that open. --vibration leaves
+    out those that may move the structure by more, two standard deviations of what is known counted.
 
     Fits MODEL.yaml as `testbed compare` does; where that leaves more than noise, makes the diagnosis. After "unexplained" no
     cut is called safe, and none is planned.
@@ -55,8 +58,8 @@ def command(campaign: str, model_file: str, speed: list[float], depth: list[floa
     answer = Answer(json_file, quiet)
     if len(speed) * len(depth) > MOST_CUTS:
         raise click.UsageError(f"{len(speed) * len(depth)} cuts: give at most {MOST_CUTS}")
-    found = plan(campaign, model_file, speed, depth, risk=risk, draws=draws, count=count, seed=seed or 0, effects=folders,
-                 progress=answer.watch)
+    found = plan(campaign, model_file, speed, depth, risk=risk, vibration=vibration, draws=draws, count=count, seed=seed or 0,
+                 effects=folders, progress=answer.watch)
     if found.no_plan is not None:
         answer.say(f"no cut is planned: {found.no_plan}")
     else:
@@ -69,18 +72,25 @@ def command(campaign: str, model_file: str, speed: list[float], depth: list[floa
 def _say(answer: Answer, planned: Plan) -> None:
     found = planned.next
     if not found:
-        answer.say(f"no cut within reach is stable at a risk of {planned.risk:.3g}: give other speeds, or smaller depths")
+        calm = "" if planned.most_vibration is None else " and calm enough"
+        answer.say(f"no cut within reach is stable at a risk of {planned.risk:.3g}{calm}: give other speeds, or smaller depths")
         return
     several = len(planned.explanations) > 1
-    told = (("of which explanation", "tells apart"), ) if several else ((),)
-    answer.table(("speed", "depth", "stable", "information", "a minute", *told[0]),
+    told = ("of which explanation", "tells apart") if several else ()
+    answer.table(("speed", "depth", "stable", "vibrates by up to", "information", "a minute", *told),
                  [(f"{one.spindle_speed * 30 / math.pi:.0f} rpm", f"{one.axial_depth_of_cut * 1e3:.3g} mm",
-                   f"{one.stable_probability:.1%}", f"{one.information:.2f}", f"{one.information_per_minute:.0f}",
+                   f"{one.stable_probability:.1%}", f"{one.vibration * 1e6:.3g} um", f"{one.information:.2f}",
+                   f"{one.information_per_minute:.0f}",
                    *((f"{one.of_explanations:.2f}", ", ".join(one.separates) or "none") if several else ()))
                   for one in found])
-    answer.say("information in nats: 1 nat narrows one parameter 2.7 times")
+    answer.say("information in nats: 1 nat narrows one parameter 2.7 times; a minute of cutting. Vibration: peak to peak")
     best = found[0]
     for name, channels in best.expects.items():
-        seen = ", ".join(f"{size * 1e6:.4g} um" if channel.startswith("displacement") else f"{size:.4g} ({channel}, SI)"
-                         for channel, size in channels.items())
+        seen = ", ".join(_size(channel, size) for channel, size in channels.items())
         answer.say(f"at the first, if it is {name}: {seen} peak to peak while it cuts")
+
+
+def _size(channel: str, size: float) -> str:
+    if "displacement" not in channel:
+        return f"{size:.4g} ({channel}, SI)"
+    return f"{size * 1e6:.4g} um" + ("" if channel == "displacement" else f" ({channel})")

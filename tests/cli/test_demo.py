@@ -111,6 +111,21 @@ def test_the_hidden_effect_is_named_added_and_revealed_last(demo):
 
 
 @pytest.mark.long
+def test_it_says_how_sure_and_what_next_once_the_effect_is_added(demo):
+    _, said, found = demo
+    loop, outlook = found["workshop"], found["outlook"]
+    chance = np.array(outlook["stable_probability"], float)
+    assert chance.shape == (6, 8) and np.nanmin(chance) < 0.5 < np.nanmax(chance) and outlook["no_chance"] is None
+    assert {one["parameter"] for one in outlook["drawn"]} >= {f"{loop['truth']['effect']}.{one}"
+                                                              for one in loop["truth"]["parameters"]}
+    assert outlook["recommended"]["stable_probability"] >= 0.95 and outlook["next"]
+    for one in outlook["next"]:
+        assert one["stable_probability"] >= 0.95 and one["vibration"] <= 0.5e-3 and one["information"] > 0.0
+    assert np.isfinite(np.array(outlook["limit_before"], float)).any()
+    assert said.index("no chance is given") < said.index("testbed plan") < said.index("the seal")
+
+
+@pytest.mark.long
 def test_the_workshop_s_files_hold_nothing_of_the_truth(demo):
     folder, _, found = demo
     loop = found["workshop"]
