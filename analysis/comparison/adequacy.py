@@ -55,8 +55,8 @@ def tooth_angle(record: Observed, angle: float, own: Nuisances) -> np.ndarray:
 _LEFT = {"rms": "too large", "autocorrelation": "not random", "tooth angle": "recurring with the tooth",
          "parameters": "asking for other parameters"}
 LEFT_EXPLAINED = ("more than noise is left where it is too large, not random (one sample foretells the next), recurring with "
-                  "the angle of the tooth, or asking for other parameters than the other records do; what those leave open of the "
-                  "parameters counts as noise")
+                  "the angle of the tooth, or asking for other parameters than the other records do; what those leave open of "
+                  "the parameters counts as noise")
 
 
 def said_left(tests: Sequence[Adequacy], record: str) -> str:
