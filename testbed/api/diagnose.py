@@ -19,8 +19,9 @@ from testbed.api.believed import (
     name_of,
     refuse_planar,
 )
-from testbed.api.diagnosed import add_command, decoys_in, force_maps, next_command, of_the_best_fit
+from testbed.api.best_fit import force_maps, of_the_best_fit
 from testbed.api.fitting import channel_units, notes_on, of_what_is_held, plant_of, read_both
+from testbed.api.next_command import add_command, next_command
 from testbed.api.places import made_folder, page_place
 from testbed.api.result import Result, Table, plain, shown_here
 from testbed.api.watch import Progress, Watch
@@ -257,8 +258,16 @@ def _diagnosed(given: tuple[CampaignLike, ModelLike], known: Effects, until_adeq
     for name, one in said["base_parameters"].items():
         one["determined"] = name not in guesses
     if decoys:
-        said["decoys"] = decoys_in(found, catalogue)
+        said["decoys"] = _decoys(found, catalogue)
     return Diagnosis(model, found, known, records, read, said, (name_of(given[0]), name_of(given[1])))
+
+
+def _decoys(found: Diagnosed, catalogue: Any) -> dict[str, Any]:
+    """Laws that no machine has: those offered, and those named."""
+    from testbed.catalogue import DECOYS
+
+    offered = [name for name, effect in catalogue.items() if effect.path is not None and effect.path.parent == DECOYS]
+    return {"offered": offered, "named": [name for name in found.effects if name in offered]}
 
 
 def check_proposal(model: ModelLike, effects: EffectsLike = ()) -> None:

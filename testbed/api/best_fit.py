@@ -1,24 +1,12 @@
-"""What is said of a diagnosis beside its verdict: of the best fit, of decoys, and which command goes on."""
+"""What is to be said of the fit of the best set of effects that a diagnosis found."""
 
 from __future__ import annotations
 
-import shlex
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from testbed.api.fitting import plant_of
 
-if TYPE_CHECKING:
-    from testbed.analysis.search.diagnosis import Diagnosis as Diagnosed
-
 _EXPLAINS = ("adequate", "missing_effect")  # verdicts by which the best model leaves no physics out
-
-
-def decoys_in(found: Diagnosed, catalogue: Any) -> dict[str, Any]:
-    """Laws that no machine has: those offered, and those named."""
-    from testbed.catalogue import DECOYS
-
-    offered = [name for name, effect in catalogue.items() if effect.path is not None and effect.path.parent == DECOYS]
-    return {"offered": offered, "named": [name for name in found.effects if name in offered]}
 
 
 def of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
@@ -63,26 +51,3 @@ def force_maps(found: Any, catalogue: Any) -> list[Any]:
         return []
     states = force_states(plant_of(catalogue), best.fitter, best.fit, best.errors, catalogue)
     return [(one.name, one.x, one.v, one.force) for one in states]
-
-
-def next_command(found: Any, campaign: str, model_file: str, proposed: bool, folders: tuple[str, ...] = ()) -> str:
-    """The command to go on with; empty where there is none, or where it is told with what was proposed.
-
-    folders: of the user's own effects, which the command will know no more than this one did without them. proposed: whether a
-    force was asked for already, or cannot be: a missing one is along x so far.
-    """
-    if found.mode:
-        return ""
-    if found.verdict == "missing_effect":
-        return add_command(found.effects, campaign, model_file, folders)
-    if found.verdict == "unexplained" and found.candidates and not proposed:  # without candidates no effect was looked for
-        return shlex.join(["testbed", "diagnose", campaign, "-m", model_file, *_own(folders), "--propose", "DIR"])
-    return ""
-
-
-def add_command(effects: tuple[str, ...], campaign: str, model_file: str, folders: tuple[str, ...]) -> str:
-    return shlex.join(["testbed", "add", *effects, "-m", model_file, "-c", campaign, *_own(folders), "-o", "NEW.yaml"])
-
-
-def _own(folders: tuple[str, ...]) -> list[str]:
-    return [word for folder in folders for word in ("--effects", folder)]
