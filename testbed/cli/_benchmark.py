@@ -99,7 +99,7 @@ def _campaign(place: Path, seed: int, number: int, hides: bool) -> dict[str, Any
     hidden = [drawn["effect"]] if hides else []
     if hidden:
         model = model.with_effect(drawn["effect"], **drawn["parameters"])
-    noise = math.exp(random.uniform(*map(math.log, NOISES)))
+    noise = math.exp(random.uniform(math.log(NOISES[0]), math.log(NOISES[1])))
     how = Measurement(rate=RATE, noise=noise, count=COUNT, mark_angle=drawn["mark_angle"])
     seeds = random.integers(2**31, size=len(CUTS) + CUTS_TO_JUDGE).tolist()
     records, cut_so_far = [], 0.0
