@@ -49,11 +49,10 @@ def score(truth: Mapping[str, Any], answers: Mapping[str, Answer]) -> Score:
     said = {name: answers.get(name, Answer()) for name in truth}
     named = [_named(truth[name]["effects"], said[name].effects) for name in truth]
     told = [(bool(true), said[name].chatter.get(cut)) for name in truth for cut, true in truth[name]["chatter"].items()]
-    recalls = [_share([answer == true for true, answer in told if true == which]) for which in (True, False)]
-    return Score(
-        tuple(_parameter(name, truth, said) for name in PARAMETERS), len(named), named.count("right"), named.count("wrong"),
-        named.count("none"), recalls[0], recalls[1], float(np.mean(recalls)), sum(answer is not None for _, answer in told),
-        len(told))
+    chatter, quiet = (_share([answer == true for true, answer in told if true == which]) for which in (True, False))
+    right, wrong, none = (named.count(one) for one in ("right", "wrong", "none"))
+    return Score(tuple(_parameter(name, truth, said) for name in PARAMETERS), len(named), right, wrong, none, chatter, quiet,
+                 0.5 * (chatter + quiet), sum(answer is not None for _, answer in told), len(told))
 
 
 def _share(values: list[bool]) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -96,7 +96,7 @@ def _asked(place: Path, method: str, note: Mapping[str, Any], effects: Any, quie
     return said
 
 
-def _table(scores: Mapping[str, Any]) -> tuple[tuple[str, ...], list[Sequence[object]]]:
+def _table(scores: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
     titles = ("method", "frequency", "damping", "force", "in interval", "named right", "wrong", "none", "chatter")
     rows: list[Sequence[object]] = []
     for name, one in scores.items():

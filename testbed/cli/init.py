@@ -33,7 +33,8 @@ def command(files: tuple[str, ...], output: str, published: str | None, quiet: b
     answer = Answer(None, quiet)
     folder = output_folder(output)
     if published:
-        found, left = list[Any](), list[str]()
+        found: list[Any] = []
+        left: list[str] = []
         contents = {"campaign.yaml": _campaign_of(published, files, folder)}
     else:
         found = [_look(file) for file in files]

@@ -76,12 +76,12 @@ def added(files, tmp_path_factory):
     ("adequate", ("any",), False, ""),
 ])
 def test_the_command_to_go_on_with(verdict, tried, proposed, expected):
-    found = SimpleNamespace(verdict=verdict, effects=("helix",), candidates=tried)
+    found = SimpleNamespace(verdict=verdict, effects=("helix",), candidates=tried, mode=None)
     assert next_command(found, "c.yaml", "m.yaml", proposed) == expected
 
 
 def test_several_effects_are_added_together():
-    found = SimpleNamespace(verdict="missing_effect", effects=("helix", "runout"), candidates=("any",))
+    found = SimpleNamespace(verdict="missing_effect", effects=("helix", "runout"), candidates=("any",), mode=None)
     assert next_command(found, "c.yaml", "m.yaml", False) == "testbed add helix runout -m m.yaml -c c.yaml -o NEW.yaml"
 
 
@@ -90,7 +90,7 @@ def test_several_effects_are_added_together():
     ("unexplained", "testbed diagnose 'a b/c.yaml' -m m.yaml --effects mine --effects more --propose DIR"),
 ])
 def test_the_command_to_go_on_with_knows_the_user_s_own_effects(verdict, expected):
-    found = SimpleNamespace(verdict=verdict, effects=("my_drag",), candidates=("any",))
+    found = SimpleNamespace(verdict=verdict, effects=("my_drag",), candidates=("any",), mode=None)
     assert next_command(found, "a b/c.yaml", "m.yaml", False, ("mine", "more")) == expected
 
 
