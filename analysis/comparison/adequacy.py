@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
-from testbed.analysis.fit.fit_state import Linearised, WaveformFit
+from testbed.analysis.fit.fit_state import Jacobian, WaveformFit
 from testbed.analysis.fit.held_out import RecordError, conditions_of
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
@@ -123,7 +123,7 @@ def less_open(fitter: Fitter, fit: WaveformFit, errors: Sequence[RecordError]) -
     return found, tests
 
 
-def _told(part: Linearised) -> tuple[np.ndarray, np.ndarray]:
+def _told(part: Jacobian) -> tuple[np.ndarray, np.ndarray]:
     """Information of one record on the shared unknowns, in natural steps, and its pull on them, own unknowns eliminated."""
     own, cross, pulled, shared, gradient = part.products
     taken = cross.T @ np.linalg.pinv(own) if len(own) else cross.T

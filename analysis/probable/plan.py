@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.probable.draws import Known
 from testbed.analysis.search.next_test import proposed, seen, without
 from testbed.cut import Cut, Sampling
@@ -63,7 +63,7 @@ class Planned:
         return self.information / self.minutes
 
 
-def plan(plant: Plant, like: Observed, explanations: Sequence[Explanation], cuts: Sequence[tuple[float, float, float]],
+def plan(engine: Engine, like: Observed, explanations: Sequence[Explanation], cuts: Sequence[tuple[float, float, float]],
          show: Callable[[int, int], None] = lambda done, total: None) -> list[Planned]:  # fmt: skip
     """All cuts, given as (rad/s, m, chance of being stable), by what they tell a minute; those of no prediction are left out.
 
@@ -71,7 +71,7 @@ def plan(plant: Plant, like: Observed, explanations: Sequence[Explanation], cuts
     """
     found = []
     for number, (speed, depth, stable) in enumerate(cuts):
-        one = _told(plant, like, explanations, speed, depth, stable)
+        one = _told(engine, like, explanations, speed, depth, stable)
         found += [one] if one is not None else []
         show(number + 1, len(cuts))
     return sorted(found, key=lambda one: -one.information_per_minute)
@@ -82,14 +82,14 @@ def information(slopes: np.ndarray) -> float:
     return 0.5 * float(np.linalg.slogdet(np.eye(len(slopes)) + slopes @ slopes.T)[1])
 
 
-def _told(plant: Plant, like: Observed, explanations: Sequence[Explanation], speed: float, depth: float,
+def _told(engine: Engine, like: Observed, explanations: Sequence[Explanation], speed: float, depth: float,
           stable: float) -> Planned | None:  # fmt: skip
     middles, slopes, expects, vibration = [], [], {}, 0.0
     cut = proposed(like, speed, depth)
     for one in explanations:
         steps = _steps(one.known)
         models = [one.known.model, *(one.known.at(one.known.middle + step) for step in steps)]
-        looked = seen(plant, like, models, speed, depth)
+        looked = seen(engine, like, models, speed, depth)
         if looked is None:
             return None
         channels, scaled, unknown = looked
@@ -98,7 +98,7 @@ def _told(plant: Plant, like: Observed, explanations: Sequence[Explanation], spe
         idle, last = (round(passes * cut.tooth_passing_period(like.flutes) * like.rate)
                       for passes in (cut.idle_passes, cut.idle_passes + cut.passes))
         expects[one.name] = dict(zip(like.channels, np.ptp(channels[0][:, idle:last], axis=1).tolist(), strict=True))
-        swings = _swings(plant, models, cut, Sampling(like.rate, last, 0.0))
+        swings = _swings(engine, models, cut, Sampling(like.rate, last, 0.0))
         vibration = max(vibration, float(swings[0] + REACH * np.linalg.norm(swings[1:] - swings[0]) / STEP))
     apart = _apart(middles, slopes)
     weight = np.full(len(explanations), 1.0 / len(explanations))
@@ -109,13 +109,13 @@ def _told(plant: Plant, like: Observed, explanations: Sequence[Explanation], spe
     return Planned(speed, depth, minutes, told, which, stable, names, float(apart.max()), expects, vibration)
 
 
-def _swings(plant: Plant, models: Sequence[Model], cut: Cut, sampling: Sampling) -> np.ndarray:
+def _swings(engine: Engine, models: Sequence[Model], cut: Cut, sampling: Sampling) -> np.ndarray:
     """Peak to peak (models,) of the displacement (m) up to the end of a cut, of what moves most."""
     channels = ["displacement"]
     if models[0].structure.planar:
         carriers = dict.fromkeys(mode.on for mode in models[0].structure.modes)
         channels = [motion_channel(f"displacement_{axis}", on) for on in carriers for axis in "xy"]
-    moved = plant.predict_cuts(models, [cut] * len(models), [sampling] * len(models), channels)
+    moved = engine.predict_cuts(models, [cut] * len(models), [sampling] * len(models), channels)
     return np.ptp(moved, axis=2).max(axis=1)
 
 

@@ -19,9 +19,9 @@ from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.effect_start import all_free
 from testbed.analysis.fit.estimates import estimates
 from testbed.analysis.fit.evidence import effective_size
-from testbed.analysis.fit.fit_state import Free, WaveformFit
+from testbed.analysis.fit.fit_state import FreeParameter, WaveformFit
+from testbed.analysis.fit.identifiable import DOUBT
 from testbed.analysis.fit.length_cut import moved_by_lengths
-from testbed.analysis.fit.told import DOUBT
 from testbed.analysis.fit.tooth_circles import at_least_strength
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.information import Z_95
@@ -88,13 +88,13 @@ def posterior(fitter: Fitter, fit: WaveformFit, values: Mapping[str, Estimate], 
     return Told(known, given, {path: assumed[path] for path in given if path in assumed}, wider)
 
 
-def _stated(fitter: Fitter, deviations: Mapping[str, float], catalogue: Mapping[str, Effect]) -> list[Free]:
+def _stated(fitter: Fitter, deviations: Mapping[str, float], catalogue: Mapping[str, Effect]) -> list[FreeParameter]:
     """What cuts speak of and no fit asks for: the immersion, where the file gives it a deviation."""
     asked = any(record.cut is not None for record in fitter.records) and "immersion" in deviations
-    return [Free("immersion", deviations["immersion"], bounds_of("immersion", catalogue))] if asked else []
+    return [FreeParameter("immersion", deviations["immersion"], bounds_of("immersion", catalogue))] if asked else []
 
 
-def _within(one: Free, model: Model) -> tuple[float, float]:
+def _within(one: FreeParameter, model: Model) -> tuple[float, float]:
     """Bounds of draws: those of the fit, and where machines are, as long as the one found is among them."""
     if one.periodic:
         return OPEN
@@ -112,12 +112,12 @@ def _with_stated(known: Known, deviations: Mapping[str, float], catalogue: Mappi
                  (*known.bounds, *(bounds_of(path, catalogue) for path in more)))
 
 
-def _joined(fitter: Fitter, fit: WaveformFit, joined: list[Free], deviations: Mapping[str, float], wider: float) -> np.ndarray:
+def _joined(fitter: Fitter, fit: WaveformFit, joined: list[FreeParameter], deviations: Mapping[str, float], wider: float) -> np.ndarray:
     """Covariance (n, n) of the fit's parameters, and of those that join it with the deviation that was stated."""
     count = len(fitter.free)
     if not joined:
         return wider**2 / max(1.0, fit.variance) * fit.covariance[:count, :count]
-    every = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, *joined])
+    every = Fitter(fitter.engine, fitter.records, [*fitter.unknowns, *joined])
     information = np.zeros((len(every.names),) * 2)
     for part in every.linearise_all(fit.state):
         own, cross, _, shared, _ = part.products

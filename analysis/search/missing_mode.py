@@ -18,7 +18,7 @@ from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.free_parameters import how_a_mode_rings, mass_of_a_mode
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.starts import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.records.lines import standing_out
 from testbed.analysis.search.candidate_round import by_noise, candidate_of
@@ -59,7 +59,7 @@ class FoundMode:
                 f"explains the records down to their noise. Add to `modes` of the structure: {self.line}.")
 
 
-def missing_mode(base: Candidate, model: Model, say: Callable[[str], None]) -> FoundMode | None:
+def missing_mode(base: Candidate, model: Model, progress: Callable[[str], None]) -> FoundMode | None:
     """The mode with which the believed `model`, fitted as `base`, leaves but noise; None where none does, or all is along x."""
     assert base.fitter is not None and base.fit is not None
     if not base.fit.state.model.structure.planar or base.error_where_known <= ADEQUATE * pooled(base.errors)[1]:
@@ -69,10 +69,10 @@ def missing_mode(base: Candidate, model: Model, say: Callable[[str], None]) -> F
     peaks = _lines(whole.fitter.records, whole.fit)
     if not peaks:
         return None
-    say("looking for a mode that the structure lacks")
+    progress("looking for a mode that the structure lacks")
     found = None
     for fitter, state in _begun(whole.fitter, whole.fit, peaks):
-        fit = polish(fitter, state, rounds=2)
+        fit = alternate_fit_and_passes(fitter, state, rounds=2)
         if found is None or fit.cost < found[1].cost:
             found = fitter, fit
     if found is None:
@@ -164,7 +164,7 @@ def _wider(base: Fitter, model: Model) -> Fitter:
     last = len(model.structure.modes) - 1
     records = [replace(record, modes=last + 1) for record in base.records]
     own = [*how_a_mode_rings(records, model, last), mass_of_a_mode(records, model, last)]
-    return Fitter(base.plant, records, [*base.unknowns, *own])
+    return Fitter(base.engine, records, [*base.unknowns, *own])
 
 
 def _unbelieved(model: Model, believed: Model) -> Mode:

@@ -22,7 +22,7 @@ def of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
         said_not_determined,
     )
     from testbed.analysis.fit.plausible import remarks_on
-    from testbed.analysis.fit.taken import taken_notes
+    from testbed.analysis.fit.record_hypotheses import taken_notes
     from testbed.analysis.search.diagnosis import ADEQUATE
     from testbed.analysis.search.mark_delay import delay_note
 

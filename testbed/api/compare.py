@@ -270,13 +270,13 @@ def _compared(campaign: CampaignLike, given: ModelLike, effects: Effects, watch:
     from testbed.analysis.comparison.compare import compare as fitted
     from testbed.analysis.comparison.tapped import beside_the_tap, said_of_the_tap
     from testbed.analysis.fit.estimates import clock_note
+    from testbed.analysis.fit.identifiable import what_is_told
     from testbed.analysis.fit.plausible import remarks_on
+    from testbed.analysis.fit.record_hypotheses import taken_notes
     from testbed.analysis.fit.spindle_speed import at_modelled_speed
     from testbed.analysis.fit.switched import switch_note
-    from testbed.analysis.fit.taken import taken_notes
-    from testbed.analysis.fit.told import what_is_told
     from testbed.analysis.search.mark_delay import delay_note
-    from testbed.analysis.search.other_way import other_way_note
+    from testbed.analysis.search.sign_check import other_way_note
 
     catalogue, plant = effects.known, plant_of(effects.known)
     model, records, read = read_both(campaign, given, catalogue, planar=True)

@@ -241,8 +241,8 @@ def _diagnosed(given: tuple[CampaignLike, ModelLike], known: Effects, until_adeq
     from testbed.analysis.fit.budget import BUDGET
     from testbed.analysis.search.answer import as_json
     from testbed.analysis.search.diagnose import diagnose as searched
-    from testbed.analysis.search.other_way import other_way_note
     from testbed.analysis.search.rules import rules_of
+    from testbed.analysis.search.sign_check import other_way_note
 
     catalogue, plant = known.known, plant_of(known.known)
     model, records, read = read_both(*given, catalogue, planar=True)

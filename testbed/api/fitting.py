@@ -98,7 +98,7 @@ def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
     """A line where cuts were measured by their motion alone, which tells forces only relative to the mass."""
     from testbed.recording import DERIVATIVES
 
-    if model.structure.planar:  # see testbed.analysis.fit.told
+    if model.structure.planar:  # see testbed.analysis.fit.identifiable
         return []
     moving = any(record.kind == "cut" and any(name in DERIVATIVES for name in record.recording.channels) for record in records)
     if not moving or any(record.kind == "excited" for record in records):
@@ -109,7 +109,7 @@ def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
 
 def of_what_is_held(records: Sequence[Any], model: Any, catalogue: Any) -> list[str]:
     """A line for each parameter of a machine in x and y that the channels of these records cannot tell."""
-    from testbed.analysis.fit.told import what_is_told
+    from testbed.analysis.fit.identifiable import what_is_told
 
     return what_is_told(plant_of(catalogue), records, model, catalogue).notes if model.structure.planar else []
 

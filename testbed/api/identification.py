@@ -227,11 +227,11 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     from testbed.analysis.fit.estimates import at_bound, clock_note
     from testbed.analysis.fit.held_guesses import with_guesses_held
     from testbed.analysis.fit.held_out import errors_in_fit, pooled
+    from testbed.analysis.fit.identifiable import what_is_told
     from testbed.analysis.fit.model_fit import model_fit
     from testbed.analysis.fit.plausible import remarks_on
+    from testbed.analysis.fit.record_hypotheses import taken_notes
     from testbed.analysis.fit.spindle_speed import at_modelled_speed
-    from testbed.analysis.fit.taken import taken_notes
-    from testbed.analysis.fit.told import what_is_told
 
     observed, plant = observed_records(records, model, path, model_file), plant_of(catalogue)
     observed = at_modelled_speed(observed, model.effects, catalogue)

@@ -33,7 +33,7 @@ def outlook(sealed: Any, loop: Any) -> Outlook | None:
 
     from testbed.analysis.linear.stability import sharpened_limit, stability_chart
     from testbed.analysis.probable.plan import Explanation, plan
-    from testbed.api.fitting import plant_of, read_both
+    from testbed.api.fitting import engine_of, read_both
     from testbed.api.probable import Asked, chances
     from testbed.api.watch import Watch
     from testbed.catalogue import catalogue
@@ -54,7 +54,7 @@ def outlook(sealed: Any, loop: Any) -> Outlook | None:
             for column, speed in enumerate(speeds) if chance[row, column] * DRAWS / (DRAWS + 1.0) >= 1.0 - RISK]
     _, records, _ = read_both(str(sealed.campaign), str(loop.written), effects)
     known = [Explanation(" + ".join(model.effects), sure.known)]
-    told = plan(plant_of(effects), max(records, key=lambda one: one.samples), known, safe)
+    told = plan(engine_of(effects), max(records, key=lambda one: one.samples), known, safe)
     return Outlook(sure, before, [one for one in told if one.vibration <= MOST_VIBRATION_M][:SHOWN])
 
 

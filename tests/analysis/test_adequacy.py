@@ -8,7 +8,7 @@ from scipy.linalg import sqrtm
 
 from testbed.analysis.comparison.adequacy import less_open
 from testbed.analysis.comparison.compare import compare
-from testbed.analysis.fit.fit_state import Linearised
+from testbed.analysis.fit.fit_state import Jacobian
 from testbed.analysis.fit.held_out import RecordError
 from testbed.catalogue import catalogue
 from testbed.engines import predict
@@ -41,7 +41,7 @@ class Linear:
         """The residuals as they are judged, over the noise, and the tests; off: how far the joint fit is from its optimum."""
         joint = np.split(self.residuals(range(3), range(3)), np.cumsum(SIZES)[:-1])
         rests = [rest + bare @ np.full(3, off) for rest, bare in zip(joint, self.bare, strict=True)]
-        parts = [Linearised(rest, shared, own) for rest, shared, own in zip(rests, self.shared, self.own, strict=True)]
+        parts = [Jacobian(rest, shared, own) for rest, shared, own in zip(rests, self.shared, self.own, strict=True)]
         records = [SimpleNamespace(name=name, condition=(name,), believed=None, scale=np.array([NOISE]), size=size,
                                    on_samples=lambda rest: rest[None])
                    for name, size in zip(self.conditions, SIZES, strict=True)]

@@ -7,9 +7,9 @@ import pytest
 
 from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.estimates import estimates
+from testbed.analysis.fit.identifiable import DOUBT
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.told import DOUBT
 from testbed.analysis.information import Z_95
 from testbed.analysis.probable.posterior import posterior
 from testbed.catalogue import catalogue

@@ -37,8 +37,8 @@ def test_a_notebook_shows_a_bar_that_goes_when_the_work_is_done(cell):
             show(done, 1000)
     assert cell[1] == "runs &lt; all <progress value=0 max=100></progress>" and cell[-1] == ""
     assert len(cell) == 102  # however many steps there are
-    with watch.busy("fitting") as say:
-        say("and again")
+    with watch.busy("fitting") as progress:
+        progress("and again")
     assert cell[-3:] == ["fitting", "and again", ""]
 
 
@@ -48,9 +48,9 @@ def test_without_a_notebook_a_terminal_is_watched_and_false_is_silence(monkeypat
     mine = Called(print)
     assert watch_of(mine) is mine
     for watch in (watch_of(None), watch_of(False)):
-        with watch.counted("runs") as show, watch.busy("fitting") as say:
+        with watch.counted("runs") as show, watch.busy("fitting") as progress:
             show(1, 2)
-            say("more")
+            progress("more")
     assert capsys.readouterr() == ("", "")  # a pipe
 
 

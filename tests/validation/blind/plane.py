@@ -24,7 +24,7 @@ from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.files.campaign import Record
 from tests.validation.blind.count import counted, share
-from tests.validation.blind.judge import FOLDER, PLANT, answered, known_seeds, options_of
+from tests.validation.blind.judge import ENGINE, FOLDER, answered, known_seeds, options_of
 from tests.validation.blind.plane_made import Hidden, draw, measured
 from tests.validation.claims import Claim, Section
 
@@ -59,7 +59,7 @@ def answer(truth: Hidden, records: Sequence[Record], **more: Any) -> dict[str, A
     """What a diagnosis says of the records, and the true values beside those found. more: for `diagnose`."""
     processor, known = time.process_time(), catalogue()
     observed = [observe(record, truth.believed) for record in records]
-    found = diagnose(PLANT, observed, truth.believed, known, **more)
+    found = diagnose(ENGINE, observed, truth.believed, known, **more)
     told = {"made": True, "processor": round(time.process_time() - processor, 1), "verdict": found.verdict,
             "effects": list(found.effects), "sentence": found.sentence, "baseline": found.baseline,
             "with_effects": found.with_effects, "noise_floor": found.noise_floor,
