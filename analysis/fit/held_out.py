@@ -66,7 +66,7 @@ def record_error(record: Observed, residual: np.ndarray) -> RecordError:
     Channels of several quantities are weighed by their own size, so that the error is the rms of their relative errors.
     """
     rest = record.on_samples(residual) * record.scale[:, None]
-    data = record.data if record.believed is None else record.data[:, record.believed]
+    data = record.data if record.mask is None else record.data[:, record.mask]
     size = data - data.mean(axis=1, keepdims=True)
     quantities = sorted({quantity_of(name) for name in record.channels})
     scale = np.ones(len(record.channels)) if len(quantities) == 1 else 1.0 / np.maximum(size.std(axis=1), 1e-300)

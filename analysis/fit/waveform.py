@@ -14,10 +14,20 @@ from typing import Any
 
 import numpy as np
 
-from testbed.analysis.fit.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit, names_of, of_rows, together
+from testbed.analysis.fit.fit_state import (
+    Descent,
+    Evaluation,
+    FreeParameter,
+    Jacobian,
+    State,
+    WaveformFit,
+    names_of,
+    of_rows,
+    together,
+)
 from testbed.analysis.fit.nuisances import MISSING, Nuisances, begun_with, end_moved, end_moved_in_arc, turned_by
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant, predict
+from testbed.analysis.fit.prediction import Engine, predict
 from testbed.analysis.fit.residual_kernel import difference, fill_residuals
 from testbed.analysis.threads import threaded
 from testbed.machine import Model
@@ -47,20 +57,20 @@ def _upright(model: Model, path: str, value: float) -> float:
     return math.copysign(believed + value, -1.0 if believed < 0.0 else 1.0) - believed
 
 
-def too_slow(costs: Sequence[float], iterations: int, goal: float) -> bool:
+def too_slow(costs: Sequence[float], iterations: int, cost_limit: float) -> bool:
     """Whether a descent of so many iterations would not come down to its goal at the best pace of its last ones."""
     done = len(costs) - 1
     if done < PACE:
         return False
     pace = max(before - after for before, after in itertools.pairwise(costs[-PACE - 1 :]))
-    return costs[-1] - SPARE * pace * (iterations - done) > goal
+    return costs[-1] - SPARE * pace * (iterations - done) > cost_limit
 
 
 class Fitter:
     """Records, an engine, and the parameters that are free."""
 
-    def __init__(self, plant: Plant, records: Sequence[Observed], free: Sequence[Free]) -> None:
-        self.plant, self.records = plant, tuple(records)
+    def __init__(self, engine: Engine, records: Sequence[Observed], free: Sequence[FreeParameter]) -> None:
+        self.engine, self.records = engine, tuple(records)
         self.unknowns = tuple(free)
         self.free = tuple(one for one in free if not one.each_record)
         self.shifting = tuple(one for one in free if one.each_record)
@@ -72,7 +82,7 @@ class Fitter:
     def without(self, path: str) -> Fitter:
         """The same fit with a parameter, or all of an effect, no longer unknown."""
         known = [one for one in self.unknowns if path not in (one.path, one.path.partition(".")[0])]
-        return Fitter(self.plant, self.records, known)
+        return Fitter(self.engine, self.records, known)
 
     def of_records(self, places: Sequence[int]) -> Fitter:
         """The same fit to the records at these places alone."""
@@ -80,7 +90,7 @@ class Fitter:
 
     def on(self, records: Sequence[Observed]) -> Fitter:
         """The same fit to other records."""
-        return Fitter(self.plant, records, self.unknowns)
+        return Fitter(self.engine, records, self.unknowns)
 
     @property
     def steps(self) -> np.ndarray:
@@ -145,7 +155,7 @@ class Fitter:
     def _residuals(self, record: Observed, variants: list[tuple[Model, float, Nuisances]],
                    first: np.ndarray | None = None) -> np.ndarray:  # fmt: skip
         """Residuals (variants, values), in units of the record's scale. first: see `predict`."""
-        return self._left(record, predict(self.plant, record, variants, first))
+        return self._left(record, predict(self.engine, record, variants, first))
 
     @staticmethod
     def _left(record: Observed, predicted: np.ndarray, more: int = 0) -> np.ndarray:
@@ -170,7 +180,7 @@ class Fitter:
         return [self._shared_nudge(state, place, SLOPE_STEP) for place in range(len(self.names))]
 
     def linearise(self, index: int, state: State, nudges: Sequence[tuple[State, float]] | None = None,
-                  first: np.ndarray | None = None) -> Linearised:  # fmt: skip
+                  first: np.ndarray | None = None) -> Jacobian:  # fmt: skip
         """Residual and slopes of one record by forward differences.
 
         At hand: nudges, of the shared unknowns; first, what is predicted at the state, (1, channels, samples).
@@ -182,14 +192,14 @@ class Fitter:
         variants = [(one.model, one.angle, nuisances) for one in (state, *(other for other, _ in nudges))]
         variants += [(state.model, state.angle, self._nudged(nuisances, change, SLOPE_STEP, arc)) for change in own]
         held = record.off_marks(nuisances)
-        rows = self._left(record, predict(self.plant, record, variants, first), len(held))
+        rows = self._left(record, predict(self.engine, record, variants, first), len(held))
         difference(rows, record.size, SLOPE_STEP * np.array([*signs, *(1.0 for _ in own)]))
         if len(held):
             rows[0, record.size :], rows[1:, record.size :] = held, 0.0
             rows[len(rows) - len(held) :, record.size :] = np.eye(len(held))
         return of_rows(rows, len(self.names), own)
 
-    def linearise_all(self, state: State, looked: Sequence[Looked] | None = None) -> tuple[Linearised, ...]:
+    def linearise_all(self, state: State, looked: Sequence[Evaluation] | None = None) -> tuple[Jacobian, ...]:
         """Every record about a state, on threads (the engine lets go of the interpreter). looked: what is known of it there.
 
         The nudged models are the same objects for all records, so that the engine need not unpack each anew.
@@ -198,12 +208,12 @@ class Fitter:
         known = [None for _ in places] if looked is None else [one.predicted for one in looked]
         return threaded(lambda index: self.linearise(index, state, nudges, known[index]), places)
 
-    def look(self, state: State) -> tuple[Looked, ...]:
+    def look(self, state: State) -> tuple[Evaluation, ...]:
         """Every record's prediction and residual at a state."""
 
-        def one(index: int) -> Looked:
-            predicted = predict(self.plant, self.records[index], [(state.model, state.angle, state.nuisances[index])])
-            return Looked(predicted, self._left(self.records[index], predicted)[0])
+        def one(index: int) -> Evaluation:
+            predicted = predict(self.engine, self.records[index], [(state.model, state.angle, state.nuisances[index])])
+            return Evaluation(predicted, self._left(self.records[index], predicted)[0])
 
         return threaded(one, range(len(self.records)))
 
@@ -217,7 +227,7 @@ class Fitter:
         held = np.array([record.off_marks(own) for _, _, own in variants])
         most = together(record.size)
         if len(variants) <= most or any(model is not variants[0][0] for model, _, _ in variants):
-            found = self._left(record, predict(self.plant, record, variants), held.shape[1])
+            found = self._left(record, predict(self.engine, record, variants), held.shape[1])
             found[:, record.size :] = held
             return found
         found = np.empty((len(variants), record.size + held.shape[1]))
@@ -243,11 +253,11 @@ class Fitter:
 
     def with_slopes(
         self,
-        parts: Sequence[Linearised],
+        parts: Sequence[Jacobian],
         state: State,
         places: Sequence[int],
         step: float = 1e-3,
-    ) -> tuple[Linearised, ...]:
+    ) -> tuple[Jacobian, ...]:
         """Residuals at a state, with slopes by the free parameters at `places` computed and all others taken from `parts`.
 
         Own unknowns that `parts` do not know yet, an effect's shifts, are computed, too.
@@ -256,14 +266,14 @@ class Fitter:
         nudges = [self._shared_nudge(state, place, step) for place in places]
         signs = [sign for _, sign in nudges]
 
-        def one(index: int) -> Linearised:
+        def one(index: int) -> Jacobian:
             record, nuisances, part = self.records[index], state.nuisances[index], parts[index]
             own, arc = self._own_steps(record, nuisances), state.share_in_arc(record)
             new = [change for change in own if not set(change) <= set(part.known)]
             variants = [(other.model, state.angle, nuisances) for other in (state, *(one for one, _ in nudges))]
             variants += [(state.model, state.angle, self._nudged(nuisances, change, step, arc)) for change in new]
             held = record.off_marks(nuisances)
-            found = self._left(record, predict(self.plant, record, variants), len(held))
+            found = self._left(record, predict(self.engine, record, variants), len(held))
             difference(found, record.size, step * np.array([*signs, *(1.0 for _ in new)]))
             found[0, record.size :], found[1:, record.size :] = held, 0.0
             rows = np.empty((1 + len(self.names) + len(own), found.shape[1]))
@@ -283,7 +293,7 @@ class Fitter:
 
     def step(
         self,
-        parts: Sequence[Linearised],
+        parts: Sequence[Jacobian],
         damping: float,
         used: Sequence[int] | None = None,
     ) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -303,7 +313,7 @@ class Fitter:
         move = -np.linalg.lstsq(full, gradient, rcond=1e-14)[0]
         return move, [-inverse @ (pulled + cross @ move) for inverse, cross, pulled in solved]
 
-    def covariance(self, parts: Sequence[Linearised], variance: float = 1.0) -> np.ndarray:
+    def covariance(self, parts: Sequence[Jacobian], variance: float = 1.0) -> np.ndarray:
         """Covariance of the shared unknowns in their own units, for residuals of the given variance.
 
         What the records do not tell, alone or only together (the offset and angle of a runout of two teeth), has a large one.
@@ -335,13 +345,13 @@ class Fitter:
         return replace(state, nuisances=tuple(changed))
 
     def fit(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5, near: Descent | None = None,
-            goal: float = math.inf) -> WaveformFit:  # fmt: skip
+            cost_limit: float = math.inf) -> WaveformFit:  # fmt: skip
         """Levenberg-Marquardt from a state, or from where a descent ended that knows the slopes there.
 
         Converged: the last step lowered the cost by less than `tolerance` of itself, or none, however short, lowers it any
-        more (at a kink of a law, or with an unknown at its bound). goal: see `descend`.
+        more (at a kink of a law, or with an unknown at its bound). cost_limit: see `descend`.
         """
-        found = self.descend(state, iterations=iterations, tolerance=tolerance, near=near, goal=goal)
+        found = self.descend(state, iterations=iterations, tolerance=tolerance, near=near, cost_limit=cost_limit)
         parts = found.parts if found.anew else self.linearise_all(found.state, found.looked)
         size = sum(part.residual.size for part in parts)
         covariance = self.covariance(parts, max(1.0, 2.0 * found.cost / size))
@@ -352,29 +362,29 @@ class Fitter:
         )
 
     def descend(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5, near: Descent | None = None,
-                goal: float = math.inf) -> Descent:  # fmt: skip
+                cost_limit: float = math.inf) -> Descent:  # fmt: skip
         """The same, for who asks for no covariance: slopes where it ends are not computed; `near` lends those of a first step.
 
         Slopes are computed anew after every step: steps with kept slopes cost a tenth, but creep along the valley between
-        the cutting coefficients, and need tens of times as many. goal: the cost from which its end is of any use; a descent
+        the cutting coefficients, and need tens of times as many. cost_limit: the cost from which its end is of any use; a descent
         is given up once, at its late pace, it would not come to that. An end of a cut that came to the edge of its arc stays
         there and holds all else, as its slope beyond is another: it is made whole, and the descent goes on.
         """
-        found = self._descended(state, iterations, tolerance, near, goal)
+        found = self._descended(state, iterations, tolerance, near, cost_limit)
         whole = found.state.with_nearly_whole(self.records, self.gradual, EDGE)
         left = iterations - found.iterations
         if not found.converged or not left or whole == found.state or not self.cost(whole) < found.cost + LITTLE:
             return found
-        again = self._descended(whole, left, tolerance, None, goal)
+        again = self._descended(whole, left, tolerance, None, cost_limit)
         return replace(again, iterations=again.iterations + found.iterations) if again.cost < found.cost + LITTLE else found
 
-    def _descended(self, state: State, iterations: int, tolerance: float, near: Descent | None, goal: float) -> Descent:
+    def _descended(self, state: State, iterations: int, tolerance: float, near: Descent | None, cost_limit: float) -> Descent:
         """The same with the ends of cuts wherever the steps lead them."""
         parts, anew = self._first_slopes(state, near)
         cost = 0.5 * sum(float(part.residual @ part.residual) for part in parts)
         damping, converged, count, costs = 1e-3, False, 0, [cost]
-        looked: tuple[Looked, ...] | None = None
-        while count < iterations and not converged and not too_slow(costs, iterations, goal):
+        looked: tuple[Evaluation, ...] | None = None
+        while count < iterations and not converged and not too_slow(costs, iterations, cost_limit):
             if not anew and count:
                 parts, anew = self.linearise_all(state, looked), True
             count += 1
@@ -391,7 +401,7 @@ class Fitter:
             costs.append(cost)
         return Descent(state=state, cost=cost, parts=parts, anew=anew, converged=converged, iterations=count, looked=looked)
 
-    def _first_slopes(self, state: State, near: Descent | None) -> tuple[tuple[Linearised, ...], bool]:
+    def _first_slopes(self, state: State, near: Descent | None) -> tuple[tuple[Jacobian, ...], bool]:
         """Residuals and slopes to descend from a state with, and whether the slopes are its own and not lent from near by."""
         if near is None:
             return self.linearise_all(state), True

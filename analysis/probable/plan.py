@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.probable.draws import Known
 from testbed.analysis.search.next_test import proposed, seen, without
 
@@ -57,7 +57,7 @@ class Planned:
         return self.information / self.minutes
 
 
-def plan(plant: Plant, like: Observed, explanations: Sequence[Explanation], cuts: Sequence[tuple[float, float, float]],
+def plan(engine: Engine, like: Observed, explanations: Sequence[Explanation], cuts: Sequence[tuple[float, float, float]],
          show: Callable[[int, int], None] = lambda done, total: None) -> list[Planned]:  # fmt: skip
     """All cuts, given as (rad/s, m, chance of being stable), by what they tell a minute; those of no prediction are left out.
 
@@ -65,7 +65,7 @@ def plan(plant: Plant, like: Observed, explanations: Sequence[Explanation], cuts
     """
     found = []
     for number, (speed, depth, stable) in enumerate(cuts):
-        one = _told(plant, like, explanations, speed, depth, stable)
+        one = _told(engine, like, explanations, speed, depth, stable)
         found += [one] if one is not None else []
         show(number + 1, len(cuts))
     return sorted(found, key=lambda one: -one.information_per_minute)
@@ -76,14 +76,14 @@ def information(slopes: np.ndarray) -> float:
     return 0.5 * float(np.linalg.slogdet(np.eye(len(slopes)) + slopes @ slopes.T)[1])
 
 
-def _told(plant: Plant, like: Observed, explanations: Sequence[Explanation], speed: float, depth: float,
+def _told(engine: Engine, like: Observed, explanations: Sequence[Explanation], speed: float, depth: float,
           stable: float) -> Planned | None:  # fmt: skip
     middles, slopes, expects = [], [], {}
     cut = proposed(like, speed, depth)
     for one in explanations:
         steps = _steps(one.known)
         models = [one.known.model, *(one.known.at(one.known.middle + step) for step in steps)]
-        looked = seen(plant, like, models, speed, depth)
+        looked = seen(engine, like, models, speed, depth)
         if looked is None:
             return None
         channels, scaled, unknown = looked

@@ -17,7 +17,7 @@ from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.effect_start import all_free
 from testbed.analysis.fit.estimates import estimates
 from testbed.analysis.fit.evidence import effective_size
-from testbed.analysis.fit.fit_state import Free, WaveformFit
+from testbed.analysis.fit.fit_state import FreeParameter, WaveformFit
 from testbed.analysis.fit.length_cut import moved_by_lengths
 from testbed.analysis.fit.tooth_circles import at_least_strength
 from testbed.analysis.fit.waveform import Fitter
@@ -75,12 +75,12 @@ def posterior(fitter: Fitter, fit: WaveformFit, values: Mapping[str, Estimate], 
     return Told(known, tuple(path for path in held if path not in deviations), wider)
 
 
-def _joined(fitter: Fitter, fit: WaveformFit, joined: list[Free], deviations: Mapping[str, float], wider: float) -> np.ndarray:
+def _joined(fitter: Fitter, fit: WaveformFit, joined: list[FreeParameter], deviations: Mapping[str, float], wider: float) -> np.ndarray:
     """Covariance (n, n) of the fit's parameters, and of those that join it with the deviation that was stated."""
     count = len(fitter.free)
     if not joined:
         return wider**2 / max(1.0, fit.variance) * fit.covariance[:count, :count]
-    every = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, *joined])
+    every = Fitter(fitter.engine, fitter.records, [*fitter.unknowns, *joined])
     information = np.zeros((len(every.names),) * 2)
     for part in every.linearise_all(fit.state):
         own, cross, _, shared, _ = part.products

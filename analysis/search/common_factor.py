@@ -18,11 +18,11 @@ from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.observe import heard_in
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.plausible import unlike_a_machine
-from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.starts import glance
 from testbed.analysis.fit.structure_start import structure_start
-from testbed.analysis.search.begun_anew import from_believed
 from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis
+from testbed.analysis.search.refit_from_prior import from_believed
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -146,26 +146,26 @@ def _restated(record: Observed, condition: str, factor: float, flutes: int, feed
 
 
 def explained_otherwise(
-    base: Candidate, model: Model, catalogue: Mapping[str, Effect], say: Callable[[str], None] = lambda text: None
+    base: Candidate, model: Model, catalogue: Mapping[str, Effect], progress: Callable[[str], None] = lambda text: None
 ) -> tuple[Restated, Candidate] | None:
     """(the statement, its fit) by which the believed `model` leaves but noise of the records, the likeliest; None without one.
 
     base: the model fitted to the records as they are stated.
     """
     assert base.fitter is not None and base.fit is not None
-    plant, records = base.fitter.plant, base.fitter.records
+    engine, records = base.fitter.engine, base.fitter.records
     if base.error_where_known <= ADEQUATE * pooled(base.errors)[1]:
         return None
-    say("looking at conditions that may have been written down wrongly")
-    stated = _opening(plant, records, model, catalogue)
-    costs = [(_opening(plant, one.records, one.model, catalogue), number, one)
+    progress("looking at conditions that may have been written down wrongly")
+    stated = _opening(engine, records, model, catalogue)
+    costs = [(_opening(engine, one.records, one.model, catalogue), number, one)
              for number, one in enumerate(restatements(records, model))]
     for cost, _, one in sorted(costs)[:FITTED]:
         if cost > min(BETTER * stated, NEAR_BEST * min(costs)[0]):
             break
-        say(f"fitting the model {one.told}")
-        goal = max(OFF_COURSE * 0.5 * sum(record.size for record in one.records), WORTH * base.fit.cost)
-        found = from_believed(plant, one.records, one.model, (), catalogue, goal)
+        progress(f"fitting the model {one.told}")
+        cost_limit = max(OFF_COURSE * 0.5 * sum(record.size for record in one.records), WORTH * base.fit.cost)
+        found = from_believed(engine, one.records, one.model, (), catalogue, cost_limit)
         if found.error_where_known <= ADEQUATE * pooled(found.errors)[1] and found.fit is not None \
                 and not unlike_a_machine(found.fit.state.model):
             return _by_the_clock(one, found.fit.state.model, model), found
@@ -211,6 +211,6 @@ def written_wrongly(found: Diagnosis, statement: Restated) -> Diagnosis:
                    misstated=(statement.condition, statement.factor))  # fmt: skip
 
 
-def _opening(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> float:
+def _opening(engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> float:
     """What a model leaves of the records' openings, as a cost: little work beside a whole fit."""
-    return glance(plant, records, structure_start(records, model), all_free(records, model, catalogue))
+    return glance(engine, records, structure_start(records, model), all_free(records, model, catalogue))

@@ -50,11 +50,11 @@ def foretells_little(base: Candidate) -> bool:
     return cannot_be and base.error_fit > POOR
 
 
-def as_far_as(spent: BudgetSpent, plant: Budgeted, records: Sequence[Observed], say: Callable[[str], None]) -> Diagnosis:
+def as_far_as(spent: BudgetSpent, engine: Budgeted, records: Sequence[Observed], progress: Callable[[str], None]) -> Diagnosis:
     """What is known when the budget is spent: the base fit, and the sets of effects that were tried in full by then."""
-    say("the budget is spent")
-    base: Candidate | None = plant.known
-    allowed = f"The budget ({plant.budget:,.0f} simulations of every record) was spent before"
+    progress("the budget is spent")
+    base: Candidate | None = engine.known
+    allowed = f"The budget ({engine.budget:,.0f} simulations of every record) was spent before"
     if base is None:
         return _without_a_fit(records, f"{allowed} the fit of the believed model ended: nothing can be said of what it lacks. "
                                        "Check the conditions and the starting values.")

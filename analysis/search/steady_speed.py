@@ -14,9 +14,9 @@ from collections.abc import Callable, Collection, Mapping
 import numpy as np
 
 from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.free_vibration_start import swings_the_speed
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.swing_start import swings_the_speed
 from testbed.analysis.records.spindle_clock import MARK_SHARE, clock_of, turns_of
 from testbed.analysis.search.diagnosis import Candidate
 from testbed.effect import Effect

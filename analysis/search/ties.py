@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from testbed.analysis.fit.effect_start import extended, is_required, state_without
 from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
-from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.starts import alternate_fit_and_passes
 from testbed.analysis.search.candidate_round import candidate_of
 from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, excess
 from testbed.effect import Effect
@@ -30,7 +30,7 @@ def tied_with(first: Candidate, other: Candidate, current: Candidate, noise: flo
 
 def with_rivals(
     found: Candidate, rivals: Sequence[Candidate], base: Candidate, noise: float, catalogue: Mapping[str, Effect],
-    say: Callable[[str], None],
+    progress: Callable[[str], None],
 ) -> tuple[Candidate, tuple[str, ...]]:  # fmt: skip
     """The set of effects that a search found, or a better one with a rival in it; and what is tied, if anything.
 
@@ -43,7 +43,7 @@ def with_rivals(
             continue  # a third mode in place of the second is that one by another name
         other = rival
         if len(found.effects) > 1:
-            say(f"would {name} do in place of {first}?")
+            progress(f"would {name} do in place of {first}?")
             other = _in_place(found, first, rival, catalogue)
         if tied_with(found, other, base, noise):
             tied.append(name)
@@ -67,6 +67,6 @@ def _in_place(found: Candidate, first: str, rival: Candidate, catalogue: Mapping
     fitter = extended(found.fitter.without(first), effect)
     state = state_without(found.fit.state, first, catalogue)
     state = replace(state, model=state.model.with_effect(effect.name, **rival.fit.state.model.effects[effect.name]))
-    fit = polish(fitter, state, rounds=2, iterations=20)
+    fit = alternate_fit_and_passes(fitter, state, rounds=2, iterations=20)
     effects = (effect.name, *(one for one in found.effects if one != first))
     return replace(candidate_of(fitter, fit, effects, None, 1.0), delta_bic=found.delta_bic)

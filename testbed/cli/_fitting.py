@@ -17,7 +17,7 @@ MOST_NOTES = 12
 PREDICTED = ("cut", "ring-down", "excited")
 
 
-def plant_of(catalogue: Any) -> Any:
+def engine_of(catalogue: Any) -> Any:
     """The fast engine with the effects known to this command, as the analysis is handed it."""
     from testbed.engines import predict
 
@@ -100,7 +100,7 @@ def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
     """A line where cuts were measured by their motion alone, which tells forces only relative to the mass."""
     from testbed.recording import DERIVATIVES
 
-    if model.structure.planar:  # see testbed.analysis.fit.told
+    if model.structure.planar:  # see testbed.analysis.fit.identifiable
         return []
     moving = any(record.kind == "cut" and any(name in DERIVATIVES for name in record.recording.channels) for record in records)
     if not moving or any(record.kind == "excited" for record in records):

@@ -170,14 +170,14 @@ def _from_campaign(asked: Asked) -> Sure:
     """What the campaign's records tell, after the fit that `compare` makes."""
     from testbed.analysis.comparison.compare import compare
     from testbed.analysis.probable.posterior import posterior, why_no_chance
-    from testbed.cli._fitting import notes_on, plant_of, read_both, sign_of_life
+    from testbed.cli._fitting import engine_of, notes_on, read_both, sign_of_life
 
     assert asked.campaign is not None
     believed, records, read = read_both(asked.campaign, asked.model_file, asked.catalogue)
     if not any(record.kind == "cut" for record in records):
         raise InputProblem(asked.campaign, "holds no cut", "record a cut: nothing else tells of the cutting coefficients")
     with sign_of_life("fitting the believed model to all records", asked.quiet):
-        found = compare(plant_of(asked.catalogue), records, believed, asked.catalogue)
+        found = compare(engine_of(asked.catalogue), records, believed, asked.catalogue)
         why = why_no_chance(found)
         if why:
             return Sure(asked.draws, asked.risk, why_none=why,

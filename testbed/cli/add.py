@@ -31,7 +31,7 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
     """
     from testbed.analysis.fit.plausible import unlike_a_machine
     from testbed.analysis.search.add_effect import add_effects, as_json
-    from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
+    from testbed.cli._fitting import channel_units, engine_of, notes_on, read_both, sign_of_life
     from testbed.files.model_file import write_model
 
     answer = Answer(json_file, quiet)
@@ -45,8 +45,8 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
             raise InputProblem(model_file, f"has {name} already",
                                "take it out first, or see testbed identify --method waveform")
     try:
-        with sign_of_life(f"adding {' and '.join(names)}", quiet) as say:
-            found = add_effects(plant_of(catalogue), records, model, effects, catalogue, say)
+        with sign_of_life(f"adding {' and '.join(names)}", quiet) as progress:
+            found = add_effects(engine_of(catalogue), records, model, effects, catalogue, progress)
     except InputProblem:
         raise
     except ValueError as problem:

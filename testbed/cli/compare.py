@@ -30,25 +30,25 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
     from testbed.analysis.comparison.compare import as_json, compare
     from testbed.analysis.comparison.tapped import beside_the_tap, said_of_the_tap
     from testbed.analysis.fit.estimates import clock_note
+    from testbed.analysis.fit.identifiable import identifiable_parameters
     from testbed.analysis.fit.plausible import remarks_on
+    from testbed.analysis.fit.record_hypotheses import taken_notes
     from testbed.analysis.fit.spindle_speed import at_modelled_speed
     from testbed.analysis.fit.switched import switch_note
-    from testbed.analysis.fit.taken import taken_notes
-    from testbed.analysis.fit.told import what_is_told
     from testbed.analysis.search.mark_delay import delay_note
-    from testbed.analysis.search.other_way import other_way_note
-    from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
+    from testbed.analysis.search.sign_check import other_way_note
+    from testbed.cli._fitting import channel_units, engine_of, notes_on, read_both, sign_of_life
 
     answer = Answer(json_file, quiet)
     pictures = output_folder(output) if output else None
     catalogue = catalogue_of(folders)
     model, records, read = read_both(campaign, model_file, catalogue, planar=True)
-    told = what_is_told(plant_of(catalogue), at_modelled_speed(records, model.effects, catalogue), model, catalogue)
+    told = identifiable_parameters(engine_of(catalogue), at_modelled_speed(records, model.effects, catalogue), model, catalogue)
     for note in told.notes:  # before the fit
         answer.say(note)
     with sign_of_life("fitting the believed model to all records", quiet):
-        found = compare(plant_of(catalogue), records, model, catalogue, told)
-        turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
+        found = compare(engine_of(catalogue), records, model, catalogue, told)
+        turned = other_way_note(engine_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
     unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
     notes = [*notes_on(read, model), *turned, *unlike, *taken_notes(records, found.fitter.records),
              *delay_note(records, found.fitter, found.fit), *clock_note(found.fitter, found.fit),
@@ -69,7 +69,7 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
             tested, units = constancy(found.fitter, found.fit, catalogue), channel_units(read)
             states = []
             if not found.adequate and not model.planar:  # of noise there is no map, and in x and y one is not enough
-                states = force_states(plant_of(catalogue), found.fitter, found.fit, found.errors, catalogue)
+                states = force_states(engine_of(catalogue), found.fitter, found.fit, found.errors, catalogue)
             paths = save(found, pictures, tested, states, map_units(units), units)
             page = compare_page(found, model, catalogue, units, tested=tested,
                                 force_maps=[(one.name, one.x, one.v, one.force) for one in states],

@@ -45,10 +45,10 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     """
     from testbed.analysis.search.diagnose import diagnose
     from testbed.analysis.search.diagnosis import as_json, unaided
-    from testbed.analysis.search.other_way import other_way_note
     from testbed.analysis.search.rules import rules_of
+    from testbed.analysis.search.sign_check import other_way_note
     from testbed.catalogue import DECOYS
-    from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
+    from testbed.cli._fitting import channel_units, engine_of, notes_on, read_both, sign_of_life
     from testbed.files.model_file import effect_text
 
     answer = Answer(json_file, quiet)
@@ -57,12 +57,12 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
         output_folder(propose)
     catalogue = catalogue_of((*folders, str(DECOYS)) if decoys else folders)
     model, records, read = read_both(campaign, model_file, catalogue)
-    with sign_of_life("fitting the believed model to all records", quiet) as say:
-        found = diagnose(plant_of(catalogue), records, model, catalogue, say=say, budget=budget,
+    with sign_of_life("fitting the believed model to all records", quiet) as progress:
+        found = diagnose(engine_of(catalogue), records, model, catalogue, progress=progress, budget=budget,
                          **({"most": MANY} if until_adequate else {}))
         turned = []
         if found.candidates:  # else no search was made, for what was found before it
-            turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
+            turned = other_way_note(engine_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
     stuck, guesses, of_the_fit, tapped = _of_the_best_fit(found, records, model, catalogue)
     notes = [*notes_on(read, model), *turned, *of_the_fit]
     for note in notes:
@@ -108,7 +108,7 @@ def _of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
         said_not_determined,
     )
     from testbed.analysis.fit.plausible import remarks_on
-    from testbed.analysis.fit.taken import taken_notes
+    from testbed.analysis.fit.record_hypotheses import taken_notes
     from testbed.analysis.search.diagnosis import ADEQUATE
     from testbed.analysis.search.mark_delay import delay_note
 
@@ -131,12 +131,12 @@ def _force_maps(found: Any, catalogue: Any) -> list[Any]:
     """Force-state maps of what the best model still lacks; none where that is but noise."""
     from testbed.analysis.force.force_state import force_states
     from testbed.analysis.search.diagnosis import ADEQUATE
-    from testbed.cli._fitting import plant_of
+    from testbed.cli._fitting import engine_of
 
     best = found.best
     if best.fit is None or best.error_held_out <= ADEQUATE * found.noise_floor:
         return []
-    states = force_states(plant_of(catalogue), best.fitter, best.fit, best.errors, catalogue)
+    states = force_states(engine_of(catalogue), best.fitter, best.fit, best.errors, catalogue)
     return [(one.name, one.x, one.v, one.force) for one in states]
 
 
@@ -145,13 +145,13 @@ def _propose(answer: Answer, found: Any, records: Any, model: Any, catalogue: An
     """Estimate what force is missing, say what it depends on, and write it as an effect; None where nothing is left."""
     from testbed.analysis.force.explain_force import as_json, left_unexplained, write_effect
     from testbed.analysis.force.formula_trial import Jury
-    from testbed.cli._fitting import plant_of, sign_of_life
+    from testbed.cli._fitting import engine_of, sign_of_life
     from testbed.trial.proposal import free_name
 
     try:
-        with sign_of_life("estimating the missing force", answer.quiet) as say:
-            told = left_unexplained(plant_of(catalogue), records, found, catalogue, say)
-            explanation = Jury(plant_of, model, catalogue, say).likeliest(told) if told else None
+        with sign_of_life("estimating the missing force", answer.quiet) as progress:
+            told = left_unexplained(engine_of(catalogue), records, found, catalogue, progress)
+            explanation = Jury(engine_of, model, catalogue, progress).likeliest(told) if told else None
     except ValueError as problem:
         raise InputProblem(campaign, f"the missing force cannot be estimated: {problem}", "record more cuts") from None
     if explanation is None:
@@ -180,10 +180,10 @@ def _decoys(answer: Answer, found: Any, catalogue: Any) -> dict[str, Any]:
 
 def _false_alarms(answer: Answer, found: Any, catalogue: Any, count: int, seed: int) -> dict[str, Any]:
     from testbed.analysis.search.false_alarms import false_alarms
-    from testbed.cli._fitting import plant_of, sign_of_life
+    from testbed.cli._fitting import engine_of, sign_of_life
 
-    with sign_of_life("diagnosing campaigns without a hidden effect", answer.quiet) as say:
-        told = false_alarms(plant_of(catalogue), found.base, catalogue, count, seed, say)
+    with sign_of_life("diagnosing campaigns without a hidden effect", answer.quiet) as progress:
+        told = false_alarms(engine_of(catalogue), found.base, catalogue, count, seed, progress)
     low, high = told.interval
     answer.say(f"of {count} campaigns simulated without a hidden effect at these conditions and noise, {told.alarms} had one "
                f"named: a false-alarm rate between {low:.1%} and {high:.1%} (95 %)")

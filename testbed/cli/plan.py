@@ -55,7 +55,7 @@ def command(campaign: str, model_file: str, speed: list[float], depth: list[floa
     import numpy as np
 
     from testbed.analysis.probable.plan import plan
-    from testbed.cli._fitting import plant_of, read_both
+    from testbed.cli._fitting import engine_of, read_both
 
     answer = Answer(json_file, quiet)
     if len(speed) * len(depth) > MOST_CUTS:
@@ -65,7 +65,7 @@ def command(campaign: str, model_file: str, speed: list[float], depth: list[floa
     cuts = [record for record in records if record.kind == "cut"]
     if not cuts:
         raise InputProblem(campaign, "holds no cut", "record one: what a cut shows is foretold from those there are")
-    open_, why = _explanations(plant_of(catalogue), records, model, catalogue, quiet)
+    open_, why = _explanations(engine_of(catalogue), records, model, catalogue, quiet)
     said: dict[str, Any] = {"next": [], "explanations": [one.name for one in open_], "no_plan": why, "risk": risk,
                             "draws": draws, "candidates": len(speed) * len(depth), "notes": []}
     if why is not None:
@@ -77,7 +77,7 @@ def command(campaign: str, model_file: str, speed: list[float], depth: list[floa
     within = [(at, b, float(stable[row, column])) for row, b in enumerate(depth) for column, at in enumerate(speed)
               if b > 0.0 and stable[row, column] * draws / (draws + 1.0) >= 1.0 - risk]
     with progress("cuts foretold", quiet) as show:
-        found = plan(plant_of(catalogue), max(cuts, key=lambda one: one.samples), open_, within, show)
+        found = plan(engine_of(catalogue), max(cuts, key=lambda one: one.samples), open_, within, show)
     said["next"] = [_as_json(one) for one in found[:count]]
     for note in said["notes"]:
         answer.say(f"note: {note}")
@@ -85,7 +85,7 @@ def command(campaign: str, model_file: str, speed: list[float], depth: list[floa
     answer.finish(said)
 
 
-def _explanations(plant: Any, records: Any, model: Any, catalogue: Any, quiet: bool) -> tuple[list[Any], str | None]:
+def _explanations(engine: Any, records: Any, model: Any, catalogue: Any, quiet: bool) -> tuple[list[Any], str | None]:
     """What the records leave open, each with what it would make of the machine, or why nothing can be said."""
     from testbed.analysis.comparison.compare import compare
     from testbed.analysis.fit.estimates import estimates
@@ -94,15 +94,15 @@ def _explanations(plant: Any, records: Any, model: Any, catalogue: Any, quiet: b
     from testbed.analysis.search.diagnose import diagnose, rivals_of
     from testbed.cli._fitting import sign_of_life
 
-    with sign_of_life("fitting the believed model to all records", quiet) as say:
-        found = compare(plant, records, model, catalogue)
+    with sign_of_life("fitting the believed model to all records", quiet) as progress:
+        found = compare(engine, records, model, catalogue)
         why = why_no_chance(found)
         if not why:
             told = posterior(found.fitter, found.fit, found.parameters, model, catalogue)
             return [Explanation("the model as it is", told.known, told.wider)], None
         if found.says_nothing or found.adequate or found.against:
             return [], why
-        diagnosis = diagnose(plant, records, model, catalogue, say=say)
+        diagnosis = diagnose(engine, records, model, catalogue, progress=progress)
         open_ = []
         for one in rivals_of(diagnosis):
             assert one.fitter is not None and one.fit is not None  # of a rival

@@ -13,7 +13,7 @@ from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.held_out import errors_in_fit, held_out_errors, pooled
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.starts import free_parameters, polish
+from testbed.analysis.fit.starts import alternate_fit_and_passes, free_parameters
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.report.compare_page import compare_page
 from testbed.analysis.report.page import Page, Panel
@@ -29,7 +29,7 @@ CATALOGUE = catalogue()
 EFFECT, OTHER = "process_damping", "tool_wear"
 HIDDEN = TRUE.with_effect(EFFECT, coefficient=2.0e5)
 UNITS = {"displacement": "m"}
-PLANT = SimpleNamespace(
+ENGINE = SimpleNamespace(
     predict_cuts=partial(predict.predict_cuts, catalogue=CATALOGUE),
     predict_driven=partial(predict.predict_driven, catalogue=CATALOGUE),
 )
@@ -47,18 +47,18 @@ def fit_from(model, chosen, effects=()):
     free = free_parameters(chosen, model)
     for name in effects:
         free += effect_parameters(CATALOGUE[name], chosen)
-    fitter = Fitter(PLANT, chosen, free)
+    fitter = Fitter(ENGINE, chosen, free)
     state = State(model, MARK_ANGLE, tuple(first_nuisances(record, MARK_ANGLE) for record in chosen))
-    return fitter, polish(fitter, state, rounds=1, iterations=4)
+    return fitter, alternate_fit_and_passes(fitter, state, rounds=1, iterations=4)
 
 
 @cache
 def comparison(true=HIDDEN) -> Comparison:
     """compare() without its search for a start."""
     search = testbed.analysis.comparison.compare.model_fit
-    testbed.analysis.comparison.compare.model_fit = lambda plant, chosen, model, known, told: fit_from(TRUE, chosen)
+    testbed.analysis.comparison.compare.model_fit = lambda engine, chosen, model, known, told: fit_from(TRUE, chosen)
     try:
-        return compare(PLANT, records(true), BELIEVED, CATALOGUE)
+        return compare(ENGINE, records(true), BELIEVED, CATALOGUE)
     finally:
         testbed.analysis.comparison.compare.model_fit = search
 

@@ -28,7 +28,7 @@ from testbed.workshop import RPM, Measurement, measured_cut
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.validation.claims import Claim, Section
 
-PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+ENGINE = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 RATE = 6400.0  # samples/s
 FEED = 0.1016e-3  # m a tooth
 COURSE = (30, 40, 16)  # revolutions of idling (the noise is read from it), cutting, ringing down
@@ -193,7 +193,7 @@ def cases() -> list[Case]:
 def told(case: Case, seed: int = 3) -> Diagnosis:
     """The diagnosis of a case's campaign."""
     records = [observe(record, BELIEVED) for record in case.maker(case.truth, seed)]
-    return diagnose(PLANT, records, BELIEVED, catalogue())
+    return diagnose(ENGINE, records, BELIEVED, catalogue())
 
 
 def answer(found: Diagnosis) -> str:

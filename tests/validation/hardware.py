@@ -67,7 +67,7 @@ def any_linear_dynamometer(step: Candidate) -> float:
     per_record = []
     for record, own in zip(step.fitter.records, state.nuisances, strict=True):
         turn = record.period / own.speed * record.rate  # samples
-        forces = predict_forces(step.fitter.plant, record, [(state.model, state.angle, own)])[0]
+        forces = predict_forces(step.fitter.engine, record, [(state.model, state.angle, own)])[0]
         per_record.append([(_harmonics(seen, turn), _harmonics(told, turn)[0])
                            for seen, told in zip(record.data, forces, strict=True)])
         whole += float(np.sum(record.data.var(axis=1)))

@@ -37,7 +37,7 @@ ELSEWHERE = FOLDER / "anywhere.jsonl"
 ANYWHERE = 4000  # seeds from here on are of machines of any workshop, those before of the published rig
 FAINTLY = FOLDER / "faint.jsonl"
 FAINT = 6000  # seeds from here on hide an effect that is hardly visible, or none, on the published rig
-PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+ENGINE = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 
 
 def drawn(seed: int) -> tuple[Any, Any, Any]:
@@ -66,7 +66,7 @@ def judged(seed: int) -> dict[str, Any]:
 def _diagnosed(truth: Any, records: Any, known: Any) -> dict[str, Any]:
     begin, processor = time.perf_counter(), time.process_time()
     observed = [observe(record, truth.believed) for record in records]
-    found = diagnose(PLANT, observed, truth.believed, known)
+    found = diagnose(ENGINE, observed, truth.believed, known)
     told = {"made": True, "seconds": time.perf_counter() - begin, "processor": time.process_time() - processor,
             "verdict": found.verdict, "effects": list(found.effects), "baseline": found.baseline,
             "with_effects": found.with_effects, "noise_floor": found.noise_floor,
@@ -87,7 +87,7 @@ def _diagnosed(truth: Any, records: Any, known: Any) -> dict[str, Any]:
 def _left_by(name: str, truth: Any, observed: Any, known: Any) -> float:
     """Error over noise floor of the fit that begins at the truth without the other effect: is that one visible at all?"""
     model = truth.believed.with_effect(name, **truth.effects[name])
-    error, noise = pooled(held_out_errors(*model_fit(PLANT, observed, model, known)))
+    error, noise = pooled(held_out_errors(*model_fit(ENGINE, observed, model, known)))
     return error / noise
 
 

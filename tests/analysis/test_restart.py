@@ -8,19 +8,19 @@ import pytest
 
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.search.begun_anew import from_believed
-from testbed.analysis.search.believed_look import BelievedLook
 from testbed.analysis.search.diagnosis import ADEQUATE
-from testbed.analysis.search.first_looks import shifts_in_time
-from testbed.analysis.search.forward_search import Path, _backward, forward
-from testbed.analysis.search.second_look import CLEARLY, begun_with, looked_again
+from testbed.analysis.search.forward_search import SelectionTrace, _backward, forward
+from testbed.analysis.search.prior_screening import PriorScreening
+from testbed.analysis.search.refit_from_prior import from_believed
+from testbed.analysis.search.restart import CLEARLY, begun_with, restarted
+from testbed.analysis.search.score_test import shifts_in_time
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign
 
 KNOWN = {name: catalogue()[name] for name in ("edge_force", "immersion_error", "tool_wear")}
-PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
+ENGINE = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
                         predict_driven=partial(predict.predict_driven, catalogue=catalogue()))
 
 
@@ -32,7 +32,7 @@ def observed():
 
 
 def fitted(observed, *names):
-    return from_believed(PLANT, observed, BELIEVED, names, KNOWN)
+    return from_believed(ENGINE, observed, BELIEVED, names, KNOWN)
 
 
 @pytest.mark.long
@@ -40,7 +40,7 @@ def test_a_search_that_began_with_the_wrong_effect_is_begun_again(observed):
     base, wrong = fitted(observed), fitted(observed, "edge_force")
     noise = pooled(base.errors)[1]
     assert wrong.error_held_out > 1.5 * noise
-    found = looked_again(Path((base, wrong), (wrong,), ()), BelievedLook(base, BELIEVED, KNOWN, lambda line: None), noise, 3)
+    found = restarted(SelectionTrace((base, wrong), (wrong,), ()), PriorScreening(base, BELIEVED, KNOWN, lambda line: None), noise, 3)
     assert found.end.effects == ("immersion_error",) and found.steps[0] is base
     assert found.end.error_held_out < 1.05 * noise
     assert found.end.parameters["immersion_error.error"] == pytest.approx(0.45, abs=0.005)
@@ -60,7 +60,7 @@ def test_an_effect_that_a_later_one_makes_needless_is_dropped(observed):
 def test_where_no_first_step_leads_to_much_the_believed_machine_is_asked(observed):
     base, said = fitted(observed), []
     noise = pooled(base.errors)[1]
-    look = BelievedLook(base, BELIEVED, KNOWN, said.append)
+    look = PriorScreening(base, BELIEVED, KNOWN, said.append)
     found = forward([base], BELIEVED, KNOWN, 3, said.append, look)
     assert found.end.effects == ("immersion_error",) and found.end.error_held_out < 1.05 * noise
     assert look.gave(("immersion_error",)) and said.count("fitting immersion_error from the believed machine") == 1
@@ -80,7 +80,7 @@ def test_an_effect_is_looked_for_on_both_sides_of_neutral_and_though_a_cut_ends_
                                  tests=((3500, 0.8), (2850, 2.9), (3900, 2.2), (2600, 1.2)), course=(10, 40, 15), rate=6400.0)
     known = {name: KNOWN[name] for name in ("edge_force", "immersion_error")}
     base = fitted([observe(record, BELIEVED) for record in records])
-    look = BelievedLook(base, BELIEVED, known, lambda line: None)
+    look = PriorScreening(base, BELIEVED, known, lambda line: None)
     assert look.leader == "immersion_error" and [one.effects for one in look.alone()] == [("immersion_error",)]
     assert look.alone()[0].parameters["immersion_error.error"] == pytest.approx(-0.25, abs=0.015)
 
@@ -88,7 +88,7 @@ def test_an_effect_is_looked_for_on_both_sides_of_neutral_and_though_a_cut_ends_
 @pytest.mark.long
 def test_what_the_believed_machine_cannot_explain_is_asked_once(observed):
     base, said = fitted(observed), []
-    look = BelievedLook(base, BELIEVED, {name: KNOWN[name] for name in ("edge_force", "tool_wear")}, said.append)
+    look = PriorScreening(base, BELIEVED, {name: KNOWN[name] for name in ("edge_force", "tool_wear")}, said.append)
     assert look.leader in ("edge_force", "tool_wear")
     assert look.alone() == () and look.alone() == ()
     assert sum(line.startswith("fitting") for line in said) == 1 and not look.gave((look.leader,))
@@ -98,8 +98,8 @@ def test_what_the_believed_machine_cannot_explain_is_asked_once(observed):
 def test_a_search_that_left_only_noise_is_not_begun_again(observed):
     right = fitted(observed, "immersion_error")
     base = fitted(observed)
-    path = Path((base, right), (), ())
-    assert looked_again(path, BelievedLook(base, BELIEVED, KNOWN, pytest.fail), pooled(right.errors)[1], 3) is path
+    path = SelectionTrace((base, right), (), ())
+    assert restarted(path, PriorScreening(base, BELIEVED, KNOWN, pytest.fail), pooled(right.errors)[1], 3) is path
 
 
 @pytest.mark.long
@@ -111,13 +111,13 @@ def test_two_effects_neither_of_which_explains_anything_alone_are_found_together
         true = true.with_effect(name, **values)
     records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=8, course=(8, 25, 12), rate=6400.0,
                                  tests=((3500, 0.8), (2850, 1.5), (3900, 1.8)))
-    base = from_believed(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED, (), known)
+    base = from_believed(ENGINE, [observe(record, BELIEVED) for record in records], BELIEVED, (), known)
     noise = pooled(base.errors)[1]
     assert base.error_held_out > 10.0 * noise
-    look = BelievedLook(base, BELIEVED, known, lambda line: None)
+    look = PriorScreening(base, BELIEVED, known, lambda line: None)
     pairs = {other: look.opened("cubic_stiffness", other) for other in ("edge_force", "process_damping")}
     assert pairs["edge_force"] < CLEARLY * min(pairs["process_damping"], look.opened("cubic_stiffness"))
-    found = begun_with(Path((base,), (), ()), ["cubic_stiffness", "edge_force"], look, noise, 2)
+    found = begun_with(SelectionTrace((base,), (), ()), ["cubic_stiffness", "edge_force"], look, noise, 2)
     assert set(found.end.effects) == set(hidden) and found.end.error_where_known < 1.05 * noise
     assert found.end.parameters["cubic_stiffness.coefficient"] == pytest.approx(8e13, rel=0.02)
 

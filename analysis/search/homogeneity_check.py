@@ -15,10 +15,10 @@ from scipy.special import chdtrc
 from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.estimates import estimates, matters
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.information import Z_95
-from testbed.analysis.search.begun_anew import from_believed
-from testbed.analysis.search.unheard import SOUND
+from testbed.analysis.search.outlier_records import SOUND
+from testbed.analysis.search.refit_from_prior import from_believed
 from testbed.effect import Effect
 from testbed.machine import BASE_UNITS, Model
 
@@ -46,7 +46,7 @@ class Differing:
         return f"{self.path} ({BASE_UNITS[self.path]}: {each})"
 
 
-def each_alone(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
+def each_alone(engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
                worst_first: Sequence[int]) -> list[Differing]:  # fmt: skip
     """The parameters that differ from record to record, the surest first; none where a record alone disagrees with the model.
 
@@ -56,7 +56,7 @@ def each_alone(plant: Plant, records: Sequence[Observed], model: Model, catalogu
         return []
     found = {}
     for place in worst_first:
-        alone = from_believed(plant, [records[place]], model, (), catalogue)
+        alone = from_believed(engine, [records[place]], model, (), catalogue)
         assert alone.fit is not None and alone.fitter is not None
         if float(alone.fit.mean_squares[0]) > SOUND:
             return []

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.settled import settled
+from testbed.analysis.search.final_fit import settled
 from tests.support.short_round import KNOWN, fitted
 
 

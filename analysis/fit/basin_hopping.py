@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.pass_search import place_exits
-from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.starts import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect, Parameter
 
@@ -21,7 +21,7 @@ CHEAPER = 1e-5  # share of the cost, and one unit more, that another valley must
 MUCH = 1e-3  # share of it from which there may be a deeper one further along
 
 
-def hopped(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -> WaveformFit:
+def basin_hopping(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -> WaveformFit:
     """The fit, started again with every scale of these laws some way off, as long as that leads to a deeper valley.
 
     There the exits are looked for anew: the valley that was left may have held them many passes early or late.
@@ -30,7 +30,7 @@ def hopped(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -> Wavef
     for path, bounds in scales(effects):
         for factor in HOPS:
             fit = _along(fitter, path, factor, bounds, fit)
-    return fit if fit is first else polish(fitter, place_exits(fitter, fit.state), rounds=3, iterations=SETTLE)
+    return fit if fit is first else alternate_fit_and_passes(fitter, place_exits(fitter, fit.state), rounds=3, iterations=SETTLE)
 
 
 def scales(effects: Sequence[Effect]) -> Iterator[tuple[str, tuple[float, float]]]:
@@ -50,7 +50,7 @@ def _along(fitter: Fitter, path: str, factor: float, bounds: tuple[float, float]
     """The fit with one scale multiplied by a factor again and again, and all else fitted, while that costs less."""
     while bounds[0] <= factor * fit.state.model.value(path) <= bounds[1]:
         moved = fit.state.with_value(path, factor * fit.state.model.value(path))
-        trial = fitter.fit(moved, iterations=CORNER, goal=fit.cost)
+        trial = fitter.fit(moved, iterations=CORNER, cost_limit=fit.cost)
         if not deeper(trial, fit):
             return fit
         before, fit = fit.cost, trial if trial.converged else fitter.fit(trial.state, iterations=4 * CORNER, near=trial)

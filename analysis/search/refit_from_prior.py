@@ -16,8 +16,8 @@ from testbed.analysis.fit.fine_steps import has_kinks
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant
-from testbed.analysis.fit.starts import fitter_of_openings, polish, scan_starts, with_exits
+from testbed.analysis.fit.prediction import Engine
+from testbed.analysis.fit.starts import alternate_fit_and_passes, fitter_of_openings, scan_starts, with_exits
 from testbed.analysis.fit.switched import switchable
 from testbed.analysis.search.candidate_round import CREEP, by_noise, candidate_of
 from testbed.analysis.search.diagnosis import ADEQUATE, Candidate
@@ -31,15 +31,15 @@ MUCH_CHEAPER = 0.7  # times the cost that the new fit must have where it, too, l
 
 
 def from_believed(
-    plant: Plant, records: Sequence[Observed], model: Model, names: Sequence[str], catalogue: Mapping[str, Effect],
-    goal: float = math.inf, turned: Container[str] = (),
+    engine: Engine, records: Sequence[Observed], model: Model, names: Sequence[str], catalogue: Mapping[str, Effect],
+    cost_limit: float = math.inf, turned: Container[str] = (),
 ) -> Candidate:  # fmt: skip
     """The effects of these names, each from its example, fitted from the believed `model`; its gain in BIC counts as none.
 
-    goal: the cost above which the fit is of no use, and is given up. turned: see `with_examples`.
+    cost_limit: the cost above which the fit is of no use, and is given up. turned: see `with_examples`.
     """
     believed = with_examples(model, names, catalogue, turned)
-    return candidate_of(*model_fit(plant, records, believed, catalogue, goal=goal), tuple(names), None, 1.0)
+    return candidate_of(*model_fit(engine, records, believed, catalogue, cost_limit=cost_limit), tuple(names), None, 1.0)
 
 
 def explaining(records: Sequence[Observed], state: State) -> float:
@@ -59,8 +59,8 @@ def with_examples(model: Model, names: Sequence[str], catalogue: Mapping[str, Ef
     return model
 
 
-def begun_anew(
-    first: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None]
+def refit_from_prior(
+    first: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, progress: Callable[[str], None]
 ) -> Candidate:
     """The set of effects, or, where it leaves more than noise, its fit from the believed `model`, if that explains more.
 
@@ -72,22 +72,22 @@ def begun_anew(
     if first.error_held_out <= CLEAN * noise:
         return first
     if has_kinks(first.effects, catalogue) and first.error_held_out <= ANCHOR * noise:
-        return _cut_anew(first, model, say)
-    say(f"fitting {first.effects[-1]} anew from the believed machine")
+        return _cut_anew(first, model, progress)
+    progress(f"fitting {first.effects[-1]} anew from the believed machine")
     believed = _believed_but_last(first, model, catalogue)
     moves_arc = "immersion" in catalogue[first.effects[-1]].hooks
     now = by_noise(first) if moves_arc else first
     assert now.fit is not None and now.fitter is not None
-    goal = math.inf if moves_arc else FAR_OFF * now.fit.cost
-    plant, records, free = now.fitter.plant, now.fitter.records, now.fitter.unknowns
-    fitter, fit = model_fit(plant, records, believed, catalogue, free, goal, known=now.fit.cost)
-    if fit.cost > goal:
+    cost_limit = math.inf if moves_arc else FAR_OFF * now.fit.cost
+    engine, records, free = now.fitter.engine, now.fitter.records, now.fitter.unknowns
+    fitter, fit = model_fit(engine, records, believed, catalogue, free, cost_limit, known=now.fit.cost)
+    if fit.cost > cost_limit:
         return first
     found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
     return found if _better(found, now.fit, fit, noise) and found.error_held_out < first.error_held_out else first
 
 
-def _cut_anew(first: Candidate, model: Model, say: Callable[[str], None]) -> Candidate:
+def _cut_anew(first: Candidate, model: Model, progress: Callable[[str], None]) -> Candidate:
     """The set with cutting coefficients and mark angle looked for again from what is believed of them, if that is better.
 
     Structure and effects begin as found: with a law that has kinks they know their valley by now, and all else is dear.
@@ -96,12 +96,12 @@ def _cut_anew(first: Candidate, model: Model, say: Callable[[str], None]) -> Can
     fitter, cutting = first.fitter, model.cutting
     if cutting is None or all(record.cut is None for record in fitter.records):
         return first
-    say(f"fitting {first.effects[-1]} anew with the cutting coefficients as believed")
+    progress(f"fitting {first.effects[-1]} anew with the cutting coefficients as believed")
     believed = first.fit.state.model.with_values(
         {path: getattr(cutting, path) for path in ("tangential_coefficient", "normal_coefficient")})  # fmt: skip
-    opening = fitter_of_openings(fitter.plant, fitter.records, fitter.unknowns)
-    begun = polish(opening, scan_starts(fitter.plant, opening.records, believed, 1)[0], rounds=2, iterations=CORNER)
-    fit = polish(fitter, with_exits(fitter, begun.state), rounds=3, iterations=CREEP, goal=first.fit.cost)
+    opening = fitter_of_openings(fitter.engine, fitter.records, fitter.unknowns)
+    begun = alternate_fit_and_passes(opening, scan_starts(fitter.engine, opening.records, believed, 1)[0], rounds=2, iterations=CORNER)
+    fit = alternate_fit_and_passes(fitter, with_exits(fitter, begun.state), rounds=3, iterations=CREEP, cost_limit=first.fit.cost)
     if not fit.cost < first.fit.cost - 0.5 * DELTA_BIC * fit.variance:
         return first
     found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
@@ -124,7 +124,7 @@ def _believed_but_last(one: Candidate, model: Model, catalogue: Mapping[str, Eff
 
 
 def switched_on_too(
-    current: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None]
+    current: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, progress: Callable[[str], None]
 ) -> Candidate | None:
     """The set with an effect more that has no parameter (loss of contact), fitted from the believed `model`.
 
@@ -134,12 +134,12 @@ def switched_on_too(
     assert current.fit is not None and current.fitter is not None
     fit, fitter = current.fit, current.fitter
     records = [replace(record, weight=None) for record in fitter.records]
-    goal = explaining(records, fit.state)
+    cost_limit = explaining(records, fit.state)
     for name, _ in switchable(fitter, fit.state, catalogue):
-        say(f"fitting {current.effects[-1]} with {name} from the believed machine")
+        progress(f"fitting {current.effects[-1]} with {name} from the believed machine")
         believed = _believed_but_last(current, model, catalogue).with_effect(name)
-        wider, complete = model_fit(fitter.plant, records, believed, catalogue, goal=goal)
-        if complete.cost > goal:
+        wider, complete = model_fit(fitter.engine, records, believed, catalogue, cost_limit=cost_limit)
+        if complete.cost > cost_limit:
             continue
         found = candidate_of(wider, complete, (*current.effects, name), None, 1.0)
         if found.error_where_known <= ADEQUATE * noise:

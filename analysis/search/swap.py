@@ -12,7 +12,7 @@ from dataclasses import replace
 from testbed.analysis.fit.effect_start import Origin, applicable, is_required, origins_of, refitted_without
 from testbed.analysis.search.candidate_round import begun_and_fitted, candidate_of
 from testbed.analysis.search.diagnosis import Candidate
-from testbed.analysis.search.first_looks import BEHIND
+from testbed.analysis.search.score_test import BEHIND
 from testbed.analysis.search.steady_speed import no_swing
 from testbed.analysis.search.ties import clearly_better, tied_with
 from testbed.effect import Effect
@@ -22,7 +22,7 @@ NEAR = 1.02  # times the cost of the set to which one with another effect must c
 
 
 def exchanged(
-    found: Candidate, base: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, say: Callable[[str], None]
+    found: Candidate, base: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, progress: Callable[[str], None]
 ) -> tuple[Candidate, tuple[str, ...]]:  # fmt: skip
     """The set, or a better one with another effect of the same kind in it; and what is tied, if anything.
 
@@ -32,12 +32,12 @@ def exchanged(
         kin = _kin(name, found, catalogue)
         if not kin:
             continue
-        say(f"would another of its kind do in place of {name}?")
+        progress(f"would another of its kind do in place of {name}?")
         reduced = _without(found, name, catalogue)
         assert reduced.fit is not None and reduced.fitter is not None
-        origins = origins_of(reduced.fitter.plant, model, reduced.fitter, reduced.fit, anchored=False)
+        origins = origins_of(reduced.fitter.engine, model, reduced.fitter, reduced.fit, anchored=False)
         for other in kin:
-            instead = _instead(found, reduced, name, other, origins, catalogue, say)
+            instead = _instead(found, reduced, name, other, origins, catalogue, progress)
             if instead is None:
                 continue
             if tied_with(found, instead, base, noise):
@@ -73,11 +73,11 @@ def _without(found: Candidate, name: str, catalogue: Mapping[str, Effect]) -> Ca
 
 
 def _instead(found: Candidate, reduced: Candidate, name: str, other: str, origins: Sequence[Origin],
-             catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> Candidate | None:  # fmt: skip
+             catalogue: Mapping[str, Effect], progress: Callable[[str], None]) -> Candidate | None:  # fmt: skip
     """The set with `other` in the place of `name`; None where that comes to nothing."""
     assert found.fit is not None
-    tried = begun_and_fitted(reduced, catalogue[other], catalogue, origins, say,
-                             hopeful=BEHIND * found.fit.cost, goal=NEAR * found.fit.cost)
+    tried = begun_and_fitted(reduced, catalogue[other], catalogue, origins, progress,
+                             hopeful=BEHIND * found.fit.cost, cost_limit=NEAR * found.fit.cost)
     if tried is None or tried.fit is None or tried.fit.cost > NEAR * found.fit.cost or no_swing(tried, catalogue):
         return None
     effects = tuple(other if one == name else one for one in found.effects)

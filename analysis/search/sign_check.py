@@ -15,7 +15,7 @@ from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.held_out import errors_in_fit, pooled
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.starts import glance
 from testbed.analysis.fit.structure_start import structure_start
 from testbed.analysis.fit.waveform import Fitter
@@ -38,9 +38,9 @@ class _Way:
     records: Sequence[Observed]
     model: Model
 
-    def fitted(self, plant: Plant, catalogue: Mapping[str, Effect]) -> tuple[Fitter, WaveformFit]:
+    def fitted(self, engine: Engine, catalogue: Mapping[str, Effect]) -> tuple[Fitter, WaveformFit]:
         """The model as believed fitted to the records as they would have to be."""
-        return model_fit(plant, self.records, self.model, catalogue)
+        return model_fit(engine, self.records, self.model, catalogue)
 
 
 def _ways(records: Sequence[Observed], model: Model) -> Iterator[_Way]:
@@ -58,14 +58,14 @@ def _ways(records: Sequence[Observed], model: Model) -> Iterator[_Way]:
 
 
 def other_way_note(
-    plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], error: float, noise: float
+    engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], error: float, noise: float
 ) -> list[str]:
     """A line where the model, whose error (held out or not) is given, explains far more of the campaign turned round."""
     if error <= MUCH * noise:
         return []
-    most = LIKELY * _opening(plant, records, model, catalogue)
-    likely = [way for way in _ways(records, model) if _opening(plant, way.records, way.model, catalogue) < most]
-    left = {pooled(errors_in_fit(*way.fitted(plant, catalogue)))[0]: way for way in likely}
+    most = LIKELY * _opening(engine, records, model, catalogue)
+    likely = [way for way in _ways(records, model) if _opening(engine, way.records, way.model, catalogue) < most]
+    left = {pooled(errors_in_fit(*way.fitted(engine, catalogue)))[0]: way for way in likely}
     if not left or min(left) > FAR_BETTER * error:
         return []
     way = left[min(left)]
@@ -81,20 +81,20 @@ def other_way(base: Candidate, model: Model, catalogue: Mapping[str, Effect]) ->
     noise = pooled(base.errors)[1]
     if base.error_where_known <= MUCH * noise:
         return ""
-    plant, records = base.fitter.plant, base.fitter.records
-    stated = _opening(plant, records, model, catalogue)
+    engine, records = base.fitter.engine, base.fitter.records
+    stated = _opening(engine, records, model, catalogue)
     for way in _ways(records, model):
-        if _opening(plant, way.records, way.model, catalogue) >= stated:
+        if _opening(engine, way.records, way.model, catalogue) >= stated:
             continue
-        error, floor = pooled(errors_in_fit(*way.fitted(plant, catalogue)))
+        error, floor = pooled(errors_in_fit(*way.fitted(engine, catalogue)))
         if error <= ADEQUATE * floor:
             return f"The model explains the records down to their noise {way.turned}: {way.remedy}."
     return ""
 
 
-def _opening(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> float:
+def _opening(engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> float:
     """What a model leaves of the records' openings, as a cost: little work beside a whole fit."""
-    return glance(plant, records, structure_start(records, model), all_free(records, model, catalogue))
+    return glance(engine, records, structure_start(records, model), all_free(records, model, catalogue))
 
 
 def _turned(record: Observed) -> Observed:

@@ -16,11 +16,11 @@ from scipy.interpolate import make_interp_spline
 from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.own_course import own_course
 from testbed.analysis.fit.prediction import predict
-from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.record_restart import own_course
+from testbed.analysis.fit.starts import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.search.unheard import still_loud
+from testbed.analysis.search.outlier_records import still_loud
 
 BEYOND_NOISE = 10.0  # change from one revolution to the next at a cut's end, in units of the noise, from which it is irregular,
 BEYOND_OTHERS = 5.0  # times that of the median record,
@@ -73,7 +73,7 @@ class Followed:
 
     def fitted(self) -> WaveformFit:
         """All records fitted from there."""
-        return polish(self.fitter, self.state, rounds=2)
+        return alternate_fit_and_passes(self.fitter, self.state, rounds=2)
 
 
 def followed(fitter: Fitter, state: State, records: Sequence[Observed], left_out: Sequence[int]) -> Followed:
@@ -122,7 +122,7 @@ def _apart(single: Fitter, state: State) -> tuple[np.ndarray, np.ndarray]:
     """(how far two motions that begin almost at the same place are apart, size of the motion), both (revolutions,)."""
     record, own = single.records[0], state.nuisances[0]
     moved = replace(own, displacement=own.displacement + NUDGE * record.motion_size)
-    motion, other = predict(single.plant, record, [(state.model, state.angle, one) for one in (own, moved)])
+    motion, other = predict(single.engine, record, [(state.model, state.angle, one) for one in (own, moved)])
     swing = motion - motion.mean(axis=1, keepdims=True)
     return _by_revolution(record, state, other - motion), _by_revolution(record, state, swing)
 

@@ -11,13 +11,13 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 from testbed.analysis.fit.effect_start import all_free, applicable
-from testbed.analysis.fit.fit_state import Free
+from testbed.analysis.fit.fit_state import FreeParameter
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.starts import glance, opening_fit
 from testbed.analysis.fit.structure_start import structure_start
-from testbed.analysis.search.begun_anew import explaining, from_believed, with_examples
 from testbed.analysis.search.diagnosis import COMPLETE, Candidate
-from testbed.analysis.search.first_looks import shifts_in_time
+from testbed.analysis.search.refit_from_prior import explaining, from_believed, with_examples
+from testbed.analysis.search.score_test import shifts_in_time
 from testbed.analysis.threads import threaded
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -26,13 +26,13 @@ LIKELY = 4  # effects whose openings are fitted from several starts
 RIVAL = 1.2  # times the cost of the openings with the best effect, up to which another may explain the records as well
 
 
-class BelievedLook:
+class PriorScreening:
     """The believed machine with effects at their examples, fitted to the records of the base fit; nothing is fitted twice."""
 
-    def __init__(self, base: Candidate, model: Model, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> None:
+    def __init__(self, base: Candidate, model: Model, catalogue: Mapping[str, Effect], progress: Callable[[str], None]) -> None:
         assert base.fitter is not None
-        self.base, self.model, self.catalogue, self.say = base, model, catalogue, say
-        self.plant, self.records = base.fitter.plant, base.fitter.records
+        self.base, self.model, self.catalogue, self.say = base, model, catalogue, progress
+        self.engine, self.records = base.fitter.engine, base.fitter.records
         self._costs: dict[tuple[str, ...], float] = {}
         self._fits: dict[tuple[str, ...], Candidate] = {}
         self._alone: tuple[Candidate, ...] | None = None
@@ -73,7 +73,7 @@ class BelievedLook:
     def _started(self) -> Model:
         return structure_start(self.records, self.model)
 
-    def _begun(self, names: Sequence[str]) -> tuple[Model, list[Free]]:
+    def _begun(self, names: Sequence[str]) -> tuple[Model, list[FreeParameter]]:
         """The believed machine with these effects, its structure as free decays show it; and what is unknown of it."""
         free = all_free(self.records, with_examples(self.model, names, self.catalogue), self.catalogue)
         return with_examples(self._started, names, self.catalogue, self._turned), free
@@ -81,11 +81,11 @@ class BelievedLook:
     def _glanced(self, name: str) -> float:
         """The cost of a short fit, on the side of neutral on which it is less."""
         self.say(f"{name} from the believed machine")
-        cost = glance(self.plant, self.records, *self._begun([name]))
+        cost = glance(self.engine, self.records, *self._begun([name]))
         if self.catalogue[name].other_side() is None:
             return cost
         self._turned.add(name)
-        other = glance(self.plant, self.records, *self._begun([name]))
+        other = glance(self.engine, self.records, *self._begun([name]))
         if not other < cost:
             self._turned.discard(name)
         return min(cost, other)
@@ -96,13 +96,13 @@ class BelievedLook:
             self._costs[names] = self._opening(names, math.inf)
         return self._costs[names]
 
-    def _opening(self, names: Sequence[str], goal: float) -> float:
+    def _opening(self, names: Sequence[str], cost_limit: float) -> float:
         self.say(f"{' and '.join(names)} from the believed machine, the openings")
-        return opening_fit(self.plant, self.records, *self._begun(names), goal=goal).cost
+        return opening_fit(self.engine, self.records, *self._begun(names), cost_limit=cost_limit).cost
 
-    def _open(self, sets: Sequence[tuple[str, ...]], goal: float) -> None:
+    def _open(self, sets: Sequence[tuple[str, ...]], cost_limit: float) -> None:
         """Open sets of effects; those that do not come to the goal are given up above it."""
-        self._costs |= dict(zip(sets, threaded(lambda names: self._opening(names, goal), sets), strict=True))
+        self._costs |= dict(zip(sets, threaded(lambda names: self._opening(names, cost_limit), sets), strict=True))
 
     def fitted(self, *names: str) -> Candidate:
         """These effects fitted to the whole records; their gain in BIC counts as none."""
@@ -110,12 +110,12 @@ class BelievedLook:
         assert found is not None
         return found
 
-    def _fitted(self, names: tuple[str, ...], goal: float) -> Candidate | None:
+    def _fitted(self, names: tuple[str, ...], cost_limit: float) -> Candidate | None:
         """The same, or None where the fit was given up above its goal."""
         if names not in self._fits:
             self.say(f"fitting {' and '.join(names)} from the believed machine")
-            found = from_believed(self.plant, self.records, self.model, names, self.catalogue, goal, self._turned)
-            if found.fit is None or found.fit.cost > goal:
+            found = from_believed(self.engine, self.records, self.model, names, self.catalogue, cost_limit, self._turned)
+            if found.fit is None or found.fit.cost > cost_limit:
                 return None
             self._fits[names] = found
         return self._fits[names]
@@ -133,11 +133,11 @@ class BelievedLook:
     def _complete(self) -> tuple[Candidate, ...]:
         first, *others = self._likely
         assert self.base.fit is not None
-        goal, close = explaining(self.records, self.base.fit.state), RIVAL * self.opened(first)
-        found = self._fitted((first,), goal)
+        cost_limit, close = explaining(self.records, self.base.fit.state), RIVAL * self.opened(first)
+        found = self._fitted((first,), cost_limit)
         if found is None or found.error_where_known > COMPLETE * pooled(self.base.errors)[1]:
             return ()
-        rivals = [self._fitted((name,), goal) for name in others if self.opened(name) <= close]
+        rivals = [self._fitted((name,), cost_limit) for name in others if self.opened(name) <= close]
         return (found, *(one for one in rivals if one is not None))
 
     def beside_leader(self) -> dict[str, float]:

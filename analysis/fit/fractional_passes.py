@@ -85,7 +85,7 @@ def _plain_together(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     whole = fit.state.with_nearly_whole(fitter.records, fitter.gradual, NEAR)
     if whole == fit.state:
         return fit
-    plain = fitter.fit(whole, iterations=LAST, goal=fit.cost + PLAIN)
+    plain = fitter.fit(whole, iterations=LAST, cost_limit=fit.cost + PLAIN)
     return plain if plain.cost < fit.cost + PLAIN else fit
 
 
@@ -163,11 +163,11 @@ def _moved(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     for _ in range(MOVES):
         tried = threaded(partial(best_moved, fitter, fit), cuts)
         place, (cost, own) = min(zip(cuts, tried, strict=True), key=lambda pair: pair[1][0])
-        goal = fit.cost - max(GAIN, MOVED * _excess(fitter, fit))
-        if not cost < goal:
+        cost_limit = fit.cost - max(GAIN, MOVED * _excess(fitter, fit))
+        if not cost < cost_limit:
             break
         moved = fitter.fit(fit.state.with_record(place, own), iterations=STEPS)
-        if not moved.cost < goal:
+        if not moved.cost < cost_limit:
             break
         fit = moved
     return fit

@@ -5,13 +5,13 @@ from functools import partial
 import pytest
 
 from testbed.analysis.comparison.compare import compare
-from testbed.analysis.fit.first_front import with_other_front
+from testbed.analysis.fit.entry_history import with_other_front
 from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.taken import taken_notes
+from testbed.analysis.fit.record_hypotheses import taken_notes
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
+from testbed.cli._fitting import engine_of
 from testbed.cut import Cut
 from testbed.engines import fast
 from testbed.workshop import RPM, Measurement, measured_cut
@@ -34,7 +34,7 @@ def campaign(*, swung, swing=3e-5):
 @pytest.mark.long
 def test_the_data_choose_what_the_first_teeth_meet(swung):
     records = campaign(swung=swung)
-    found = compare(plant_of(catalogue()), records, BELIEVED, catalogue())
+    found = compare(engine_of(catalogue()), records, BELIEVED, catalogue())
     assert found.error == pytest.approx(found.noise_floor, rel=0.02)
     assert [record.swung_front for record in found.fitter.records] == [swung] * len(TESTS)
     assert any("delay equation" in note for note in taken_notes(records, found.fitter.records)) == swung

@@ -8,10 +8,10 @@ import pytest
 from testbed.analysis.fit.effect_start import all_free
 from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State
-from testbed.analysis.fit.grown_cuts import bends_frequency, grown_cuts
+from testbed.analysis.fit.growing_window import bends_frequency, grown_cuts
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.pass_search import SHORTEST, place_entries, place_exits
-from testbed.analysis.fit.starts import base_fit, polish
+from testbed.analysis.fit.starts import alternate_fit_and_passes, base_fit
 from testbed.analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
@@ -41,7 +41,7 @@ def test_where_phases_run_apart_a_fit_grown_along_the_cuts_finds_the_valley_that
     model = model.with_effect("cubic_stiffness", coefficient=1.1 * true)
     fitter = Fitter(predict, observed, all_free(observed, model, KNOWN))
     state = State(model, MARK, tuple(first_nuisances(record, MARK) for record in observed))
-    astray = polish(fitter, place_exits(fitter, state))
+    astray = alternate_fit_and_passes(fitter, place_exits(fitter, state))
     assert astray.mean_squares.max() > 20.0
     found = grown_cuts(fitter, astray)
     assert found.mean_squares.max() < 1.1

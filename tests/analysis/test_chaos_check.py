@@ -9,11 +9,11 @@ import pytest
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.search.begun_anew import from_believed
 from testbed.analysis.search.candidate_round import candidate_of
+from testbed.analysis.search.chaos_check import followed, irregular, parts
 from testbed.analysis.search.diagnose import diagnose
 from testbed.analysis.search.diagnosis import OtherForm, verdict_of
-from testbed.analysis.search.irregular import followed, irregular, parts
+from testbed.analysis.search.refit_from_prior import from_believed
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.support.campaign_files import BELIEVED, TRUE
@@ -21,7 +21,7 @@ from tests.support.synthetic_campaign import synthetic_campaign
 
 STIFF = TRUE.with_effect("cubic_stiffness", coefficient=1.5e14)
 KNOWN = {name: catalogue()[name] for name in ("cubic_stiffness", "edge_force")}
-PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
+ENGINE = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
                         predict_driven=partial(predict.predict_driven, catalogue=KNOWN))
 REPEATING = ((4300, 2.5), (2700, 1.5), (3900, 2.2), (4200, 1.5))
 CHAOTIC = (2700, 2.6)
@@ -37,7 +37,7 @@ def observed():
 @pytest.fixture(scope="module")
 def believed(observed):
     """The base fit, a rough one, to all records."""
-    return from_believed(PLANT, observed, BELIEVED, (), KNOWN)
+    return from_believed(ENGINE, observed, BELIEVED, (), KNOWN)
 
 
 def test_the_cut_that_never_repeats_is_recognised_where_enough_others_do(observed):
@@ -48,7 +48,7 @@ def test_the_cut_that_never_repeats_is_recognised_where_enough_others_do(observe
 
 @pytest.mark.long
 def test_the_search_is_made_on_the_others_and_the_record_left_out_is_told(observed):
-    found = diagnose(PLANT, observed, BELIEVED, KNOWN)
+    found = diagnose(ENGINE, observed, BELIEVED, KNOWN)
     assert (found.verdict, found.effects) == ("missing_effect", ("cubic_stiffness",))
     assert found.best.parameters["cubic_stiffness.coefficient"] == pytest.approx(1.5e14, rel=0.01)
     assert "Left out: 2700rpm_2.6mm" in found.sentence and "chaotic" in found.sentence
@@ -57,7 +57,7 @@ def test_the_search_is_made_on_the_others_and_the_record_left_out_is_told(observ
 
 
 def test_motions_part_where_the_machine_is_chaotic_and_nowhere_else(observed):
-    fitter, fit = model_fit(PLANT, observed[:4], STIFF, KNOWN)
+    fitter, fit = model_fit(ENGINE, observed[:4], STIFF, KNOWN)
     seen = followed(fitter, fit.state, observed, [4])
     assert seen.strange == seen.parting == (4,)
     assert not seen.state.nuisances[4].ends_in_arc()  # no beginning explains it: none within an arc was looked for
@@ -67,7 +67,7 @@ def test_motions_part_where_the_machine_is_chaotic_and_nowhere_else(observed):
 
 
 def test_a_record_left_out_that_the_machine_follows_is_fitted_with_the_others(observed):
-    fitter, fit = model_fit(PLANT, [*observed[:3]], STIFF, KNOWN)
+    fitter, fit = model_fit(ENGINE, [*observed[:3]], STIFF, KNOWN)
     seen = followed(fitter, fit.state, observed[:4], [3])
     assert seen.strange == seen.parting == ()
     assert seen.fitted().mean_squares.max() < 1.15
@@ -81,9 +81,9 @@ def test_a_record_left_out_that_the_machine_follows_is_fitted_with_the_others(ob
 @pytest.mark.long
 def test_a_law_found_on_the_others_is_held_against_the_irregular_record_and_ends_the_search(
         observed, believed, monkeypatch, left_out, model, told):
-    def searched(base, plant, *_):
+    def searched(base, engine, *_):
         assert len(base.fitter.records) == len(records) - 1  # no search on all records follows
-        law = candidate_of(*model_fit(plant, base.fitter.records, model, KNOWN), ("cubic_stiffness",), None, 1.0)
+        law = candidate_of(*model_fit(engine, base.fitter.records, model, KNOWN), ("cubic_stiffness",), None, 1.0)
         form = OtherForm("cubic_stiffness", 3.0, 5.0, 4.9, 5.1, 100.0, 1.0, {}, (), law)
         return replace(verdict_of(base, base, [base], (), 1e-9, ()), verdict="unexplained", form=form)
 
@@ -92,5 +92,5 @@ def test_a_law_found_on_the_others_is_held_against_the_irregular_record_and_ends
                         lambda _, records, *more: replace(believed, fitter=believed.fitter.on(records)))
     monkeypatch.setattr("testbed.analysis.search.diagnose.irregular", lambda _: [left_out])
     monkeypatch.setattr("testbed.analysis.search.diagnose._search", searched)
-    found = diagnose(PLANT, records, BELIEVED, KNOWN)
+    found = diagnose(ENGINE, records, BELIEVED, KNOWN)
     assert found.verdict == "unexplained" and told in found.sentence and records[left_out].name in found.sentence

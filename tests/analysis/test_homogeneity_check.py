@@ -9,7 +9,7 @@ import pytest
 from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.diagnose import diagnose
-from testbed.analysis.search.each_alone import differing, each_alone
+from testbed.analysis.search.homogeneity_check import differing, each_alone
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.support.campaign_files import BELIEVED, TRUE
@@ -17,7 +17,7 @@ from tests.support.synthetic_campaign import TESTS, synthetic_record
 
 KNOWN = catalogue()
 CANDIDATES = {name: KNOWN[name] for name in ("process_damping", "edge_force")}
-PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
+ENGINE = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
                         predict_driven=partial(predict.predict_driven, catalogue=KNOWN))
 SHARES = (0.3, -0.8, 1.0, -0.2)
 
@@ -35,7 +35,7 @@ def records(spread, **effects):
 
 @pytest.mark.long
 def test_a_frequency_that_differs_from_test_to_test_is_told_and_no_effect_blamed():
-    found = diagnose(PLANT, records(0.01), BELIEVED, CANDIDATES, most=1)
+    found = diagnose(ENGINE, records(0.01), BELIEVED, CANDIDATES, most=1)
     assert found.verdict == "unexplained" and found.effects == ()
     assert "Each record alone agrees" in found.sentence and "natural_frequency" in found.sentence
     assert "cut 1 145.25" in found.sentence and "cut 2 147.89" in found.sentence
@@ -43,7 +43,7 @@ def test_a_frequency_that_differs_from_test_to_test_is_told_and_no_effect_blamed
 
 def test_the_values_are_those_of_each_test():
     some = records(0.01)
-    apart = each_alone(PLANT, some, BELIEVED, KNOWN, range(len(some)))
+    apart = each_alone(ENGINE, some, BELIEVED, KNOWN, range(len(some)))
     assert [one.path for one in apart] == ["natural_frequency"]
     for share, one in zip(SHARES, apart[0].values.values(), strict=True):
         true = TRUE.structure.natural_frequency * (1.0 + 0.01 * share)
@@ -52,9 +52,9 @@ def test_the_values_are_those_of_each_test():
 
 def test_one_machine_for_all_records_or_an_effect_within_them_is_no_such_thing():
     some = records(0.0)
-    assert each_alone(PLANT, some, BELIEVED, KNOWN, range(len(some))) == []
+    assert each_alone(ENGINE, some, BELIEVED, KNOWN, range(len(some))) == []
     some = records(0.01, cubic_stiffness={"coefficient": 3e13})
-    assert each_alone(PLANT, some, BELIEVED, KNOWN, range(len(some))) == []
+    assert each_alone(ENGINE, some, BELIEVED, KNOWN, range(len(some))) == []
 
 
 def test_values_within_their_intervals_or_hardly_apart_do_not_differ():

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from testbed.analysis.fit.effect_start import all_free
+from testbed.analysis.fit.free_vibration_start import Clock, free_vibration_fit, marks_show, swing_clocks
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.swing_start import Clock, marks_show, swing_clocks, swung_fit
 from testbed.analysis.search.add_effect import add_effect
 from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
+from testbed.cli._fitting import engine_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import TESTS, begun_later, synthetic_record
@@ -68,15 +68,15 @@ def test_a_cut_whose_entry_still_dies_away_keeps_its_beginning(records):
     late = observe(begun_later(swung_record(2, 3900, 2.2, 1.0), IDLE + SINCE), BELIEVED)
     opened = [record.at_constant_speed() for record in (*records, late)]
     model = BELIEVED.with_effect("speed_variation", amplitude=0.03, frequency=5.0, phase=0.0)
-    _, fit = swung_fit(plant_of(catalogue()), opened, model, catalogue(), all_free(opened, model, catalogue()))
+    _, fit = free_vibration_fit(engine_of(catalogue()), opened, model, catalogue(), all_free(opened, model, catalogue()))
     assert late.starts_in_cut and fit.state.nuisances[-1].entry > opened[-1].first_simulated
     assert fit.mean_squares.max() < 1.05
 
 
 @pytest.mark.long
 def test_the_effect_is_added_and_then_compared(records):
-    plant = plant_of(catalogue())
-    found = add_effect(plant, records, BELIEVED, SWING, catalogue())
+    engine = engine_of(catalogue())
+    found = add_effect(engine, records, BELIEVED, SWING, catalogue())
     assert found.after < 1.03 * found.noise_floor < 0.1 * found.before
     amplitude, frequency = (found.parameters[f"speed_variation.{name}"] for name in ("amplitude", "frequency"))
     assert amplitude.value == pytest.approx(AMPLITUDE, rel=2e-4) and amplitude.high - amplitude.low < 1e-4
@@ -84,11 +84,11 @@ def test_the_effect_is_added_and_then_compared(records):
     assert found.model.cutting.tangential_coefficient == pytest.approx(TRUE.cutting.tangential_coefficient, rel=0.05)
     opened = [record.at_constant_speed() for record in records]
     believed = BELIEVED.with_effect("speed_variation", amplitude=0.03, frequency=5.0, phase=0.0)
-    assert model_fit(plant, opened, believed, catalogue())[1].mean_squares.max() < 1.05
+    assert model_fit(engine, opened, believed, catalogue())[1].mean_squares.max() < 1.05
 
 
 @pytest.mark.long
 def test_it_is_named(records):
-    found = diagnose(plant_of(catalogue()), records, BELIEVED, catalogue())
+    found = diagnose(engine_of(catalogue()), records, BELIEVED, catalogue())
     assert (found.verdict, found.effects) == ("missing_effect", ("speed_variation",))
     assert "tachometer" in found.sentence

@@ -12,7 +12,7 @@ from testbed.analysis.fit.effect_start import is_required, refitted_without
 from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from testbed.analysis.fit.fine_steps import finely, has_kinks
 from testbed.analysis.fit.fit_state import WaveformFit
-from testbed.analysis.fit.starts import polish, to_its_end
+from testbed.analysis.fit.starts import alternate_fit_and_passes, to_its_end
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.candidate_round import candidate_of
 from testbed.analysis.search.diagnosis import Candidate
@@ -68,7 +68,7 @@ def without(one: Candidate, name: str, catalogue: Mapping[str, Effect], near: fl
     size = effective_size(one.fit)
     most = bic(one.fit, size) + DELTA_BIC
     if 0.0 < bic(fit, size) - most < near:
-        fit = polish(fitter, fit.state)  # it may creep on
+        fit = alternate_fit_and_passes(fitter, fit.state)  # it may creep on
     if bic(fit, size) > most:
         return None
     effects = tuple(other for other in one.effects if other != name)

@@ -13,7 +13,7 @@ from dataclasses import replace
 from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.pass_search import place_exits
-from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.starts import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 
@@ -39,11 +39,11 @@ def grown_cuts(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     state = fit.state
     for share in GROWTH:
         opened, begun = _opened(fitter, state, share)
-        grown = polish(opened, begun, rounds=2, iterations=15)
+        grown = alternate_fit_and_passes(opened, begun, rounds=2, iterations=15)
         if grown.mean_squares.max() > ASTRAY:
             return fit
         state = grown.state
-    found = polish(fitter, place_exits(fitter, state))
+    found = alternate_fit_and_passes(fitter, place_exits(fitter, state))
     return found if found.cost < BETTER * fit.cost else fit
 
 

@@ -9,18 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from testbed.analysis.search.believed_look import BelievedLook
 from testbed.analysis.search.candidate_round import by_noise
 from testbed.analysis.search.diagnosis import FAINT_REST, excess
-from testbed.analysis.search.forward_search import Path, forward
+from testbed.analysis.search.forward_search import SelectionTrace, forward
 from testbed.analysis.search.gates import against, worth_naming
 from testbed.analysis.search.law_form import steeper_form
+from testbed.analysis.search.prior_screening import PriorScreening
 
 CLEARLY = 0.5  # share of the excess of the first search that the second may leave, to be believed instead
 SEEN = 0.8  # share of the cost of the openings with one effect that those with two may leave, to be fitted
 
 
-def looked_again(path: Path, look: BelievedLook, noise: float, most: int) -> Path:
+def restarted(path: SelectionTrace, look: PriorScreening, noise: float, most: int) -> SelectionTrace:
     """The path, or, where that leaves much, the one that begins with the effect that alone explains most, if it leaves less.
 
     Which that is, the openings of the records tell. Where that, too, leaves much, it is tried with every other effect at once:
@@ -38,7 +38,7 @@ def looked_again(path: Path, look: BelievedLook, noise: float, most: int) -> Pat
     return begun_with(found, [best, other], look, noise, most)
 
 
-def begun_with(path: Path, names: Sequence[str], look: BelievedLook, noise: float, most: int) -> Path:
+def begun_with(path: SelectionTrace, names: Sequence[str], look: PriorScreening, noise: float, most: int) -> SelectionTrace:
     """The path, or the one that begins with these effects fitted from the believed machine, if it leaves clearly less."""
     base, first = look.base, path.steps[1] if len(path.steps) > 1 else None
     if first is not None and tuple(names) == first.effects:

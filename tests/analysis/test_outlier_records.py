@@ -10,15 +10,15 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.starts import base_fit
 from testbed.analysis.search.add_effect import add_effect
 from testbed.analysis.search.diagnose import diagnose
-from testbed.analysis.search.unheard import agreed
+from testbed.analysis.search.outlier_records import agreed
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
+from testbed.cli._fitting import engine_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_record
 
 KNOWN = catalogue()
-PLANT = plant_of(KNOWN)
+ENGINE = engine_of(KNOWN)
 LAW, STRENGTH = "process_damping", 2e5
 TESTS = ((3500, 0.8), (2850, 2.9), (3900, 2.2), (2700, 1.5))
 FREED = ("natural_frequency", "damping_ratio", "tangential_coefficient", "normal_coefficient")
@@ -35,7 +35,7 @@ def campaign(true, strange):
 
 @pytest.fixture(scope="module")
 def linear():
-    return base_fit(PLANT, campaign(TRUE, 3), BELIEVED)
+    return base_fit(ENGINE, campaign(TRUE, 3), BELIEVED)
 
 
 def far(fit):
@@ -48,7 +48,7 @@ def test_the_others_decide_where_one_record_is_strange(linear):
     fitter, fit = linear
     assert max(abs(fit.state.model.value(name) / TRUE.value(name) - 1.0) for name in FREED) > 0.05  # one record bends all
     quiet, found = agreed(fitter, fit)
-    assert [record.heard for record in quiet.records] == [True, True, True, False]
+    assert [record.in_fit for record in quiet.records] == [True, True, True, False]
     assert max(abs(found.state.model.value(name) / TRUE.value(name) - 1.0) for name in FREED) < 0.01
     assert far(found) < 4.0
     again = agreed(quiet, found)
@@ -63,20 +63,20 @@ def test_a_fit_in_which_no_record_stands_out_stays_as_it_is(linear):
 
 
 def test_a_record_whose_passes_were_wrong_is_heard_again():
-    fitter, fit = base_fit(PLANT, campaign(TRUE, None), BELIEVED)
+    fitter, fit = base_fit(ENGINE, campaign(TRUE, None), BELIEVED)
     own = list(fit.state.nuisances)
     own[0] = replace(own[0], entry=own[0].entry + 5, exit=own[0].exit - 4)
     bent = fitter.fit(replace(fit.state, nuisances=tuple(own)), iterations=15)
     assert bent.cost > 5.0 * fit.cost
     quiet, found = agreed(fitter, bent)
-    assert quiet is fitter and all(record.heard for record in quiet.records)
+    assert quiet is fitter and all(record.in_fit for record in quiet.records)
     assert found.cost < 1.001 * fit.cost
 
 
 @pytest.mark.long
 def test_a_diagnosis_says_which_record_stands_alone():
     records = campaign(TRUE, 3)
-    found = diagnose(PLANT, records, BELIEVED, {name: KNOWN[name] for name in ("helix", LAW)})
+    found = diagnose(ENGINE, records, BELIEVED, {name: KNOWN[name] for name in ("helix", LAW)})
     assert found.verdict == "unexplained"  # one record may be the only one to show what is missing
     assert f"All records but {records[3].name} agree with the model as it is" in found.sentence
 
@@ -84,9 +84,9 @@ def test_a_diagnosis_says_which_record_stands_alone():
 @pytest.mark.long
 def test_an_effect_is_added_to_the_records_that_agree_and_the_other_is_named():
     records = campaign(TRUE.with_effect(LAW, coefficient=STRENGTH), 3)
-    added = add_effect(PLANT, records, BELIEVED, KNOWN[LAW], KNOWN)
+    added = add_effect(ENGINE, records, BELIEVED, KNOWN[LAW], KNOWN)
     assert added.unheard == (records[3].name,)
-    before, after, noise = added.heard()
+    before, after, noise = added.in_fit()
     assert after < 1.05 * noise < 0.5 * before
     assert added.records_after[3].error > 5.0 * added.records_after[3].noise_floor  # predicted all the same, and told
     strength = added.parameters[f"{LAW}.coefficient"]

@@ -14,7 +14,7 @@ from testbed.analysis.fit.effect_start import Origin, applicable, far_step, firs
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.length_cut import asks_length, carried_on
-from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.starts import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.diagnosis import ADEQUATE, Candidate
 from testbed.analysis.threads import threaded
@@ -28,7 +28,7 @@ SLIGHT = 2.0  # error over noise floor below which parts of passes may have made
 
 
 @dataclass
-class Entry:
+class ScreenedCandidate:
     """A candidate of a round: the cost after its first step, where that ended, and its full fit once there is one."""
 
     name: str
@@ -48,7 +48,7 @@ def shifts_in_time(effect: Effect) -> bool:
     return bool({"measure", "speed"} & set(effect.hooks))
 
 
-def not_sudden(entries: Sequence[Entry], catalogue: Mapping[str, Effect]) -> list[Entry]:
+def not_sudden(entries: Sequence[ScreenedCandidate], catalogue: Mapping[str, Effect]) -> list[ScreenedCandidate]:
     """Entries whose first step may lead nowhere, see FAINT; of an entry that is not sudden it says more."""
     return [one for one in entries if "engagement" not in catalogue[one.name].hooks]
 
@@ -59,15 +59,15 @@ def nothing_hidden(current: Candidate, noise: float) -> bool:
     return current.error_held_out < FAINT * noise and all(record.cut is None for record in current.fitter.records)
 
 
-def best_cost(entries: Sequence[Entry]) -> float:
+def best_cost(entries: Sequence[ScreenedCandidate]) -> float:
     """The lowest cost that a candidate of the round was fitted to."""
     return min((one.fitted.fit.cost for one in entries if one.fitted and one.fitted.fit), default=math.inf)
 
 
 def first_steps(
-    current: Candidate, catalogue: Mapping[str, Effect], origins: Sequence[Origin], say: Callable[[str], None],
+    current: Candidate, catalogue: Mapping[str, Effect], origins: Sequence[Origin], progress: Callable[[str], None],
     growing: bool = True,
-) -> list[Entry]:  # fmt: skip
+) -> list[ScreenedCandidate]:  # fmt: skip
     """Every effect the current set lacks after its first step, cheapest first."""
     assert current.fit is not None and current.fitter is not None
     present = {*current.effects, *current.fit.state.model.effects}
@@ -76,43 +76,43 @@ def first_steps(
     noise = pooled(current.errors)[1]
     little = ADEQUATE * noise < current.error_held_out < SLIGHT * noise
 
-    def looked(effect: Effect) -> Entry:
-        say(f"trying {effect.name}")
+    def looked(effect: Effect) -> ScreenedCandidate:
+        progress(f"trying {effect.name}")
         entry = begun(current, effect, origins, growing)
         return _settled_entry(current, entry) if little and "engagement" in effect.hooks else entry
 
     return sorted(threaded(looked, asked), key=lambda entry: entry.cost)
 
 
-def _settled_entry(current: Candidate, entry: Entry) -> Entry:
+def _settled_entry(current: Candidate, entry: ScreenedCandidate) -> ScreenedCandidate:
     """A gradual entry fitted in full, where its first step costs more than the model without it.
 
     Parts of passes have made up for it, and no step leads from the whole ones with which it begins to what they gained.
     """
     assert current.fit is not None
     if entry.cost > current.fit.cost:
-        found = polish(entry.fitter, entry.state, rounds=3)
+        found = alternate_fit_and_passes(entry.fitter, entry.state, rounds=3)
         entry.cost, entry.state = found.cost, found.state
     return entry
 
 
-def begun(current: Candidate, effect: Effect, origins: Sequence[Origin], growing: bool = True) -> Entry:
+def begun(current: Candidate, effect: Effect, origins: Sequence[Origin], growing: bool = True) -> ScreenedCandidate:
     """An effect after its first step."""
     assert current.fit is not None and current.fitter is not None
-    entry = Entry(effect.name, *first_step(current.fitter, effect, current.fit, origins, growing))
+    entry = ScreenedCandidate(effect.name, *first_step(current.fitter, effect, current.fit, origins, growing))
     if asks_length([effect.name], {effect.name: effect}) and (longer := carried_on(current.fitter.records)) is not None:
         worn = current.fitter.on(longer)
-        entry = min(entry, Entry(effect.name, *first_step(worn, effect, current.fit, origins)), key=lambda one: one.cost)
+        entry = min(entry, ScreenedCandidate(effect.name, *first_step(worn, effect, current.fit, origins)), key=lambda one: one.cost)
     if shifts_in_time(effect):
         from_far(current, entry, effect)
     return entry
 
 
 def from_far(
-    current: Candidate, entry: Entry, effect: Effect, origins: Sequence[Origin] = (), goal: float = math.inf,
+    current: Candidate, entry: ScreenedCandidate, effect: Effect, origins: Sequence[Origin] = (), cost_limit: float = math.inf,
     nearer: bool = False,
 ) -> None:  # fmt: skip
-    """Put the entry where a fit from far outside ends, if that is better. goal: see `try_from_far`; nearer: see `far_step`."""
+    """Put the entry where a fit from far outside ends, if that is better. cost_limit: see `try_from_far`; nearer: see `far_step`."""
     assert current.fit is not None and current.fitter is not None
     scanned = origins[-1].scanned if origins and "engagement" in effect.hooks else None
     if any(one.each_record for one in effect.parameters):
@@ -121,9 +121,9 @@ def from_far(
     if not effect.parameters:
         cost, state, fitter = switched_on(base, effect, origins)
     elif scanned is not None:
-        cost, state, fitter = gradual_entry(base, effect, current.fit, scanned, goal)
+        cost, state, fitter = gradual_entry(base, effect, current.fit, scanned, cost_limit)
     else:
-        wanted = entry.reached if effect.smooth else min(goal, entry.reached)
+        wanted = entry.reached if effect.smooth else min(cost_limit, entry.reached)
         cost, state, fitter = far_step(base, effect, current.fit, wanted, nearer)
     if cost < entry.reached:
         entry.cost, entry.state, entry.fitter, entry.fitted = cost, state, fitter, None
@@ -131,23 +131,23 @@ def from_far(
 
 def try_from_far(
     current: Candidate,
-    entries: list[Entry],
+    entries: list[ScreenedCandidate],
     catalogue: Mapping[str, Effect],
     origins: Sequence[Origin],
-    say: Callable[[str], None],
-    goal: float,
+    progress: Callable[[str], None],
+    cost_limit: float,
     nearer: bool = False,
 ) -> None:
     """Every entry once more from far outside, where no first step led to much.
 
-    goal: the cost from which an entry that is not sudden, or has a kink, is of use. nearer: see `far_step`.
+    cost_limit: the cost from which an entry that is not sudden, or has a kink, is of use. nearer: see `far_step`.
     """
 
-    def tried(entry: Entry) -> None:
+    def tried(entry: ScreenedCandidate) -> None:
         effect = catalogue[entry.name]
         if (entry.fitted is None or "engagement" in effect.hooks) and not shifts_in_time(effect):
-            say(f"trying {entry.name} from far")
-            from_far(current, entry, effect, origins, goal, nearer)
+            progress(f"trying {entry.name} from far")
+            from_far(current, entry, effect, origins, cost_limit, nearer)
 
     threaded(tried, entries)
     entries.sort(key=lambda entry: entry.reached)

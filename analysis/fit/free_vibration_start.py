@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from testbed.analysis.fit.fit_state import Free, State, WaveformFit
+from testbed.analysis.fit.fit_state import FreeParameter, State, WaveformFit
 from testbed.analysis.fit.nuisances import Nuisances, turned_by
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant
-from testbed.analysis.fit.starts import base_fit, polish, with_courses
+from testbed.analysis.fit.prediction import Engine
+from testbed.analysis.fit.starts import alternate_fit_and_passes, base_fit, with_courses
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.records.spindle_clock import turns_of
 from testbed.effect import Effect
@@ -137,8 +137,8 @@ def _together(marks: Sequence[np.ndarray], frequency: float) -> list[Clock] | No
     return clocks(found.x) if found.success and 0.0 < found.x[0] < 1.0 and repeats else None
 
 
-def swung_fit(
-    plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], free: Sequence[Free]
+def free_vibration_fit(
+    engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], free: Sequence[FreeParameter]
 ) -> tuple[Fitter, WaveformFit] | None:
     """The model fitted from where marks show the swing of its speed; None where it has none, or they show no sinusoid.
 
@@ -150,9 +150,9 @@ def swung_fit(
         return None
     others = [one for one in free if one.path.partition(".")[0] != effect.name]
     measured = [record if record.measured is None else record.measured for record in records]
-    _, fit = base_fit(plant, measured, model.without_effect(effect.name), free=others)
-    fitter = Fitter(plant, records, free)
-    return fitter, with_courses(fitter, polish(fitter, _carried_over(fit.state, records, measured, clocks, effect)))
+    _, fit = base_fit(engine, measured, model.without_effect(effect.name), free=others)
+    fitter = Fitter(engine, records, free)
+    return fitter, with_courses(fitter, alternate_fit_and_passes(fitter, _carried_over(fit.state, records, measured, clocks, effect)))
 
 
 def _carried_over(

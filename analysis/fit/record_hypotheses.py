@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from testbed.analysis.fit.first_front import front_note, with_front_found
+from testbed.analysis.fit.entry_history import front_note, with_front_found
 from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.length_cut import length_note
 from testbed.analysis.fit.observed import Observed

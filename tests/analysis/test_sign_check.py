@@ -8,15 +8,15 @@ import pytest
 from testbed.analysis.comparison.compare import compare
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.diagnose import diagnose
-from testbed.analysis.search.other_way import _ways, other_way_note
+from testbed.analysis.search.sign_check import _ways, other_way_note
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
+from testbed.cli._fitting import engine_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign
 
 KNOWN = catalogue()
-PLANT = plant_of(KNOWN)
+ENGINE = engine_of(KNOWN)
 DOWN_MILLED = replace(TRUE, cutting=replace(TRUE.cutting, direction="down-milling"))
 
 
@@ -29,9 +29,9 @@ def cuts(true, sign=1.0):
 @lru_cache
 def told(true, sign=1.0):
     """Error over noise floor of the comparison with the believed model, and what is noted."""
-    found = compare(PLANT, cuts(true, sign), BELIEVED, KNOWN)
+    found = compare(ENGINE, cuts(true, sign), BELIEVED, KNOWN)
     return found.error / found.noise_floor, other_way_note(
-        PLANT, cuts(true, sign), BELIEVED, KNOWN, found.error, found.noise_floor)
+        ENGINE, cuts(true, sign), BELIEVED, KNOWN, found.error, found.noise_floor)
 
 
 @pytest.mark.long
@@ -56,7 +56,7 @@ def test_a_missing_effect_is_no_turned_sign_and_a_complete_model_is_not_asked():
 
 @pytest.mark.long
 def test_it_is_told_before_any_effect_is_tried():
-    found = diagnose(PLANT, cuts(DOWN_MILLED), BELIEVED, KNOWN)
+    found = diagnose(ENGINE, cuts(DOWN_MILLED), BELIEVED, KNOWN)
     assert found.verdict == "unexplained" and found.effects == () and found.candidates == ()
     assert "as down-milling: the model says up-milling" in found.sentence
     assert found.baseline > 3.0 * found.noise_floor

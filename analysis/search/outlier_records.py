@@ -14,8 +14,8 @@ import numpy as np
 
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.held_out import errors_in_fit
-from testbed.analysis.fit.own_course import own_course
-from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.record_restart import own_course
+from testbed.analysis.fit.starts import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 
 LOUD = 4.0  # mean square residual over the median record's, from which a record is doubted
@@ -35,7 +35,7 @@ def agreed(fitter: Fitter, fit: WaveformFit, suspect: int | None = None) -> tupl
     kept = [int(place) for place in np.flatnonzero(~loud)]
     if not loud.any() or loud.sum() > MOST * len(left) or len(kept) < FEWEST:
         return fitter, fit
-    alone = polish(fitter.of_records(kept), fit.state.of_records(kept))
+    alone = alternate_fit_and_passes(fitter.of_records(kept), fit.state.of_records(kept))
     if alone.mean_squares.max() > SOUND:
         return fitter, fit
     nuisances = list(fit.state.nuisances)
@@ -47,11 +47,11 @@ def agreed(fitter: Fitter, fit: WaveformFit, suspect: int | None = None) -> tupl
     state = replace(alone.state, nuisances=tuple(nuisances))
     strange = [place for place in doubted if still_loud(fitter, place, state)]
     if not strange:  # but its passes were wrong
-        return fitter, min(fit, polish(fitter, state), key=lambda one: one.cost)
+        return fitter, min(fit, alternate_fit_and_passes(fitter, state), key=lambda one: one.cost)
     records = list(fitter.records)
     for place in strange:
         size = np.maximum(records[place].data.std(axis=1), records[place].noise)
-        records[place] = replace(records[place], weight=MUTE * size, heard=False)
+        records[place] = replace(records[place], weight=MUTE * size, in_fit=False)
     wider = fitter.on(records)
     return wider, wider.fit(state, iterations=4)
 

@@ -16,10 +16,10 @@ import numpy as np
 
 from testbed.analysis.fit.effect_start import all_free
 from testbed.analysis.fit.estimates import unit_of
-from testbed.analysis.fit.fit_state import Free, State, WaveformFit
+from testbed.analysis.fit.fit_state import FreeParameter, State, WaveformFit
 from testbed.analysis.fit.held_out import own_refit
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant, predict
+from testbed.analysis.fit.prediction import Engine, predict
 from testbed.analysis.fit.starts import free_parameters, scan_starts
 from testbed.analysis.fit.structure_start import structure_start
 from testbed.analysis.fit.waveform import Fitter
@@ -65,10 +65,10 @@ class Untold:
 
 
 @dataclass(frozen=True)
-class Told:
+class Identifiable:
     """What is unknown in a fit, and what is held as believed."""
 
-    free: tuple[Free, ...]
+    free: tuple[FreeParameter, ...]
     held: tuple[Untold, ...] = ()
     channels: tuple[str, ...] = ()
 
@@ -78,21 +78,21 @@ class Told:
         return [one.said(self.channels) for one in self.held]
 
 
-def what_is_told(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> Told:
+def identifiable_parameters(engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> Identifiable:
     """The parameters that a fit of these records may leave free; of one mode along the feed all that are known to be told."""
     free = all_free(records, model, catalogue)
     channels = tuple(dict.fromkeys(channel for record in records for channel in record.channels))
     if not model.structure.planar:
-        return Told(tuple(free), (), channels)
-    state = scan_starts(plant, records, structure_start(records, model), 1, (1.0,))[0]
+        return Identifiable(tuple(free), (), channels)
+    state = scan_starts(engine, records, structure_start(records, model), 1, (1.0,))[0]
     decays = [place for place, record in enumerate(records) if record.kind == "ring-down"]  # at rest they would tell nothing
-    state = own_refit(Fitter(plant, records, free), state, decays)
+    state = own_refit(Fitter(engine, records, free), state, decays)
     doubt = np.array([DOUBT.get(base_parameter(one.path) or "", OF_EFFECTS) for one in free])
-    known = _information(plant, records, state, free)
+    known = _information(engine, records, state, free)
     order = _held(known, doubt, free)
     if not order:
-        return Told(tuple(free), (), channels)
-    more = _of_other_sensors(plant, records, state, free)
+        return Identifiable(tuple(free), (), channels)
+    more = _of_other_sensors(engine, records, state, free)
     held = []
     for count, place in enumerate(order):
         others = [one for one in range(len(free)) if one not in order[:count]]
@@ -104,7 +104,7 @@ def what_is_told(plant: Plant, records: Sequence[Observed], model: Model, catalo
         path = free[place].path
         held.append(Untold(path, model.value(path), unit_of(path, catalogue), entangled, tuple(helps[:MOST_HELP])))
     kept = {one.path for one in held}
-    return Told(tuple(one for one in free if one.path not in kept), tuple(held), channels)
+    return Identifiable(tuple(one for one in free if one.path not in kept), tuple(held), channels)
 
 
 def with_strayed_modes(fitter: Fitter, fit: WaveformFit, believed: Model) -> tuple[Fitter, WaveformFit]:
@@ -138,7 +138,7 @@ def spread_by_held(fitter: Fitter, fit: WaveformFit, believed: Model) -> dict[st
     if not believed.structure.planar or not held:
         return {}
     count = len(fitter.free)
-    information = _information(fitter.plant, fitter.records, fit.state, [*fitter.free, *held])
+    information = _information(fitter.engine, fitter.records, fit.state, [*fitter.free, *held])
     places = np.arange(count, count + len(held))
     rest = np.setdiff1d(np.arange(len(information)), places)
     doubt = np.array([DOUBT[base_parameter(one.path) or ""] for one in held])
@@ -155,7 +155,7 @@ def _in_words(channel: str) -> str:
     return f"{quantity_of(channel)}_{'xy'[sensor.axis]}{' of the tool' if sensor.on == 'tool' else ''}"
 
 
-def _held(known: np.ndarray, doubt: np.ndarray, free: Sequence[Free]) -> list[int]:
+def _held(known: np.ndarray, doubt: np.ndarray, free: Sequence[FreeParameter]) -> list[int]:
     """Places of the parameters to hold, one after the other, until the records tell all others better than a belief does."""
     names = list(DOUBT)
     found: list[int] = []
@@ -180,13 +180,13 @@ def _errors(known: np.ndarray, doubt: np.ndarray, places: Sequence[int]) -> np.n
     return np.sqrt(np.maximum(np.diag(inverse)[: len(places)], 0.0)) / size[: len(places)]
 
 
-def _information(plant: Plant, records: Sequence[Observed], state: State, free: Sequence[Free]) -> np.ndarray:
+def _information(engine: Engine, records: Sequence[Observed], state: State, free: Sequence[FreeParameter]) -> np.ndarray:
     """Fisher information of the shared unknowns, in their natural steps, with each record's own unknowns eliminated.
 
     By central differences: where forces and masses grow alike nothing changes, but slopes to one side would show their bend.
     """
-    fitter = Fitter(plant, records, free)
-    back = Fitter(plant, records, [replace(one, scale=-one.scale) for one in free])
+    fitter = Fitter(engine, records, free)
+    back = Fitter(engine, records, [replace(one, scale=-one.scale) for one in free])
     count, whole = len(fitter.free), np.zeros((len(fitter.names), len(fitter.names)))
     for part, other in zip(fitter.linearise_all(state), back.linearise_all(state), strict=True):
         slopes = part.shared.copy()
@@ -196,7 +196,7 @@ def _information(plant: Plant, records: Sequence[Observed], state: State, free: 
     return whole
 
 
-def _of_other_sensors(plant: Plant, records: Sequence[Observed], state: State, free: Sequence[Free]) -> dict[str, np.ndarray]:
+def _of_other_sensors(engine: Engine, records: Sequence[Observed], state: State, free: Sequence[FreeParameter]) -> dict[str, np.ndarray]:
     """The information that sensors would add which were not there, by their names in words."""
     measured = {channel for record in records for channel in record.channels}
     carriers = [on for on in CARRIERS if any(mode.on == on for mode in state.model.structure.modes)]
@@ -208,16 +208,16 @@ def _of_other_sensors(plant: Plant, records: Sequence[Observed], state: State, f
         asked = (cuts or ([] if channels[0].startswith("force") else range(len(records))))[:ASKED]
         if asked and not measured & set(channels):
             one = state.of_records(asked)
-            seen = [_sensed(plant, records[place], one, index, channels) for index, place in enumerate(asked)]
-            found[name] = _information(plant, seen, one, free) * len(cuts or records) / len(asked)
+            seen = [_sensed(engine, records[place], one, index, channels) for index, place in enumerate(asked)]
+            found[name] = _information(engine, seen, one, free) * len(cuts or records) / len(asked)
     return found
 
 
-def _sensed(plant: Plant, record: Observed, state: State, index: int, channels: tuple[str, ...]) -> Observed:
+def _sensed(engine: Engine, record: Observed, state: State, index: int, channels: tuple[str, ...]) -> Observed:
     """A record as other sensors would have seen it, by the state: displacements as noisy as its own motion."""
     count = len(channels)
     bare = replace(record, channels=channels, data=np.zeros((count, record.samples)), noise=np.ones(count), weight=None)
-    values = np.nan_to_num(predict(plant, bare, [(state.model, state.angle, state.nuisances[index])])[0])
+    values = np.nan_to_num(predict(engine, bare, [(state.model, state.angle, state.nuisances[index])])[0])
     noise = NOISE_OF_FORCE * values.std(axis=1)
     if not channels[0].startswith("force"):
         place, order, omega = record.motion or (0, 0, 1.0)
