@@ -22,7 +22,7 @@ from matplotlib.figure import Figure  # noqa: E402
 from testbed.analysis.fit.model_fit import model_fit  # noqa: E402
 from testbed.analysis.fit.waveform import Fitter  # noqa: E402
 from testbed.analysis.report.waveforms import looks, stretches, without_drift  # noqa: E402
-from testbed.api.fitting import observed_records, plant_of  # noqa: E402
+from testbed.api.fitting import engine_of, observed_records  # noqa: E402
 from testbed.catalogue import catalogue  # noqa: E402
 from testbed.cli._fingerprint import fingerprint  # noqa: E402
 from testbed.cut import Cut  # noqa: E402
@@ -64,8 +64,8 @@ def fit_picture() -> str:
                for number, (rpm, depth) in enumerate(cuts)]
     believed = TRUE.with_values(BELIEF)
     ready = observed_records(records, believed, "campaign", "model")
-    fitter, fit = model_fit(plant_of({}), ready, believed, {})
-    before = Fitter(fitter.plant, fitter.records, ()).fit(replace(fit.state, model=believed))  # nuisances alone are fitted
+    fitter, fit = model_fit(engine_of({}), ready, believed, {})
+    before = Fitter(fitter.engine, fitter.records, ()).fit(replace(fit.state, model=believed))  # nuisances alone are fitted
     look = looks(ready, {"displacement": "m"})[0]
     first, last = stretches(look.record)["entry"]
     time = (look.record.start + np.arange(first, last) / look.record.rate) * 1e3

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from testbed.api.believed import CampaignLike, Effects, EffectsLike, File, ModelLike, effects_of, name_of
-from testbed.api.fitting import channel_units, notes_on, of_what_is_held, plant_of, read_both
+from testbed.api.fitting import channel_units, engine_of, notes_on, of_what_is_held, read_both
 from testbed.api.places import check_place, page_place
 from testbed.api.result import Result, Table, estimates_table, shown_here
 from testbed.api.watch import Progress, Watch
@@ -161,8 +161,8 @@ def _added(names: tuple[str, ...], given: tuple[CampaignLike, ModelLike], known:
         if name in model.effects:
             raise InputProblem(place[1], f"has {name} already", "to fit it again, use testbed identify --method waveform")
     try:
-        with watch.busy(f"adding {' and '.join(names)}") as say:
-            found = add_effects(plant_of(catalogue), records, model, chosen, catalogue, say)
+        with watch.busy(f"adding {' and '.join(names)}") as progress:
+            found = add_effects(engine_of(catalogue), records, model, chosen, catalogue, progress)
     except InputProblem:
         raise
     except ValueError as problem:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from testbed.api.fitting import plant_of
+from testbed.api.fitting import engine_of
 
 _EXPLAINS = ("adequate", "missing_effect")  # verdicts by which the best model leaves no physics out
 
@@ -49,5 +49,5 @@ def force_maps(found: Any, catalogue: Any) -> list[Any]:
     best = found.best
     if best.fit is None or best.fit.state.model.planar or best.error_held_out <= ADEQUATE * found.noise_floor:
         return []
-    states = force_states(plant_of(catalogue), best.fitter, best.fit, best.errors, catalogue)
+    states = force_states(engine_of(catalogue), best.fitter, best.fit, best.errors, catalogue)
     return [(one.name, one.x, one.v, one.force) for one in states]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from testbed.api.believed import CampaignLike, Effects, EffectsLike, File, ModelLike, effects_of, name_of
-from testbed.api.fitting import channel_units, notes_on, plant_of, read_both
+from testbed.api.fitting import channel_units, engine_of, notes_on, read_both
 from testbed.api.places import page_place
 from testbed.api.result import Result, Table, estimates_table, shown_here, with_units
 from testbed.api.watch import Progress, Watch
@@ -169,7 +169,7 @@ class Comparison(Result):
         if self.detail.adequate or self.believed.planar:
             return ()
         known = self.effects.known
-        return force_states(plant_of(known), self.detail.fitter, self.detail.fit, self.detail.errors, known)
+        return force_states(engine_of(known), self.detail.fitter, self.detail.fit, self.detail.errors, known)
 
     def _answer(self) -> Mapping[str, Any]:
         from testbed.analysis.comparison.compare import as_json
@@ -270,7 +270,7 @@ def _compared(campaign: CampaignLike, given: ModelLike, effects: Effects, watch:
     from testbed.analysis.comparison.compare import compare as fitted
     from testbed.analysis.comparison.tapped import beside_the_tap, said_of_the_tap
     from testbed.analysis.fit.estimates import clock_note
-    from testbed.analysis.fit.identifiable import what_is_told
+    from testbed.analysis.fit.identifiable import identifiable_parameters
     from testbed.analysis.fit.plausible import remarks_on
     from testbed.analysis.fit.record_hypotheses import taken_notes
     from testbed.analysis.fit.spindle_speed import at_modelled_speed
@@ -278,14 +278,14 @@ def _compared(campaign: CampaignLike, given: ModelLike, effects: Effects, watch:
     from testbed.analysis.search.mark_delay import delay_note
     from testbed.analysis.search.sign_check import other_way_note
 
-    catalogue, plant = effects.known, plant_of(effects.known)
+    catalogue, engine = effects.known, engine_of(effects.known)
     model, records, read = read_both(campaign, given, catalogue, planar=True)
-    told = what_is_told(plant, at_modelled_speed(records, model.effects, catalogue), model, catalogue)
+    told = identifiable_parameters(engine, at_modelled_speed(records, model.effects, catalogue), model, catalogue)
     for note in told.notes:
         watch.note(note)
     with watch.busy("fitting the believed model to all records"):
-        found = fitted(plant, records, model, catalogue, told)
-        turned = other_way_note(plant, records, model, catalogue, found.error, found.noise_floor)
+        found = fitted(engine, records, model, catalogue, told)
+        turned = other_way_note(engine, records, model, catalogue, found.error, found.noise_floor)
     unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
     notes = [*notes_on(read, model), *turned, *unlike, *taken_notes(records, found.fitter.records),
              *delay_note(records, found.fitter, found.fit), *clock_note(found.fitter, found.fit),

@@ -20,7 +20,7 @@ from testbed.api.believed import (
     refuse_planar,
 )
 from testbed.api.best_fit import force_maps, of_the_best_fit
-from testbed.api.fitting import channel_units, notes_on, of_what_is_held, plant_of, read_both
+from testbed.api.fitting import channel_units, engine_of, notes_on, of_what_is_held, read_both
 from testbed.api.next_command import add_command, next_command
 from testbed.api.places import made_folder, page_place
 from testbed.api.result import Result, Table, plain, shown_here
@@ -115,9 +115,9 @@ class Diagnosis(Result):
         made_folder(place)
         with working(progress) as watch:
             try:
-                with watch.busy("estimating the missing force") as say:
-                    told = left_unexplained(plant_of(known), self.records, self.detail, known, say)
-                    explanation = Jury(plant_of, self.believed, known, say).likeliest(told) if told else None
+                with watch.busy("estimating the missing force") as shown:
+                    told = left_unexplained(engine_of(known), self.records, self.detail, known, shown)
+                    explanation = Jury(engine_of, self.believed, known, shown).likeliest(told) if told else None
             except ValueError as problem:
                 raise InputProblem(self.place[0], f"the missing force cannot be estimated: {problem}",
                                    "record more cuts") from None
@@ -136,8 +136,8 @@ class Diagnosis(Result):
         from testbed.analysis.search.false_alarms import false_alarms
 
         known = self.known.known
-        with working(progress) as watch, watch.busy("diagnosing campaigns without a hidden effect") as say:
-            told = false_alarms(plant_of(known), self.detail.base, known, count, seed, say)
+        with working(progress) as watch, watch.busy("diagnosing campaigns without a hidden effect") as shown:
+            told = false_alarms(engine_of(known), self.detail.base, known, count, seed, shown)
         return FalseAlarms(count, told.alarms, told.interval, told.named)
 
     def report(self, path: File, *, said: Mapping[str, Any] | None = None, next_step: str | None = None) -> Path:
@@ -244,14 +244,14 @@ def _diagnosed(given: tuple[CampaignLike, ModelLike], known: Effects, until_adeq
     from testbed.analysis.search.rules import rules_of
     from testbed.analysis.search.sign_check import other_way_note
 
-    catalogue, plant = known.known, plant_of(known.known)
+    catalogue, engine = known.known, engine_of(known.known)
     model, records, read = read_both(*given, catalogue, planar=True)
-    with watch.busy("fitting the believed model to all records") as say:
-        found = searched(plant, records, model, catalogue, say=say, budget=BUDGET if budget is None else budget,
+    with watch.busy("fitting the believed model to all records") as progress:
+        found = searched(engine, records, model, catalogue, progress=progress, budget=BUDGET if budget is None else budget,
                          **({"most": MANY} if until_adequate else {}))
         turned = []
         if found.candidates and not model.structure.planar:  # else no search was made, for what was found before it
-            turned = other_way_note(plant, records, model, catalogue, found.with_effects, found.noise_floor)
+            turned = other_way_note(engine, records, model, catalogue, found.with_effects, found.noise_floor)
     stuck, guesses, of_the_fit, tapped = of_the_best_fit(found, records, model, catalogue)
     notes = [*notes_on(read, model), *of_what_is_held(records, model, catalogue), *turned, *of_the_fit]
     said = as_json(found, model) | {"rules": rules_of(found), "at_bound": list(stuck), "tap": tapped, "notes": notes}

@@ -16,7 +16,7 @@ MOST_NOTES = 12
 PREDICTED = ("cut", "ring-down", "excited")
 
 
-def plant_of(catalogue: Any) -> Any:
+def engine_of(catalogue: Any) -> Any:
     """The fast engine with the effects known to this command, as the analysis is handed it."""
     from testbed.engines import predict
 
@@ -109,9 +109,9 @@ def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
 
 def of_what_is_held(records: Sequence[Any], model: Any, catalogue: Any) -> list[str]:
     """A line for each parameter of a machine in x and y that the channels of these records cannot tell."""
-    from testbed.analysis.fit.identifiable import what_is_told
+    from testbed.analysis.fit.identifiable import identifiable_parameters
 
-    return what_is_told(plant_of(catalogue), records, model, catalogue).notes if model.structure.planar else []
+    return identifiable_parameters(engine_of(catalogue), records, model, catalogue).notes if model.structure.planar else []
 
 
 def of_the_range(records: Sequence[Any]) -> list[str]:

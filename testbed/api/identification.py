@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
-from testbed.api.fitting import observed_records, plant_of
+from testbed.api.fitting import engine_of, observed_records
 from testbed.api.records import unfit
 from testbed.problem import InputProblem
 
@@ -218,7 +218,7 @@ def _multipliers_of(model: Any, fitter: Any, fit: Any, catalogue: Any) -> tuple[
 
 
 def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catalogue: Any, model_file: object,
-                         say: Callable[[str], object] = lambda note: None) -> Identified:
+                         progress: Callable[[str], object] = lambda note: None) -> Identified:
     """Fit the whole waveform of every record with the simulator, the parameters of the model's effects too.
 
     say: is told, before the fit, what the records' channels do not tell.
@@ -227,18 +227,18 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     from testbed.analysis.fit.estimates import at_bound, clock_note
     from testbed.analysis.fit.held_guesses import with_guesses_held
     from testbed.analysis.fit.held_out import errors_in_fit, pooled
-    from testbed.analysis.fit.identifiable import what_is_told
+    from testbed.analysis.fit.identifiable import identifiable_parameters
     from testbed.analysis.fit.model_fit import model_fit
     from testbed.analysis.fit.plausible import remarks_on
     from testbed.analysis.fit.record_hypotheses import taken_notes
     from testbed.analysis.fit.spindle_speed import at_modelled_speed
 
-    observed, plant = observed_records(records, model, path, model_file), plant_of(catalogue)
+    observed, engine = observed_records(records, model, path, model_file), engine_of(catalogue)
     observed = at_modelled_speed(observed, model.effects, catalogue)
-    told = what_is_told(plant, observed, model, catalogue)
+    told = identifiable_parameters(engine, observed, model, catalogue)
     for note in told.notes:
-        say(note)
-    fitter, fit = with_marks_doubted(*model_fit(plant, observed, model, catalogue, told=told))  # as testbed compare does
+        progress(note)
+    fitter, fit = with_marks_doubted(*model_fit(engine, observed, model, catalogue, told=told))  # as testbed compare does
     held = with_guesses_held(fitter, fit, model, catalogue)
     fitter, fit, found = held.fitter, held.fit, held.values
     chi_square = fit.squares / max(1, sum(residual.size for residual in fit.residuals) - len(fit.names))

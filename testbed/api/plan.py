@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from testbed.api.believed import CampaignLike, EffectsLike, ModelLike, effects_of, name_of
 from testbed.api.chart import chance_of_chatter
-from testbed.api.fitting import plant_of, read_both
+from testbed.api.fitting import engine_of, read_both
 from testbed.api.probable import Asked, Sure, linear_where_it_can, of_beliefs, with_chances
 from testbed.api.quantity import DEPTH, SPEED, Quantities, Quantity, quantity
 from testbed.api.result import Result, Table, shown_here
@@ -115,7 +115,7 @@ def _planned(given: tuple[CampaignLike, ModelLike], reach: tuple[list[float], li
     cuts = [record for record in records if record.kind == "cut"]
     if not cuts:
         raise InputProblem(name_of(campaign), "holds no cut", "record one: what a cut shows is foretold from those there are")
-    open_, why, beliefs = _explanations(plant_of(catalogue), records, model, catalogue, watch)
+    open_, why, beliefs = _explanations(engine_of(catalogue), records, model, catalogue, watch)
     nothing = Plan((), tuple(one.name for one in open_), why, risk, draws, len(speeds) * len(depths),
                    most_vibration=calm)
     if why is not None:
@@ -125,7 +125,7 @@ def _planned(given: tuple[CampaignLike, ModelLike], reach: tuple[list[float], li
     within = [(at, b, float(stable[row, column])) for row, b in enumerate(depths) for column, at in enumerate(speeds)
               if b > 0.0 and stable[row, column] * draws / (draws + 1.0) >= 1.0 - risk]
     with watch.counted("cuts foretold") as show:
-        found = ranked(plant_of(catalogue), max(cuts, key=lambda one: one.samples), open_, within, show)
+        found = ranked(engine_of(catalogue), max(cuts, key=lambda one: one.samples), open_, within, show)
     kept = [one for one in found if calm is None or one.vibration <= calm]
     if calm is not None and len(kept) < len(found):
         notes.append(f"{len(found) - len(kept)} of the {len(found)} cuts that are stable at that risk may vibrate by more than "
@@ -133,7 +133,7 @@ def _planned(given: tuple[CampaignLike, ModelLike], reach: tuple[list[float], li
     return replace(nothing, next=tuple(kept), notes=(*beliefs, *notes))
 
 
-def _explanations(plant: Any, records: Any, model: Any, catalogue: Any, watch: Watch
+def _explanations(engine: Any, records: Any, model: Any, catalogue: Any, watch: Watch
                   ) -> tuple[list[Any], str | None, list[str]]:  # fmt: skip
     """What the records leave open, each with what it would make of the machine; why nothing can be said; what was believed."""
     from testbed.analysis.comparison.compare import compare
@@ -142,15 +142,15 @@ def _explanations(plant: Any, records: Any, model: Any, catalogue: Any, watch: W
     from testbed.analysis.probable.posterior import posterior, why_no_chance
     from testbed.analysis.search.diagnose import diagnose, rivals_of
 
-    with watch.busy("fitting the believed model to all records") as say:
-        found = compare(plant, records, model, catalogue)
+    with watch.busy("fitting the believed model to all records") as progress:
+        found = compare(engine, records, model, catalogue)
         why = why_no_chance(found)
         if not why:
             told = posterior(found.fitter, found.fit, found.parameters, model, catalogue)
             return [Explanation("the model as it is", told.known, told.wider)], None, of_beliefs(told, model, catalogue)
         if found.says_nothing or found.adequate or found.against:
             return [], why, []
-        diagnosis = diagnose(plant, records, model, catalogue, say=say)
+        diagnosis = diagnose(engine, records, model, catalogue, progress=progress)
         open_ = []
         for one in rivals_of(diagnosis):
             assert one.fitter is not None and one.fit is not None  # of a rival

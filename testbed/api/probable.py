@@ -159,7 +159,7 @@ def _from_campaign(asked: Asked) -> Sure:
     """What the campaign's records tell, after the fit that `compare` makes."""
     from testbed.analysis.comparison.compare import compare
     from testbed.analysis.probable.posterior import posterior, why_no_chance
-    from testbed.api.fitting import notes_on, plant_of, read_both
+    from testbed.api.fitting import engine_of, notes_on, read_both
 
     assert asked.campaign is not None
     believed, records, read = read_both(asked.campaign, asked.model_file, asked.catalogue, planar=True)
@@ -167,7 +167,7 @@ def _from_campaign(asked: Asked) -> Sure:
         raise InputProblem(asked.campaign_name, "holds no cut", "record one, or give the cutting coefficients a deviation in "
                            f"{asked.model_name} (550 +- 50 N/mm^2): nothing else tells of them")
     with asked.watch.busy("fitting the believed model to all records"):
-        found = compare(plant_of(asked.catalogue), records, believed, asked.catalogue)
+        found = compare(engine_of(asked.catalogue), records, believed, asked.catalogue)
         why = why_no_chance(found)
         if why:
             return Sure(asked.draws, asked.risk, why_none=why,

@@ -98,7 +98,7 @@ def _asked(place: Path, method: str, note: Mapping[str, Any], effects: Any, quie
 
 def _table(scores: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
     titles = ("method", "frequency", "damping", "force", "in interval", "named right", "wrong", "none", "chatter")
-    rows: list[Sequence[object]] = []
+    rows = []
     for name, one in scores.items():
         intervals = sum(each.intervals for each in one.parameters)
         held = sum(each.coverage * each.intervals for each in one.parameters if each.intervals)
