@@ -281,7 +281,7 @@ def gradual_entry(
     """(cost, state, fitter) after a short fit of an entry that is not sudden, from coefficients that no sudden entry has bent.
 
     Which pass is the first is nearly made up for by how gradual it is, and in all records alike: so they are placed in turn
-    with soft fits, then moved together, pass by pass, as long as that helps; where they are far above the cost `cost_limit`, not.
+    with soft fits, then moved together, pass by pass, as long as that helps; where they are far above `cost_limit`, not.
     """
     wider = extended(fitter, effect)
     soft = Fitter(fitter.engine, [softened(record) for record in fitter.records], wider.unknowns)

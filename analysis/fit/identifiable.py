@@ -78,7 +78,8 @@ class Identifiable:
         return [one.said(self.channels) for one in self.held]
 
 
-def identifiable_parameters(engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> Identifiable:
+def identifiable_parameters(engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]
+                            ) -> Identifiable:  # fmt: skip
     """The parameters that a fit of these records may leave free; of one mode along the feed all that are known to be told."""
     free = all_free(records, model, catalogue)
     channels = tuple(dict.fromkeys(channel for record in records for channel in record.channels))
@@ -196,7 +197,8 @@ def _information(engine: Engine, records: Sequence[Observed], state: State, free
     return whole
 
 
-def _of_other_sensors(engine: Engine, records: Sequence[Observed], state: State, free: Sequence[FreeParameter]) -> dict[str, np.ndarray]:
+def _of_other_sensors(engine: Engine, records: Sequence[Observed], state: State, free: Sequence[FreeParameter]
+                      ) -> dict[str, np.ndarray]:  # fmt: skip
     """The information that sensors would add which were not there, by their names in words."""
     measured = {channel for record in records for channel in record.channels}
     carriers = [on for on in CARRIERS if any(mode.on == on for mode in state.model.structure.modes)]

@@ -68,7 +68,8 @@ def free_parameters(records: Sequence[Observed], model: Model) -> list[FreeParam
                 FreeParameter(model.mode_path(place, "damping_ratio"), max(0.2 * mode.damping_ratio, 1e-4), _DAMPING_BOUNDS),
             ]
             if model.structure.planar:
-                free.append(FreeParameter(model.mode_path(place, "direction"), DIRECTION_STEP, (-math.pi, math.pi), periodic=True))
+                path = model.mode_path(place, "direction")
+                free.append(FreeParameter(path, DIRECTION_STEP, (-math.pi, math.pi), periodic=True))
     if "excited" in kinds or moving and model.structure.planar:
         free += [FreeParameter(model.mode_path(place, "mass"), 0.05 * mode.mass, mass_bounds(records, mode.mass))
                  for place, mode in enumerate(model.structure.modes)]
@@ -222,7 +223,7 @@ def base_fit(
 ) -> tuple[Fitter, WaveformFit]:
     """The believed model refitted to all records, from several starts, with every nuisance.
 
-    cost_limit: the cost above which the fit is of no use, and is given up; `patient`: once the better half of the records has been
+    cost_limit: the cost above which the fit is of no use and given up; `patient`: once the better half of the records has been
     tried alone. known: see `arrived`.
     """
     started = structure_start(records, model)

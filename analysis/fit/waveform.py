@@ -366,7 +366,7 @@ class Fitter:
         """The same, for who asks for no covariance: slopes where it ends are not computed; `near` lends those of a first step.
 
         Slopes are computed anew after every step: steps with kept slopes cost a tenth, but creep along the valley between
-        the cutting coefficients, and need tens of times as many. cost_limit: the cost from which its end is of any use; a descent
+        the cutting coefficients, and need tens of times as many. cost_limit: the cost from which its end is of use; a descent
         is given up once, at its late pace, it would not come to that. An end of a cut that came to the edge of its arc stays
         there and holds all else, as its slope beyond is another: it is made whole, and the descent goes on.
         """

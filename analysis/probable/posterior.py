@@ -75,7 +75,8 @@ def posterior(fitter: Fitter, fit: WaveformFit, values: Mapping[str, Estimate], 
     return Told(known, tuple(path for path in held if path not in deviations), wider)
 
 
-def _joined(fitter: Fitter, fit: WaveformFit, joined: list[FreeParameter], deviations: Mapping[str, float], wider: float) -> np.ndarray:
+def _joined(fitter: Fitter, fit: WaveformFit, joined: list[FreeParameter], deviations: Mapping[str, float], wider: float
+            ) -> np.ndarray:  # fmt: skip
     """Covariance (n, n) of the fit's parameters, and of those that join it with the deviation that was stated."""
     count = len(fitter.free)
     if not joined:

@@ -139,7 +139,8 @@ def try_candidates(
             continue
         best = best_cost(entries)
         iterations, cost_limit = (10, _rivalling(current.fit.cost, best)) if complete else (40, BEHIND * best)
-        fitted = entry.fitted = entry.fitted or _refitted(current, entry, catalogue, progress, iterations, min(wanted, cost_limit))
+        cost_limit = min(wanted, cost_limit)
+        fitted = entry.fitted = entry.fitted or _refitted(current, entry, catalogue, progress, iterations, cost_limit)
         if no_swing(fitted, catalogue):
             found.append(_not_fitted(current, entry.name))
             continue
@@ -252,10 +253,10 @@ def begun_and_fitted(
 
 
 def _refitted(
-    current: Candidate, entry: ScreenedCandidate, catalogue: Mapping[str, Effect], progress: Callable[[str], None], iterations: int = 40,
-    cost_limit: float = math.inf, of_other_law: Callable[[Candidate], bool] | None = None,
+    current: Candidate, entry: ScreenedCandidate, catalogue: Mapping[str, Effect], progress: Callable[[str], None],
+    iterations: int = 40, cost_limit: float = math.inf, of_other_law: Callable[[Candidate], bool] | None = None,
 ) -> Candidate:  # fmt: skip
-    """The entry fitted in full, or as far as showed that it will not come down to a cost of `cost_limit`, or lacks another law."""
+    """The entry fitted in full, or as far as showed that it will not come down to `cost_limit`, or lacks another law."""
     assert current.fit is not None and current.fitter is not None
     progress(f"refitting with {entry.name}")
     smooth = catalogue[entry.name].smooth

@@ -121,7 +121,8 @@ def _diagnosed(engine: Budgeted, records: Sequence[Observed], model: Model, cata
             found = _search(base, engine, model, catalogue, most, progress, first)
             found = _without_late(found, base, engine, model, catalogue, most, progress)
         found = instead_of(found, restated)
-        return told_of_base(with_odd_records(_with_next_test(found, engine, records, progress), engine, model, catalogue, progress))
+        found = _with_next_test(found, engine, records, progress)
+        return told_of_base(with_odd_records(found, engine, model, catalogue, progress))
     found = _search(_as_believed(engine, parts, model, catalogue, progress), engine, model, catalogue, most, progress)
     progress("fitting the whole records")
     steps = [_on_whole(step, records) for step in found.steps]

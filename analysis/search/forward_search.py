@@ -256,7 +256,7 @@ def _first_form(asked: Sequence[Candidate], tried: Sequence[Candidate], before: 
 
 
 def _asked_again(one: Candidate) -> Candidate:
-    """The set with what of the records explains more, with these effects, otherwise than they were taken; see `record_hypotheses`."""
+    """The set with what of the records explains more, with these effects, otherwise than taken; see `record_hypotheses`."""
     assert one.fit is not None and one.fitter is not None
     return fitted_anew(one, *asked_again(one.fitter, one.fit))
 

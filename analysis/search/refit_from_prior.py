@@ -100,8 +100,10 @@ def _cut_anew(first: Candidate, model: Model, progress: Callable[[str], None]) -
     believed = first.fit.state.model.with_values(
         {path: getattr(cutting, path) for path in ("tangential_coefficient", "normal_coefficient")})  # fmt: skip
     opening = fitter_of_openings(fitter.engine, fitter.records, fitter.unknowns)
-    begun = alternate_fit_and_passes(opening, scan_starts(fitter.engine, opening.records, believed, 1)[0], rounds=2, iterations=CORNER)
-    fit = alternate_fit_and_passes(fitter, with_exits(fitter, begun.state), rounds=3, iterations=CREEP, cost_limit=first.fit.cost)
+    start = scan_starts(fitter.engine, opening.records, believed, 1)[0]
+    begun = alternate_fit_and_passes(opening, start, rounds=2, iterations=CORNER)
+    begun_state = with_exits(fitter, begun.state)
+    fit = alternate_fit_and_passes(fitter, begun_state, rounds=3, iterations=CREEP, cost_limit=first.fit.cost)
     if not fit.cost < first.fit.cost - 0.5 * DELTA_BIC * fit.variance:
         return first
     found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)

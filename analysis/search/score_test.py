@@ -102,7 +102,8 @@ def begun(current: Candidate, effect: Effect, origins: Sequence[Origin], growing
     entry = ScreenedCandidate(effect.name, *first_step(current.fitter, effect, current.fit, origins, growing))
     if asks_length([effect.name], {effect.name: effect}) and (longer := carried_on(current.fitter.records)) is not None:
         worn = current.fitter.on(longer)
-        entry = min(entry, ScreenedCandidate(effect.name, *first_step(worn, effect, current.fit, origins)), key=lambda one: one.cost)
+        other = ScreenedCandidate(effect.name, *first_step(worn, effect, current.fit, origins))
+        entry = min(entry, other, key=lambda one: one.cost)
     if shifts_in_time(effect):
         from_far(current, entry, effect)
     return entry
@@ -112,7 +113,7 @@ def from_far(
     current: Candidate, entry: ScreenedCandidate, effect: Effect, origins: Sequence[Origin] = (), cost_limit: float = math.inf,
     nearer: bool = False,
 ) -> None:  # fmt: skip
-    """Put the entry where a fit from far outside ends, if that is better. cost_limit: see `try_from_far`; nearer: see `far_step`."""
+    """Put the entry where a fit from far outside ends, if better. cost_limit: see `try_from_far`; nearer: see `far_step`."""
     assert current.fit is not None and current.fitter is not None
     scanned = origins[-1].scanned if origins and "engagement" in effect.hooks else None
     if any(one.each_record for one in effect.parameters):

@@ -22,7 +22,8 @@ NEAR = 1.02  # times the cost of the set to which one with another effect must c
 
 
 def exchanged(
-    found: Candidate, base: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, progress: Callable[[str], None]
+    found: Candidate, base: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float,
+    progress: Callable[[str], None],
 ) -> tuple[Candidate, tuple[str, ...]]:  # fmt: skip
     """The set, or a better one with another effect of the same kind in it; and what is tied, if anything.
 

@@ -91,7 +91,7 @@ def test_a_combination_that_nothing_tells_is_unknown_however_strong_its_unknowns
     assert errors[:2].min() > 1e6 and errors[2] == pytest.approx(1e-6 / np.sqrt(300), rel=0.2)
 
 
-@pytest.mark.parametrize(("costs", "goal", "given_up"), [
+@pytest.mark.parametrize(("costs", "cost_limit", "given_up"), [
     ([100.0, 90.0, 80.0, 70.0, 60.0], 50.0, False),  # ten a step, thirty-six steps left
     ([100.0, 99.9, 99.8, 99.7, 99.6], 50.0, True),
     ([100.0, 99.9, 99.8, 99.7], 50.0, False),  # too early to say

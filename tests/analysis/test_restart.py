@@ -40,7 +40,8 @@ def test_a_search_that_began_with_the_wrong_effect_is_begun_again(observed):
     base, wrong = fitted(observed), fitted(observed, "edge_force")
     noise = pooled(base.errors)[1]
     assert wrong.error_held_out > 1.5 * noise
-    found = restarted(SelectionTrace((base, wrong), (wrong,), ()), PriorScreening(base, BELIEVED, KNOWN, lambda line: None), noise, 3)
+    screening = PriorScreening(base, BELIEVED, KNOWN, lambda line: None)
+    found = restarted(SelectionTrace((base, wrong), (wrong,), ()), screening, noise, 3)
     assert found.end.effects == ("immersion_error",) and found.steps[0] is base
     assert found.end.error_held_out < 1.05 * noise
     assert found.end.parameters["immersion_error.error"] == pytest.approx(0.45, abs=0.005)
