@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbed.analysis.fit.fit_state import FreeParameter, Jacobian, State, WaveformFit
+from testbed.analysis.fit.least_squares import gauss_newton_step
 from testbed.analysis.fit.length_cut import asks_length
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.pass_search import begun_otherwise, place_entries, settle_passes, turn_phases
@@ -244,7 +245,7 @@ def first_step(
         for cost, state in tried:
             parts = wider.with_slopes(origin.parts, state, places)
             for damping in (1e-3, 1.0):
-                move, own = wider.step(parts, damping)
+                move, own = gauss_newton_step(parts, damping)
                 trial = wider.with_own(wider.moved(state, move), own)
                 new = wider.cost(trial)
                 if new < cost:

@@ -131,8 +131,8 @@ def _with_one_more(engine: Engine, records: Sequence[Observed], model: Model, ef
     wider, with_it = _best_fit_with(engine, model, catalogue, effect, bare, progress)
     wider, with_it = asked_again(wider, to_its_end(wider, with_it))
     progress("looking again for a fit without it")
-    bare = state_without(with_it.state, effect.name, {effect.name: effect})
-    again = alternate_fit_and_passes(fitter, bare, rounds=1, iterations=8)
+    reduced = state_without(with_it.state, effect.name, {effect.name: effect})
+    again = alternate_fit_and_passes(fitter, reduced, rounds=1, iterations=8)
     if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
         fit, before = again, tuple(held_out_errors(fitter, again))
     return _Step(records, wider, with_it, fit, before)
