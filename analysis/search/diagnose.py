@@ -23,7 +23,7 @@ from testbed.analysis.search.candidate_round import by_noise, candidate_of
 from testbed.analysis.search.chaos_check import followed, irregular
 from testbed.analysis.search.common_factor import PLAINLY, explained_otherwise, instead_of, written_wrongly
 from testbed.analysis.search.diagnosis import COMPLETE, Candidate, Diagnosis, excess, never_nothing, told_of_base, verdict_of
-from testbed.analysis.search.forward_search import ROUGH, forward
+from testbed.analysis.search.forward_search import forward
 from testbed.analysis.search.gates import against
 from testbed.analysis.search.judged import as_far_as, foretells_little, of_a_machine, too_slow
 from testbed.analysis.search.law_form import with_form_asked, with_other_form
@@ -33,6 +33,7 @@ from testbed.analysis.search.odd_records import with_odd_records
 from testbed.analysis.search.prior_screening import PriorScreening
 from testbed.analysis.search.refit_from_prior import from_believed
 from testbed.analysis.search.restart import restarted
+from testbed.analysis.search.reweight import ROUGH
 from testbed.analysis.search.sign_check import other_way
 from testbed.effect import Effect
 from testbed.machine import Model
