@@ -159,7 +159,6 @@ def _best_fit_with(engine: Engine, model: Model, catalogue: Mapping[str, Effect]
 
     What the model without a strong effect made up for can lead every start from its fit astray.
     """
-    assert bare.fitter is not None
     records = bare.fitter.records
 
     def anew(turned: Container[str] = ()) -> tuple[Fitter, WaveformFit]:
@@ -182,13 +181,12 @@ def _best_fit_with(engine: Engine, model: Model, catalogue: Mapping[str, Effect]
 def _fit_with(engine: Engine, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
               progress: Callable[[str], None]) -> tuple[Fitter, WaveformFit]:
     """The fit with the effect; never worse than without, since at its neutral values it contains that."""
-    assert bare.fitter is not None and bare.fit is not None
     fitter, fit = bare.fitter, bare.fit
     error, noise = pooled(bare.errors)
     origins = origins_of(engine, model, fitter, fit, anchored=error > ANCHOR * noise)
     tried = with_effect(bare, effect.name, catalogue, origins, progress)
-    wider = extended(fitter if tried.fitter is None else fitter.on(tried.fitter.records), effect)
-    if tried.fit is None or effect.name not in tried.fit.state.model.effects:
+    wider = extended(fitter.on(tried.fitter.records), effect)
+    if effect.name not in tried.fit.state.model.effects:
         found = alternate_fit_and_passes(wider, _with_neutral(fit.state, effect))
     else:
         found = tried.fit

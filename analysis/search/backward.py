@@ -10,20 +10,18 @@ from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.fractional_passes import as_believed
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.diagnosis import Candidate
+from testbed.analysis.search.diagnosis import Candidate, Tried
 from testbed.analysis.search.final_fit import without
 from testbed.effect import Effect
 
 NEARLY = 100.0  # in BIC, by which a short fit without an effect may be worse, to be followed to its end
 
 
-def nesting_guard(current: Candidate, tried: Sequence[Candidate], catalogue: Mapping[str, Effect]) -> Candidate:
+def nesting_guard(current: Candidate, tried: Sequence[Tried], catalogue: Mapping[str, Effect]) -> Candidate:
     """The current set refitted from where the best larger set ended: a local minimum must not pass for missing physics."""
-    assert current.fit is not None and current.fitter is not None
     best = current
-    for one in sorted((one for one in tried if one.fit is not None), key=lambda one: one.error_fit)[:2]:
+    for one in sorted((one for one in tried if isinstance(one, Candidate)), key=lambda one: one.error_fit)[:2]:
         for fit in _nested(current.fitter, one, catalogue):
-            assert best.fit is not None
             if fit.cost < best.fit.cost * (1.0 - 1e-4):
                 best = candidate_of(current.fitter, fit, current.effects, best.fit, effective_size(fit))
     return best
@@ -34,7 +32,6 @@ def _nested(fitter: Fitter, larger: Candidate, catalogue: Mapping[str, Effect]) 
 
     A gradual entry has places of first touch, too: they may be all that it was good for, in cuts that begin within an arc.
     """
-    assert larger.fit is not None
     state, name = larger.fit.state, larger.effects[-1]
     found = [fitter.fit(state_without(state, name, catalogue), iterations=12)]
     if "engagement" in catalogue[name].hooks and not fitter.gradual:

@@ -152,7 +152,6 @@ def explained_otherwise(
 
     base: the model fitted to the records as they are stated.
     """
-    assert base.fitter is not None and base.fit is not None
     engine, records = base.fitter.engine, base.fitter.records
     if base.error_where_known <= ADEQUATE * pooled(base.errors)[1]:
         return None
@@ -166,7 +165,7 @@ def explained_otherwise(
         progress(f"fitting the model {one.told}")
         cost_limit = max(OFF_COURSE * 0.5 * sum(record.size for record in one.records), WORTH * base.fit.cost)
         found = from_believed(engine, one.records, one.model, (), catalogue, cost_limit)
-        if found.error_where_known <= ADEQUATE * pooled(found.errors)[1] and found.fit is not None \
+        if found.error_where_known <= ADEQUATE * pooled(found.errors)[1] \
                 and not unlike_a_machine(found.fit.state.model):
             return _by_the_clock(one, found.fit.state.model, model), found
     return None
@@ -196,8 +195,8 @@ def instead_of(found: Diagnosis, restated: tuple[Restated, Candidate] | None) ->
     if restated is None:
         return found
     statement, fitted = restated
-    size = 0.0 if found.best.fit is None else effective_size(found.best.fit)
-    if found.best.fit is not None and fitted.fit is not None:
+    if isinstance(found.best, Candidate):
+        size = effective_size(found.best.fit)
         allowed = DELTA_BIC if found.best.effects else -DELTA_BIC
         if bic(fitted.fit, size) > bic(found.best.fit, size) + allowed:
             return found

@@ -30,8 +30,8 @@ PARTIAL = 0.5  # share of the excess from which effects are told although someth
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A set of effects tried: what it was fitted to and how well it predicts what it was not fitted to."""
+class Tried:
+    """A set of effects tried: how well it predicts what it was not fitted to. One that a first step ruled out is no more."""
 
     effects: tuple[str, ...]
     parameters: Mapping[str, float]
@@ -39,14 +39,12 @@ class Candidate:
     error_held_out: float
     delta_bic: float
     converged: bool
-    fit: WaveformFit | None = None
-    fitter: Fitter | None = None
     errors: tuple[RecordError, ...] = ()
 
     @property
     def held_out(self) -> bool:
         """Whether a condition could be left out of the fit; of one condition alone, error_held_out is that in the fit."""
-        return self.fitter is not None and holds_out(self.fitter.records)
+        return False
 
     @property
     def error_where_known(self) -> float:
@@ -56,6 +54,19 @@ class Candidate:
     def error_beside(self, noise: float) -> float:
         """The error by which sets of effects are chosen among: held out, but of one that where known leaves noise alone."""
         return self.error_where_known if self.error_where_known <= ADEQUATE * noise else self.error_held_out
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate(Tried):
+    """A set of effects that was fitted."""
+
+    fit: WaveformFit
+    fitter: Fitter
+
+    @property
+    def held_out(self) -> bool:
+        """Whether a condition could be left out of the fit."""
+        return holds_out(self.fitter.records)
 
 
 @dataclass(frozen=True)
@@ -105,10 +116,10 @@ class Diagnosis:
     baseline: float
     with_effects: float
     noise_floor: float
-    candidates: tuple[Candidate, ...]
-    base: Candidate
-    best: Candidate
-    steps: tuple[Candidate, ...] = field(default_factory=tuple)
+    candidates: tuple[Tried, ...]
+    base: Tried
+    best: Tried
+    steps: tuple[Tried, ...] = field(default_factory=tuple)
     next_test: NextTest | None = None
     separates: tuple[str, ...] = ()
     form: OtherForm | None = None
@@ -118,6 +129,25 @@ class Diagnosis:
     def held_out(self) -> bool:
         """Whether the errors are on records left out of the fit: not where there is one operating condition only."""
         return self.base.held_out
+
+    @property
+    def best_fit(self) -> Candidate:
+        """The best set, of a search that was made. RuntimeError where not even the believed model was fitted."""
+        if not isinstance(self.best, Candidate):
+            raise RuntimeError("no model was fitted")
+        return self.best
+
+    @property
+    def fitted(self) -> list[Candidate]:
+        """The sets that were fitted, in the order of `candidates`."""
+        return [one for one in self.candidates if isinstance(one, Candidate)]
+
+    @property
+    def ruled_out(self) -> list[str]:
+        """Names of the effects that a first step ruled out whenever they were tried, each once."""
+        last = {one.effects[-1] for one in self.fitted if one.effects}
+        names = dict.fromkeys(one.effects[-1] for one in self.candidates if one.effects)
+        return [name for name in names if name not in last]
 
 
 def judged_on(held_out: bool) -> str:
@@ -140,7 +170,7 @@ def highest_floor(noise: float, errors: Sequence[RecordError]) -> float:
     return noise * (1.0 + SURE * pooled_doubt(errors))
 
 
-def beyond_chance(one: Candidate, base: Candidate) -> bool:
+def beyond_chance(one: Tried, base: Tried) -> bool:
     """Whether a set is likelier than another beyond chance, and foretells no worse what was left out of the fit."""
     return one.delta_bic > CERTAIN and one.error_where_known < base.error_where_known
 
@@ -155,7 +185,7 @@ def verdict_of(
     base: Candidate,
     best: Candidate,
     steps: Sequence[Candidate],
-    tries: tuple[Candidate, ...],
+    tries: tuple[Tried, ...],
     noise: float,
     tied: tuple[str, ...],
 ) -> Diagnosis:
@@ -244,15 +274,15 @@ def _of_the_base(base: Candidate, noise: float) -> tuple[str, str] | None:
     if ratio <= ADEQUATE:
         return "adequate", (f"The model explains the records down to their noise (error {ratio:.3f} of the "
                             "noise floor): nothing is missing that these records could show.")
-    if base.fit is not None and not base.fit.converged:
+    if not base.converged:
         return "not_converged", ("The fit of the believed model did not settle, so nothing can be said of what "
                                  "it lacks: check the conditions and the starting values.")
     return None
 
 
-def noise_share(base: Candidate) -> float:
+def noise_share(base: Tried) -> float:
     """Noise over what was measured, rms, all records together, without what offset and drift explain; 0 without a fit."""
-    if base.fitter is None:
+    if not isinstance(base, Candidate):
         return 0.0
     records = base.fitter.records
     measured = sum(float(np.sum(one.project(one.data) ** 2)) for one in records)
@@ -306,8 +336,8 @@ def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
     Without `held_out` every error is that in the fit. A candidate that was not `fitted` was ruled out by a first step: it
     carries the numbers of what it was to be added to.
     """
-    after = result.best.fit.state.model if result.best.fit is not None else before
-    names = [name for name in (result.base.fit.names if result.base.fit else ()) if name in BASE_UNITS]
+    after = result.best.fit.state.model if isinstance(result.best, Candidate) else before
+    names = [name for name in (result.base.fit.names if isinstance(result.base, Candidate) else ()) if name in BASE_UNITS]
     return {
         "verdict": result.verdict,
         "effects": list(result.effects),
@@ -317,7 +347,7 @@ def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
         "candidates": [
             {
                 "effects": list(one.effects),
-                "fitted": one.fit is not None,
+                "fitted": isinstance(one, Candidate),
                 "parameters": dict(one.parameters),
                 "error_fit": one.error_fit,
                 "error_held_out": one.error_held_out,

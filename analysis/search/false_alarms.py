@@ -44,7 +44,6 @@ def false_alarms(
     progress: Callable[[str], None] = lambda text: None,
 ) -> FalseAlarms:
     """Repeat the diagnosis on `count` campaigns drawn from the base fit. Reproducible from `seed`."""
-    assert base.fit is not None and base.fitter is not None
     state = base.fit.state
     named = []
     for number in range(count):

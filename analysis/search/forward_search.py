@@ -16,7 +16,7 @@ from testbed.analysis.fit.fractional_passes import with_parts_of_passes
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.search.backward import backward, nesting_guard
 from testbed.analysis.search.candidate_round import by_noise, try_candidates
-from testbed.analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, OtherForm
+from testbed.analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, OtherForm, Tried
 from testbed.analysis.search.final_fit import fitted_anew, settled
 from testbed.analysis.search.gates import against, passing_gates
 from testbed.analysis.search.law_form import FormsAsked
@@ -36,7 +36,6 @@ COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves
 
 def _at_its_jumps(one: Candidate) -> Candidate:
     """The set with the samples left out at the jumps of a force where its own fit, not that of a smaller set, places them."""
-    assert one.fit is not None and one.fitter is not None
     return fitted_anew(one, *at_its_jumps(one.fitter, one.fit))
 
 
@@ -52,7 +51,6 @@ def _with_finer_steps(
 
 def _origins(current: Candidate, model: Model, noise: float) -> list[Origin]:
     """Where the candidates of a round start; from the small-amplitude structure, too, where the base model is bad."""
-    assert current.fit is not None and current.fitter is not None
     anchored = not current.effects and current.error_held_out > ANCHOR * noise
     return origins_of(current.fitter.engine, model, current.fitter, current.fit, anchored)
 
@@ -67,7 +65,7 @@ def _switched(current: Candidate, model: Model, catalogue: Mapping[str, Effect],
 
 
 def _round(current: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, progress: Callable[[str], None],
-           final: bool, look: PriorScreening | None, forms: FormsAsked) -> tuple[Candidate, list[Candidate]]:  # fmt: skip
+           final: bool, look: PriorScreening | None, forms: FormsAsked) -> tuple[Candidate, list[Tried]]:  # fmt: skip
     """The current set, refitted where a larger one shows a deeper valley of it, and the candidates that extend it by one."""
     alone = look.alone if look is not None and not current.effects else tuple
 
@@ -87,18 +85,17 @@ def _named(first: Candidate, model: Model, catalogue: Mapping[str, Effect], nois
     return reweighted(_with_parts(with_record_hypotheses(_at_its_jumps(backward(first, catalogue, progress))), noise))
 
 
-def _first_form(asked: Sequence[Candidate], tried: Sequence[Candidate], before: Candidate, noise: float, forms: FormsAsked
+def _first_form(asked: Sequence[Tried], tried: Sequence[Tried], before: Candidate, noise: float, forms: FormsAsked
                 ) -> OtherForm | None:  # fmt: skip
     """After the first round, another form of the law of an effect, where that explains what none of those tried does."""
     if before.effects or any(one.error_where_known <= ADEQUATE * noise for one in tried):
         return None
-    sets = [by_noise(one) for one in tried if one.fit is not None]
-    return forms.steeper(sets if asked is tried else [by_noise(one) for one in asked], sets)
+    sets = [by_noise(one) for one in tried if isinstance(one, Candidate)]
+    return forms.steeper(sets if asked is tried else [by_noise(one) for one in asked if isinstance(one, Candidate)], sets)
 
 
 def _with_parts(one: Candidate, noise: float) -> Candidate:
     """The set, where it leaves more than noise, with cuts that begin or end within an arc looked for again."""
-    assert one.fit is not None and one.fitter is not None
     if one.error_held_out <= ADEQUATE * noise:
         return one
     return fitted_anew(one, one.fitter, with_parts_of_passes(one.fitter, one.fit))
@@ -110,7 +107,7 @@ def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Ef
 
     look: at the believed machine, for the first round. BudgetSpent carries what was found until then.
     """
-    steps, seen = list(begun), list[Candidate]()
+    steps, seen = list(begun), list[Tried]()
     try:
         return _forward(steps, seen, model, catalogue, most, progress, look)
     except BudgetSpent as spent:
@@ -118,7 +115,7 @@ def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Ef
         raise
 
 
-def _forward(steps: list[Candidate], seen: list[Candidate], model: Model, catalogue: Mapping[str, Effect], most: int,
+def _forward(steps: list[Candidate], seen: list[Tried], model: Model, catalogue: Mapping[str, Effect], most: int,
              progress: Callable[[str], None], look: PriorScreening | None) -> SelectionTrace:  # fmt: skip
     """The same from the steps, which grow, as do the candidates `seen`."""
     base, current = steps[0], steps[-1]
@@ -187,7 +184,7 @@ def _forward(steps: list[Candidate], seen: list[Candidate], model: Model, catalo
 
 
 def _ended(
-    steps: Sequence[Candidate], seen: Sequence[Candidate], tied: tuple[str, ...], rivals: Sequence[Candidate], noise: float,
+    steps: Sequence[Candidate], seen: Sequence[Tried], tied: tuple[str, ...], rivals: Sequence[Candidate], noise: float,
     catalogue: Mapping[str, Effect], progress: Callable[[str], None],
 ) -> SelectionTrace:  # fmt: skip
     """The path of these steps as it is told: fits in units of the noise, and rivals of the first effect tried in the last set.

@@ -51,7 +51,6 @@ class Misstated:
 
 def contradicted(base: Candidate, noise: float, progress: Callable[[str], None]) -> Diagnosis | None:
     """The diagnosis where one record alone contradicts the model, and would not had another condition been written down."""
-    assert base.fitter is not None and base.fit is not None
     if base.error_where_known <= ADEQUATE * noise:
         return None
     fitter, fit = agreed(base.fitter, base.fit)

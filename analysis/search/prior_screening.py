@@ -30,7 +30,6 @@ class PriorScreening:
     """The believed machine with effects at their examples, fitted to the records of the base fit; nothing is fitted twice."""
 
     def __init__(self, base: Candidate, model: Model, catalogue: Mapping[str, Effect], progress: Callable[[str], None]) -> None:
-        assert base.fitter is not None
         self.base, self.model, self.catalogue, self.say = base, model, catalogue, progress
         self.engine, self.records = base.fitter.engine, base.fitter.records
         self._costs: dict[tuple[str, ...], float] = {}
@@ -115,7 +114,7 @@ class PriorScreening:
         if names not in self._fits:
             self.say(f"fitting {' and '.join(names)} from the believed machine")
             found = from_believed(self.engine, self.records, self.model, names, self.catalogue, cost_limit, self._turned)
-            if found.fit is None or found.fit.cost > cost_limit:
+            if found.fit.cost > cost_limit:
                 return None
             self._fits[names] = found
         return self._fits[names]
@@ -132,7 +131,6 @@ class PriorScreening:
 
     def _complete(self) -> tuple[Candidate, ...]:
         first, *others = self._likely
-        assert self.base.fit is not None
         cost_limit, close = explaining(self.records, self.base.fit.state), RIVAL * self.opened(first)
         found = self._fitted((first,), cost_limit)
         if found is None or found.error_where_known > COMPLETE * pooled(self.base.errors)[1]:

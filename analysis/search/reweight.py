@@ -21,7 +21,6 @@ def reweighted(current: Candidate) -> Candidate:
 
     A model that is rough everywhere would otherwise be fitted to the quietest record alone, and candidates with it.
     """
-    assert current.fit is not None and current.fitter is not None
     records = current.fitter.records
     plain = all(record.weight is None for record in records)
     rough = current.error_held_out > (ROUGH if plain else STILL_ROUGH) * pooled(current.errors)[1]

@@ -40,9 +40,9 @@ class Rule:
 
 def rules_of(found: Diagnosis) -> tuple[Rule, ...]:
     """All rules that a verdict of a search rests on, in the order in which they are asked; none where no fit was made."""
-    if found.base.fit is None:
+    if not isinstance(found.base, Candidate):
         return ()
-    singles = [one for one in found.candidates if one.fit is not None and len(one.effects) == 1]
+    singles = [one for one in found.fitted if len(one.effects) == 1]
     each = [rule for one in singles for rule in _of_one(one, found.base, found.noise_floor)]
     return (*_of_the_base(found.base, found.noise_floor), *each, *_of_the_best(found))
 

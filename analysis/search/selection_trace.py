@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from testbed.analysis.fit.record_hypotheses import asked_again
-from testbed.analysis.search.diagnosis import Candidate, OtherForm
+from testbed.analysis.search.diagnosis import Candidate, OtherForm, Tried
 from testbed.analysis.search.final_fit import fitted_anew
+
+Each = TypeVar("Each", bound=Tried)
 
 
 @dataclass(frozen=True)
@@ -17,7 +20,7 @@ class SelectionTrace:
     """
 
     steps: tuple[Candidate, ...]
-    seen: tuple[Candidate, ...]
+    seen: tuple[Tried, ...]
     tied: tuple[str, ...]
     hum: str = ""
     form: OtherForm | None = None
@@ -28,12 +31,11 @@ class SelectionTrace:
         return self.steps[-1]
 
 
-def without_slopes(one: Candidate) -> Candidate:
+def without_slopes(one: Each) -> Each:
     """A candidate as it is told: without the slopes of its fit, which fill much memory and serve its round alone."""
-    return one if one.fit is None else replace(one, fit=replace(one.fit, parts=()))
+    return one if not isinstance(one, Candidate) else replace(one, fit=replace(one.fit, parts=()))
 
 
 def with_record_hypotheses(one: Candidate) -> Candidate:
     """The set with what of the records explains more, with these effects, otherwise than taken; see `record_hypotheses`."""
-    assert one.fit is not None and one.fitter is not None
     return fitted_anew(one, *asked_again(one.fitter, one.fit))

@@ -77,7 +77,6 @@ def other_way(base: Candidate, model: Model, catalogue: Mapping[str, Effect]) ->
 
     base: the model fitted to the campaign as it is stated.
     """
-    assert base.fitter is not None
     noise = pooled(base.errors)[1]
     if base.error_where_known <= MUCH * noise:
         return ""

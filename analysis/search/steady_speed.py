@@ -30,8 +30,6 @@ FEWEST = 500  # in a record at the least, between which the speed is a straight 
 
 def no_swing(one: Candidate, catalogue: Mapping[str, Effect]) -> bool:
     """Whether a fitted set has a swing of the speed that recurs in no record, or that the marks refute."""
-    if one.fit is None or one.fitter is None:
-        return False
     cuts = [(record, own) for record, own in zip(one.fitter.records, one.fit.state.nuisances, strict=True)
             if record.cut is not None]
     swings = [catalogue[name] for name in one.effects if swings_the_speed(catalogue[name])]

@@ -28,7 +28,6 @@ def _weak_effect(steps: Sequence[Candidate], model: Model, catalogue: Mapping[st
     if end.effects and below_a_guess(end, noise):
         return SelectionTrace(tuple(steps), (), ())
     current = _with_search_steps(end, steps[0], noise)
-    assert current.fit is not None and current.fitter is not None
     origins = origins_of(current.fitter.engine, model, current.fitter, current.fit, anchored=False)
     found = certain_candidates(current, catalogue, origins, progress)
     seen = tuple(map(without_slopes, found))
@@ -78,7 +77,6 @@ def with_weak_effect(path: SelectionTrace, model: Model, catalogue: Mapping[str,
 
 def _with_search_steps(one: Candidate, base: Candidate, noise: float) -> Candidate:
     """A set that was settled with finer steps, fitted with those of the search again, where they too leave but noise."""
-    assert one.fit is not None and one.fitter is not None and base.fitter is not None
     if one.fitter.engine is base.fitter.engine:
         return one
     fitter = Fitter(base.fitter.engine, one.fitter.records, one.fitter.unknowns)

@@ -109,12 +109,12 @@ def _of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
     )
     from testbed.analysis.fit.plausible import remarks_on
     from testbed.analysis.fit.record_hypotheses import taken_notes
-    from testbed.analysis.search.diagnosis import ADEQUATE
+    from testbed.analysis.search.diagnosis import ADEQUATE, Candidate
     from testbed.analysis.search.mark_delay import delay_note
 
-    fitter, fit = found.best.fitter, found.best.fit
-    if fitter is None or fit is None:
+    if not isinstance(found.best, Candidate):
         return (), (), [], []
+    fitter, fit = found.best.fitter, found.best.fit
     told = estimates(fitter, fit, catalogue)
     stuck, guesses = at_bound(fitter.free, told), not_determined(told)
     notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit), *clock_note(fitter, fit),
@@ -130,11 +130,11 @@ def _of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
 def _force_maps(found: Any, catalogue: Any) -> list[Any]:
     """Force-state maps of what the best model still lacks; none where that is but noise."""
     from testbed.analysis.force.force_state import force_states
-    from testbed.analysis.search.diagnosis import ADEQUATE
+    from testbed.analysis.search.diagnosis import ADEQUATE, Candidate
     from testbed.cli._fitting import engine_of
 
     best = found.best
-    if best.fit is None or best.error_held_out <= ADEQUATE * found.noise_floor:
+    if not isinstance(best, Candidate) or best.error_held_out <= ADEQUATE * found.noise_floor:
         return []
     states = force_states(engine_of(catalogue), best.fitter, best.fit, best.errors, catalogue)
     return [(one.name, one.x, one.v, one.force) for one in states]
@@ -224,14 +224,12 @@ def _say(answer: Answer, found: Any, said: Any, first: str) -> None:
     answer.say(found.sentence)
     held = ("held out",) if found.held_out else ()
     rows = [(" + ".join(one.effects), f"{one.error_fit:.4f}", *(f"{one.error_held_out:.4f}" for _ in held),
-             f"{one.delta_bic:.1f}", "yes" if one.converged else "no") for one in found.candidates if one.fit is not None]
+             f"{one.delta_bic:.1f}", "yes" if one.converged else "no") for one in found.fitted]
     if rows:
         answer.say()
         answer.table(("tried", "error in the fit", *held, "gain in BIC", "converged"), rows)
-        fitted = {one.effects[-1] for one in found.candidates if one.fit is not None}
-        others = dict.fromkeys(one.effects[-1] for one in found.candidates if one.fit is None)  # once, of however many rounds
-        if never := [name for name in others if name not in fitted]:
-            answer.say(f"ruled out by a first step: {', '.join(never)}")
+        if found.ruled_out:
+            answer.say(f"ruled out by a first step: {', '.join(found.ruled_out)}")
     answer.say()
     error = "error, held out" if found.held_out else "error, in the fit"
     answer.table((error, "value"), [(name.replace("_", " "), f"{value:.4f}") for name, value in said["error"].items()])

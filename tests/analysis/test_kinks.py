@@ -20,7 +20,7 @@ from testbed.analysis.fit.scale_profile import ALIKE, SAME, along_scales
 from testbed.analysis.fit.starts import base_fit, free_parameters, rested
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.diagnosis import Candidate, verdict_of
+from testbed.analysis.search.diagnosis import Tried, verdict_of
 from testbed.analysis.search.refit_from_prior import refit_from_prior
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
@@ -191,7 +191,7 @@ def _error(doubt):
 
 @pytest.mark.parametrize(("doubt", "verdict"), [(0.0, "unexplained"), (0.02, "adequate")])
 def test_a_noise_floor_of_few_samples_widens_the_verdict(doubt, verdict):
-    base = Candidate((), {}, 0.107, 0.107, 0.0, True, errors=(_error(doubt),))
+    base = Tried((), {}, 0.107, 0.107, 0.0, True, errors=(_error(doubt),))
     assert verdict_of(base, base, [base], (), 0.1, ()).verdict == verdict
 
 

@@ -73,7 +73,7 @@ def candidate(*effects: str) -> Candidate:
     errors = tuple(held_out_errors(fitter, fit))
     parameters = {path: fit.state.model.value(path) for path in fit.names if "." in path}
     in_fit = pooled(errors_in_fit(fitter, fit))[0]
-    return Candidate(effects, parameters, in_fit, pooled(errors)[0], 100.0, True, fit, fitter, errors)
+    return Candidate(effects, parameters, in_fit, pooled(errors)[0], 100.0, True, errors, fit=fit, fitter=fitter)
 
 
 def diagnosis() -> Diagnosis:

@@ -17,7 +17,7 @@ import numpy as np
 
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.diagnose import diagnose
-from testbed.analysis.search.diagnosis import Diagnosis
+from testbed.analysis.search.diagnosis import Candidate, Diagnosis
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
 from testbed.engines import mujoco_engine, predict
@@ -150,7 +150,7 @@ class Case:
 
 def damping_of(found: Diagnosis) -> float:
     """The damping ratio of the refitted believed model."""
-    assert found.base.fit is not None
+    assert isinstance(found.base, Candidate)
     return found.base.fit.state.model.structure.damping_ratio
 
 

@@ -62,7 +62,6 @@ def any_linear_dynamometer(step: Candidate) -> float:
 
     One complex factor for every harmonic of the spindle and channel, the best for all records; what does not repeat is left.
     """
-    assert step.fit is not None and step.fitter is not None
     state, left, whole = step.fit.state, 0.0, 0.0
     per_record = []
     for record, own in zip(step.fitter.records, state.nuisances, strict=True):
