@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from testbed.analysis.search.candidate_round import LEADERS
+from testbed.analysis.search.diagnosis import Candidate
 from tests.support.short_round import fitted, round_of
 
 # costs after the first step, in that of the base fit: the droop's is the least telling of all

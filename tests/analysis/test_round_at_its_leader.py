@@ -8,6 +8,7 @@ from testbed.analysis.fit.effect_start import origins_of
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.search import candidate_round as cr
 from testbed.analysis.search import score_test as fl
+from testbed.analysis.search.diagnosis import Candidate
 from tests.support.campaign_files import BELIEVED
 from tests.support.short_round import BENT, KNOWN, fitted, quiet, round_of
 
