@@ -68,7 +68,7 @@ def test_from_far_only_a_law_with_a_kink_is_given_up_before_its_last_step(rubbin
     fitter, fit = rubbing
     goals = []
     descend = Fitter.descend
-    monkeypatch.setattr(Fitter, "descend", lambda *given, **more: goals.append(more.get("goal")) or descend(*given, **more))
+    monkeypatch.setattr(Fitter, "descend", lambda *given, **more: goals.append(more.get("cost_limit")) or descend(*given, **more))
     for name in ("sensor_lag", "quadratic_damping"):
         far_step(fitter, catalogue()[name], fit, 0.1)
     assert goals == [None, 0.1]
