@@ -18,9 +18,10 @@ from scipy.special import chdtrc, fdtrc
 
 from testbed.analysis.fit.fit_state import Jacobian, WaveformFit
 from testbed.analysis.fit.held_out import RecordError, conditions_of
+from testbed.analysis.fit.least_squares import COLLINEAR
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.waveform import COLLINEAR, Fitter
+from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.information import autocorrelation, independent
 from testbed.analysis.records.spindle_clock import turns_of
 

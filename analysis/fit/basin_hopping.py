@@ -30,7 +30,9 @@ def basin_hopping(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -
     for path, bounds in scales(effects):
         for factor in HOPS:
             fit = _along(fitter, path, factor, bounds, fit)
-    return fit if fit is first else alternate_fit_and_passes(fitter, place_exits(fitter, fit.state), rounds=3, iterations=SETTLE)
+    if fit is first:
+        return fit
+    return alternate_fit_and_passes(fitter, place_exits(fitter, fit.state), rounds=3, iterations=SETTLE)
 
 
 def scales(effects: Sequence[Effect]) -> Iterator[tuple[str, tuple[float, float]]]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from testbed.analysis.fit.fit_state import FreeParameter, Jacobian, State, WaveformFit
 from testbed.analysis.fit.free_parameters import free_parameters
+from testbed.analysis.fit.least_squares import gauss_newton_step
 from testbed.analysis.fit.length_cut import asks_length
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.pass_search import begun_otherwise, place_entries, settle_passes, turn_phases
@@ -244,7 +245,7 @@ def first_step(
         for cost, state in tried:
             parts = wider.with_slopes(origin.parts, state, places)
             for damping in (1e-3, 1.0):
-                move, own = wider.step(parts, damping)
+                move, own = gauss_newton_step(parts, damping)
                 trial = wider.with_own(wider.moved(state, move), own)
                 new = wider.cost(trial)
                 if new < cost:
@@ -281,7 +282,7 @@ def gradual_entry(
     """(cost, state, fitter) after a short fit of an entry that is not sudden, from coefficients that no sudden entry has bent.
 
     Which pass is the first is nearly made up for by how gradual it is, and in all records alike: so they are placed in turn
-    with soft fits, then moved together, pass by pass, as long as that helps; where they are far above the cost `cost_limit`, not.
+    with soft fits, then moved together, pass by pass, as long as that helps; where they are far above `cost_limit`, not.
     """
     wider = extended(fitter, effect)
     soft = Fitter(fitter.engine, [softened(record) for record in fitter.records], wider.unknowns)

@@ -152,7 +152,8 @@ def free_vibration_fit(
     measured = [record if record.measured is None else record.measured for record in records]
     _, fit = base_fit(engine, measured, model.without_effect(effect.name), free=others)
     fitter = Fitter(engine, records, free)
-    return fitter, with_courses(fitter, alternate_fit_and_passes(fitter, _carried_over(fit.state, records, measured, clocks, effect)))
+    begun = _carried_over(fit.state, records, measured, clocks, effect)
+    return fitter, with_courses(fitter, alternate_fit_and_passes(fitter, begun))
 
 
 def _carried_over(

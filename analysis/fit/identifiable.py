@@ -201,7 +201,8 @@ def _information(engine: Engine, records: Sequence[Observed], state: State, free
     return whole
 
 
-def _of_other_sensors(engine: Engine, records: Sequence[Observed], state: State, free: Sequence[FreeParameter]) -> dict[str, np.ndarray]:
+def _of_other_sensors(engine: Engine, records: Sequence[Observed], state: State, free: Sequence[FreeParameter]
+                      ) -> dict[str, np.ndarray]:  # fmt: skip
     """The information that sensors would add which were not there, by their names in words."""
     measured = {channel for record in records for channel in record.channels}
     carriers = [on for on in CARRIERS if any(mode.on == on for mode in state.model.structure.modes)]

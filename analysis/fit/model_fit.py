@@ -43,14 +43,15 @@ def model_fit(
 
     Laws with kinks have valleys beside the deepest, into which even the true scale may slip on the way from a wrong opening:
     theirs are looked for. So have free decays alone, whose phases run apart: those are fitted from their openings on.
-    cost_limit: the cost above which the fit is of no use, and is given up; known: that of a fit at hand, whose valley is left alone.
+    cost_limit: the cost above which the fit is of no use and given up; known: that of a fit at hand, whose basin is left alone.
     Where an effect asks for the length cut and no record states one, the fitter's records have that which explains them better,
     see `length_cut`; so with what the first teeth meet and with the feed, see `record_hypotheses`.
     """
     if free is None and (model.effects or model.structure.planar):
         free = (told or identifiable_parameters(engine, records, model, catalogue, helps=False)).free
     found = _fitted(engine, records, model, catalogue, free, cost_limit, known)
-    if not (found[1].cost > cost_limit or arrived(found[1], known)) and (beyond := _with_arc_beyond(found[1], model, catalogue)):
+    done = found[1].cost > cost_limit or arrived(found[1], known)
+    if not done and (beyond := _with_arc_beyond(found[1], model, catalogue)):
         found = min(found, _fitted(engine, records, beyond, catalogue, free, math.inf, known), key=lambda one: one[1].cost)
     if asks_length(model.effects, catalogue) and (longer := carried_on(records)) is not None:
         worn = _fitted(engine, longer, model, catalogue, free, cost_limit, known)

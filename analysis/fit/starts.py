@@ -134,7 +134,8 @@ def alternate_fit_and_passes(
     return fit
 
 
-def anchored_states(engine: Engine, records: Sequence[Observed], model: Model, unknowns: Sequence[FreeParameter]) -> tuple[State, State]:
+def anchored_states(engine: Engine, records: Sequence[Observed], model: Model, unknowns: Sequence[FreeParameter]
+                    ) -> tuple[State, State]:  # fmt: skip
     """The best of a scan with the coefficients' ratio as believed; and, from there, the cut fitted softly.
 
     Frequency and damping are held at what the small end of the free decays shows. unknowns: of the fit that this is a start of.
@@ -195,7 +196,7 @@ def base_fit(
 ) -> tuple[Fitter, WaveformFit]:
     """The believed model refitted to all records, from several starts, with every nuisance.
 
-    cost_limit: the cost above which the fit is of no use, and is given up; `patient`: once the better half of the records has been
+    cost_limit: the cost above which the fit is of no use and given up; `patient`: once the better half of the records has been
     tried alone. known: see `arrived`.
     """
     started = structure_start(records, model)

@@ -21,7 +21,8 @@ from testbed.analysis.force.latent_force import MissingForce, by_the_marks, miss
 from testbed.analysis.force.ranking import Ranked, rank
 from testbed.analysis.force.regression import products, windows_of
 from testbed.analysis.force.terms import power_term
-from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, OtherForm
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
+from testbed.analysis.search.diagnosis import Diagnosis, OtherForm
 from testbed.analysis.search.law_form import references
 from testbed.effect import Effect
 from testbed.trial.proposal import Coefficient, ForceTerm, write_proposal
@@ -98,10 +99,10 @@ def left_unexplained(
     if found.form is not None and found.form.fitted is not None:
         return _of_form(engine, _fitted_to(records, found.form.fitted), found.form, catalogue, progress)
     chosen = found.best if found.verdict == "missing_effect" else found.base
-    if chosen.fit is None or chosen.error_held_out <= ADEQUATE * found.noise_floor:
+    if not isinstance(chosen, Candidate) or chosen.error_held_out <= ADEQUATE * found.noise_floor:
         return []
     states = [chosen.fit.state]
-    if found.verdict != "missing_effect" and found.best.fit is not None and found.best.effects:
+    if found.verdict != "missing_effect" and isinstance(found.best, Candidate) and found.best.effects:
         # what partly helps has led the base parameters nearer to the truth: the force is looked for from there, too
         bare = found.best.fit.state
         for name in found.best.effects:
@@ -125,7 +126,6 @@ def explanations_from(engine: Engine, records: Sequence[Observed], state: State,
 
 def _fitted_to(records: Sequence[Observed], one: Candidate) -> list[Observed]:
     """Those of the records that a set of effects was fitted to: a chaotic one may have been left out."""
-    assert one.fitter is not None
     names = {record.name for record in one.fitter.records}
     return [record for record in records if record.name in names]
 
@@ -137,7 +137,7 @@ def _of_form(engine: Engine, records: Sequence[Observed], form: OtherForm, catal
 
     All of a record shows a law to a fit; a regression sees but windows of it.
     """
-    assert form.fitted is not None and form.fitted.fit is not None
+    assert form.fitted is not None
     bare = form.fitted.fit.state.without_effect(form.effect)
     missing = missing_force(engine, records, bare, catalogue, progress)
     told = explanations(missing, progress)

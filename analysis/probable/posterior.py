@@ -112,7 +112,8 @@ def _with_stated(known: Known, deviations: Mapping[str, float], catalogue: Mappi
                  (*known.bounds, *(bounds_of(path, catalogue) for path in more)))
 
 
-def _joined(fitter: Fitter, fit: WaveformFit, joined: list[FreeParameter], deviations: Mapping[str, float], wider: float) -> np.ndarray:
+def _joined(fitter: Fitter, fit: WaveformFit, joined: list[FreeParameter], deviations: Mapping[str, float], wider: float
+            ) -> np.ndarray:  # fmt: skip
     """Covariance (n, n) of the fit's parameters, and of those that join it with the deviation that was stated."""
     count = len(fitter.free)
     if not joined:

@@ -27,8 +27,9 @@ from testbed.analysis.fit.starts import alternate_fit_and_passes, at_a_bound, to
 from testbed.analysis.fit.switched import switch_note
 from testbed.analysis.fit.tooth_circles import at_least_strength, direction_notes
 from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import candidate_of, with_effect
-from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, judged_on
+from testbed.analysis.search.diagnosis import judged_on
 from testbed.analysis.search.outlier_records import SOUND, agreed, misfit
 from testbed.analysis.search.refit_from_prior import with_examples
 from testbed.effect import Effect
@@ -131,7 +132,8 @@ def _with_one_more(engine: Engine, records: Sequence[Observed], model: Model, ef
     wider, with_it = _best_fit_with(engine, model, catalogue, effect, bare, progress)
     wider, with_it = asked_again(wider, to_its_end(wider, with_it))
     progress("looking again for a fit without it")
-    again = alternate_fit_and_passes(fitter, state_without(with_it.state, effect.name, {effect.name: effect}), rounds=1, iterations=8)
+    reduced = state_without(with_it.state, effect.name, {effect.name: effect})
+    again = alternate_fit_and_passes(fitter, reduced, rounds=1, iterations=8)
     if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
         fit, before = again, tuple(held_out_errors(fitter, again))
     return _Step(records, wider, with_it, fit, before)
@@ -158,7 +160,6 @@ def _best_fit_with(engine: Engine, model: Model, catalogue: Mapping[str, Effect]
 
     What the model without a strong effect made up for can lead every start from its fit astray.
     """
-    assert bare.fitter is not None
     records = bare.fitter.records
 
     def anew(turned: Container[str] = ()) -> tuple[Fitter, WaveformFit]:
@@ -181,13 +182,12 @@ def _best_fit_with(engine: Engine, model: Model, catalogue: Mapping[str, Effect]
 def _fit_with(engine: Engine, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
               progress: Callable[[str], None]) -> tuple[Fitter, WaveformFit]:
     """The fit with the effect; never worse than without, since at its neutral values it contains that."""
-    assert bare.fitter is not None and bare.fit is not None
     fitter, fit = bare.fitter, bare.fit
     error, noise = pooled(bare.errors)
     origins = origins_of(engine, model, fitter, fit, anchored=error > ANCHOR * noise)
     tried = with_effect(bare, effect.name, catalogue, origins, progress)
-    wider = extended(fitter if tried.fitter is None else fitter.on(tried.fitter.records), effect)
-    if tried.fit is None or effect.name not in tried.fit.state.model.effects:
+    wider = extended(fitter.on(tried.fitter.records), effect)
+    if effect.name not in tried.fit.state.model.effects:
         found = alternate_fit_and_passes(wider, _with_neutral(fit.state, effect))
     else:
         found = tried.fit

@@ -24,7 +24,8 @@ from testbed.analysis.fit.length_cut import asks_length, with_lengths_found
 from testbed.analysis.fit.pass_count import cut_elsewhere, recounted
 from testbed.analysis.fit.starts import alternate_fit_and_passes, at_a_bound, rested
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.search.diagnosis import ADEQUATE, CERTAIN, COMPLETE, Candidate
+from testbed.analysis.search.candidate import ADEQUATE, Candidate, Tried
+from testbed.analysis.search.diagnosis import CERTAIN, COMPLETE
 from testbed.analysis.search.score_test import (
     BEHIND,
     FAINT,
@@ -66,14 +67,13 @@ def candidate_of(
         parameters |= {one.path: first.value(one.path) for one in fitter.shifting}
     gain = 0.0 if reference is None else bic(reference, size) - bic(fit, size)
     return Candidate(
-        effects, parameters, pooled(errors_in_fit(fitter, fit))[0], pooled(errors)[0], gain, fit.converged, fit, fitter,
-        tuple(errors),
+        effects=effects, parameters=parameters, error_fit=pooled(errors_in_fit(fitter, fit))[0],
+        error_held_out=pooled(errors)[0], delta_bic=gain, converged=fit.converged, errors=tuple(errors), fit=fit, fitter=fitter,
     )
 
 
 def by_noise(one: Candidate) -> Candidate:
     """A set of effects as it was fitted, with residuals and covariance in units of the noise again."""
-    assert one.fit is not None and one.fitter is not None
     if all(record.weight is None for record in one.fitter.records):
         return one
     records = [replace(record, weight=None) for record in one.fitter.records]
@@ -89,7 +89,7 @@ def try_candidates(
     last: bool = False,
     alone: Callable[[], Sequence[Candidate]] = tuple,
     of_other_law: Callable[[Candidate], bool] | None = None,
-) -> list[Candidate]:
+) -> list[Tried]:
     """Candidates that extend the current set by one effect, the one that foretells best first.
 
     last: no further round follows, so that only one which leaves hardly more than noise is of interest.
@@ -97,14 +97,13 @@ def try_candidates(
     the fit of the leader to no less than twice the noise. of_other_law: whether a law of no catalogue is what a set lacks;
     asked before that, and with it the round ends.
     """
-    assert current.fit is not None and current.fitter is not None
     noise = pooled(current.errors)[1]
     near = nothing_hidden(current, noise)
     entries = first_steps(current, catalogue, origins, progress, growing=not near)
     floor, over = _of_noise(current.fitter), _beyond_noise(current.fitter, current.fit)
     hopeful = current.fit.cost - HOPE * GAIN * over
     wanted = COMPLETE**2 * floor if last else math.inf
-    ruled_out: list[Candidate] = []
+    ruled_out: list[Tried] = []
     while entries and entries[0].cost <= hopeful:
         entries[0].fitted = _refitted(current, entries[0], catalogue, progress, cost_limit=wanted, of_other_law=of_other_law)
         if not no_swing(entries[0].fitted, catalogue):
@@ -114,7 +113,6 @@ def try_candidates(
         leader = entries[0]
         assert leader.fitted is not None
         incomplete = leader.fitted.error_where_known > ADEQUATE * noise
-        assert leader.fitted.fit is not None
         little = leader.cost - floor <= MUCH * over or leader.fitted.fit.cost - floor <= LITTLE * over
         far = (incomplete and not little) or at_a_bound(leader.fitter.free, leader.fitted.fit.state.model)
         if far or leader.fitted.error_where_known > ROUGH * noise:
@@ -131,7 +129,7 @@ def try_candidates(
             from_far(current, leader, catalogue[leader.name], origins)
     elif entries and not near and not _put(current, entries, alone()):
         try_from_far(current, entries, catalogue, origins, progress, math.inf)
-    found = ruled_out
+    found: list[Tried] = ruled_out
     complete = 0  # once a candidate explains everything, only a rival close to it can still matter
     for place, entry in enumerate(entries):
         if entry.fitted is None and (place >= LEADERS or complete > 1 or entry.cost > hopeful):
@@ -139,7 +137,8 @@ def try_candidates(
             continue
         best = best_cost(entries)
         iterations, cost_limit = (10, _rivalling(current.fit.cost, best)) if complete else (40, BEHIND * best)
-        fitted = entry.fitted = entry.fitted or _refitted(current, entry, catalogue, progress, iterations, min(wanted, cost_limit))
+        cost_limit = min(wanted, cost_limit)
+        fitted = entry.fitted = entry.fitted or _refitted(current, entry, catalogue, progress, iterations, cost_limit)
         if no_swing(fitted, catalogue):
             found.append(_not_fitted(current, entry.name))
             continue
@@ -158,7 +157,7 @@ def _others_in_time(current: Candidate, entries: Sequence[ScreenedCandidate], ca
 
     Their first steps tell too little for a place among the leaders: own speeds and angles have made up for them.
     """
-    fitted = [entry for entry in entries if entry.fitted is not None and entry.fitted.fit is not None]
+    fitted = [entry for entry in entries if entry.fitted is not None]
     if not fitted or not shifts_in_time(catalogue[min(fitted, key=lambda entry: entry.reached).name]):
         return []
     found = []
@@ -171,12 +170,10 @@ def _others_in_time(current: Candidate, entries: Sequence[ScreenedCandidate], ca
 
 def _put(current: Candidate, entries: list[ScreenedCandidate], found: Sequence[Candidate]) -> bool:
     """Put effects where they were found, in the round's own units; whether one of them leaves nothing to be looked for."""
-    assert current.fitter is not None
     weights = [record.weight for record in current.fitter.records]
     known = {entry.name: entry for entry in entries}
     found = [one for one in found if one.effects[-1] in known]
     for one in found:
-        assert one.fitter is not None and one.fit is not None
         entry = known[one.effects[-1]]
         records = [replace(record, weight=weight) for record, weight in zip(one.fitter.records, weights, strict=True)]
         entry.state, entry.fitter, entry.fitted = one.fit.state, one.fitter.on(records), None
@@ -187,9 +184,9 @@ def _put(current: Candidate, entries: list[ScreenedCandidate], found: Sequence[C
     return any(one.error_where_known <= ADEQUATE * pooled(current.errors)[1] for one in found)
 
 
-def _not_fitted(current: Candidate, name: str) -> Candidate:
+def _not_fitted(current: Candidate, name: str) -> Tried:
     """A candidate that is ruled out."""
-    return Candidate((*current.effects, name), {}, current.error_fit, current.error_held_out, 0.0, False)
+    return Tried((*current.effects, name), {}, current.error_fit, current.error_held_out, 0.0, False)
 
 
 def _rivalling(before: float, best: float) -> float:
@@ -204,7 +201,6 @@ def certain_candidates(
     progress: Callable[[str], None],
 ) -> list[Candidate]:
     """Candidates for a model that leaves but noise: those that many samples make certain all the same, most gain first."""
-    assert current.fit is not None and current.fitter is not None
     hopeful = current.fit.cost * math.exp(-HOPE * CERTAIN / effective_size(current.fit))
     entries = first_steps(current, catalogue, origins, progress, growing=False)
     if not nothing_hidden(current, pooled(current.errors)[1]) and entries and entries[0].cost <= hopeful:
@@ -224,7 +220,6 @@ def with_effect(
     progress: Callable[[str], None],
 ) -> Candidate:
     """The current set and one effect more, fitted from every start that a round of a diagnosis knows."""
-    assert current.fit is not None and current.fitter is not None
     effect = catalogue[name]
     entry = begun(current, effect, origins)
     if name not in entry.state.model.effects:
@@ -252,11 +247,10 @@ def begun_and_fitted(
 
 
 def _refitted(
-    current: Candidate, entry: ScreenedCandidate, catalogue: Mapping[str, Effect], progress: Callable[[str], None], iterations: int = 40,
-    cost_limit: float = math.inf, of_other_law: Callable[[Candidate], bool] | None = None,
+    current: Candidate, entry: ScreenedCandidate, catalogue: Mapping[str, Effect], progress: Callable[[str], None],
+    iterations: int = 40, cost_limit: float = math.inf, of_other_law: Callable[[Candidate], bool] | None = None,
 ) -> Candidate:  # fmt: skip
-    """The entry fitted in full, or as far as showed that it will not come down to a cost of `cost_limit`, or lacks another law."""
-    assert current.fit is not None and current.fitter is not None
+    """The entry fitted in full, or as far as showed that it will not come down to `cost_limit`, or lacks another law."""
     progress(f"refitting with {entry.name}")
     smooth = catalogue[entry.name].smooth
     if not smooth:  # its valleys are narrow and bent: crept along after another scale is looked for
@@ -304,6 +298,5 @@ def _of_noise(fitter: Fitter) -> float:
 
 
 def _candidate(current: Candidate, fitter: Fitter, fit: WaveformFit, effects: tuple[str, ...]) -> Candidate:
-    assert current.fit is not None
     size = effective_size(fit if fit.cost < 0.5 * current.fit.cost else current.fit)
     return candidate_of(fitter, fit, effects, current.fit, size)

@@ -27,8 +27,9 @@ from testbed.analysis.fit.plausible import unlike_a_machine
 from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.starts import glance, noise_of_openings
 from testbed.analysis.fit.structure_start import structure_start
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis
+from testbed.analysis.search.diagnosis import Diagnosis
 from testbed.analysis.search.planar_slips import planar_slips
 from testbed.analysis.search.refit_from_prior import from_believed
 from testbed.effect import Effect
@@ -175,7 +176,6 @@ def explained_otherwise(
 
     base: the model fitted to the records as they are stated.
     """
-    assert base.fitter is not None and base.fit is not None
     engine, records = base.fitter.engine, base.fitter.records
     if base.error_where_known <= ADEQUATE * pooled(base.errors)[1]:
         return None
@@ -201,7 +201,7 @@ def explained_otherwise(
         progress(f"fitting the model {one.told}")
         cost_limit = max(OFF_COURSE * 0.5 * sum(record.size for record in one.records), WORTH * base.fit.cost)
         found = _fitted(engine, one, catalogue, cost_limit)
-        if found.error_where_known <= ADEQUATE * pooled(found.errors)[1] and found.fit is not None \
+        if found.error_where_known <= ADEQUATE * pooled(found.errors)[1] \
                 and not unlike_a_machine(found.fit.state.model):
             one = one if one.said is None else replace(one, told=one.said(found.fit.state.model))
             return _by_the_clock(one, found.fit.state.model, model), found
@@ -247,8 +247,8 @@ def instead_of(found: Diagnosis, restated: tuple[Restated, Candidate] | None) ->
     if restated is None:
         return found
     statement, fitted = restated
-    size = 0.0 if found.best.fit is None else effective_size(found.best.fit)
-    if found.best.fit is not None and fitted.fit is not None:
+    if isinstance(found.best, Candidate):
+        size = effective_size(found.best.fit)
         allowed = DELTA_BIC if found.best.effects else -DELTA_BIC
         if bic(fitted.fit, size) > bic(found.best.fit, size) + allowed:
             return found

@@ -19,11 +19,12 @@ from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.spindle_speed import at_modelled_speed, rules_the_speed, speed_swing
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.candidate_round import by_noise, candidate_of
 from testbed.analysis.search.chaos_check import followed, irregular
 from testbed.analysis.search.common_factor import PLAINLY, explained_otherwise, instead_of, written_wrongly
-from testbed.analysis.search.diagnosis import COMPLETE, Candidate, Diagnosis, excess, never_nothing, told_of_base, verdict_of
-from testbed.analysis.search.forward_search import ROUGH, forward
+from testbed.analysis.search.diagnosis import COMPLETE, Diagnosis, excess, never_nothing, told_of_base, verdict_of
+from testbed.analysis.search.forward_search import forward
 from testbed.analysis.search.gates import against
 from testbed.analysis.search.judged import as_far_as, foretells_little, of_a_machine, too_slow
 from testbed.analysis.search.law_form import with_form_asked, with_other_form
@@ -35,6 +36,7 @@ from testbed.analysis.search.odd_records import with_odd_records
 from testbed.analysis.search.prior_screening import PriorScreening
 from testbed.analysis.search.refit_from_prior import from_believed
 from testbed.analysis.search.restart import restarted
+from testbed.analysis.search.reweight import ROUGH
 from testbed.analysis.search.sign_check import other_way
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -131,10 +133,11 @@ def _diagnosed(engine: Budgeted, records: Sequence[Observed], model: Model, cata
         found = instead_of(found, restated)
         if added is not None and explains_more(added, found):
             found = with_mode(found, base, added, list(model.effects))
-        return told_of_base(with_odd_records(_with_next_test(found, engine, records, progress), engine, model, catalogue, progress))
+        found = _with_next_test(found, engine, records, progress)
+        return told_of_base(with_odd_records(found, engine, model, catalogue, progress))
     found = _search(_as_believed(engine, parts, model, catalogue, progress), engine, model, catalogue, most, progress)
     progress("fitting the whole records")
-    steps = [_on_whole(step, records) for step in found.steps]
+    steps = [_on_whole(step, records) for step in found.steps if isinstance(step, Candidate)]
     noise = pooled(steps[0].errors)[1]
     tied = found.effects if found.verdict == "undecided" else ()
     told = verdict_of(steps[0], steps[-1], steps, found.candidates, noise, tied)
@@ -149,7 +152,6 @@ def _without_irregular(base: Candidate, engine: Engine, model: Model, catalogue:
     The diagnosis stands where by what it found, too, motions part in those others that it does not foretell, and where that is
     a law of no catalogue; the set is had where it foretells them all.
     """
-    assert base.fitter is not None
     records = base.fitter.records
     places = irregular(records) if base.error_held_out > ROUGH * pooled(base.errors)[1] else []
     if not places:
@@ -160,8 +162,7 @@ def _without_irregular(base: Candidate, engine: Engine, model: Model, catalogue:
     found = _search(_as_believed(engine, kept, model, catalogue, progress), engine, model, catalogue, most, progress)
     if not _complete(found) and found.form is None:
         return None, None
-    best = by_noise(found.best) if found.form is None or found.form.fitted is None else found.form.fitted
-    assert best.fitter is not None and best.fit is not None
+    best = by_noise(found.best_fit) if found.form is None or found.form.fitted is None else found.form.fitted
     progress(f"holding what was found against {', '.join(names)}")
     seen = followed(best.fitter, best.fit.state, records, places)
     strange = [records[place].name for place in seen.strange]
@@ -178,7 +179,6 @@ def _without_late(found: Diagnosis, base: Candidate, engine: Engine, model: Mode
 
     With which pass, and with what swing, the others began is unknown: a model that lacks much cannot tell, and is bent by them.
     """
-    assert base.fitter is not None
     records = base.fitter.records
     late = [place for place, record in enumerate(records) if record.starts_in_cut and not record.forces_only]
     kept = [record for place, record in enumerate(records) if place not in late]
@@ -190,8 +190,7 @@ def _without_late(found: Diagnosis, base: Candidate, engine: Engine, model: Mode
     seen = _search(_as_believed(engine, kept, model, catalogue, progress), engine, model, catalogue, most, progress)
     if not (_complete(seen) or seen.verdict == "adequate"):
         return found
-    best = by_noise(seen.best)
-    assert best.fitter is not None and best.fit is not None
+    best = by_noise(seen.best_fit)
     progress(f"holding what was found against {names}")
     whole = followed(best.fitter, best.fit.state, records, late)
     if whole.strange:
@@ -218,7 +217,6 @@ def _left_out(names: Sequence[str]) -> str:
 
 def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:
     """A step of the search on parts of the records, fitted to the whole ones."""
-    assert step.fitter is not None and step.fit is not None
     kept = [whole.samples == seen.samples for whole, seen in zip(records, step.fitter.records, strict=True)]
     wider = [seen if as_it_was else whole for whole, seen, as_it_was in zip(records, step.fitter.records, kept, strict=True)]
     fitter = step.fitter.on(wider)
@@ -254,7 +252,7 @@ def _search(
     begun = [base, *([first] if first is not None else _swung(base, engine, model, catalogue, progress))]
     look = PriorScreening(base, model, catalogue, progress)
     path = restarted(forward(begun, model, catalogue, most, progress, look), look, noise, most)
-    seen = sorted(path.seen, key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))
+    seen = sorted(path.seen, key=lambda one: (not isinstance(one, Candidate), one.error_held_out, len(one.effects)))
     found = verdict_of(path.steps[0], path.end, path.steps, tuple(seen), noise, path.tied)
     found = with_other_form(found, path.form) if path.form is not None else with_form_asked(found, catalogue, progress)
     return replace(found, sentence=f"{found.sentence} {path.hum}") if path.hum else never_nothing(found)
@@ -263,7 +261,6 @@ def _search(
 def _swung(base: Candidate, engine: Engine, model: Model, catalogue: Mapping[str, Effect],
            progress: Callable[[str], None]) -> list[Candidate]:  # fmt: skip
     """The effect by which the speed swings as the marks show, if they show a swing, as the first step of the search."""
-    assert base.fitter is not None
     records = base.fitter.records
     shown = [name for name, one in catalogue.items() if name not in model.effects and marks_show(one, records)]
     if not shown:
@@ -281,7 +278,6 @@ def _with_next_test(
     if len(rivals) < 2:
         return result
     first, other = rivals
-    assert first.fit is not None and other.fit is not None
     progress("looking for the cut that would tell more")
     found = next_test(engine, records, first.fit.state.model, other.fit.state.model)
     return replace(result, next_test=found, separates=(first.effects[-1], other.effects[-1]) if found else ())
@@ -290,7 +286,7 @@ def _with_next_test(
 def rivals_of(result: Diagnosis) -> list[Candidate]:
     """What the records leave open: the fits with each of the tied effects, or with the named one and with what came close, the
     best first; all with as many effects. Empty where there is no such answer."""
-    rivals = [one for one in result.candidates if one.fit is not None and len(one.effects) == len(result.best.effects)]
+    rivals = [one for one in result.fitted if len(one.effects) == len(result.best.effects)]
     if result.verdict not in ("undecided", "missing_effect") or not result.effects or not rivals:
         return []
     rivals.sort(key=lambda one: one.error_held_out)

@@ -14,8 +14,8 @@ from scipy.special import betaincinv
 
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Engine, predict
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.diagnose import diagnose
-from testbed.analysis.search.diagnosis import Candidate
 from testbed.effect import Effect
 
 
@@ -44,7 +44,6 @@ def false_alarms(
     progress: Callable[[str], None] = lambda text: None,
 ) -> FalseAlarms:
     """Repeat the diagnosis on `count` campaigns drawn from the base fit. Reproducible from `seed`."""
-    assert base.fit is not None and base.fitter is not None
     state = base.fit.state
     named = []
     for number in range(count):

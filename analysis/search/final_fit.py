@@ -14,8 +14,8 @@ from testbed.analysis.fit.fine_steps import finely, has_kinks
 from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.starts import alternate_fit_and_passes, to_its_end
 from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.diagnosis import Candidate
 from testbed.effect import Effect
 
 CHANCE = 3.0  # standard errors that an effect may differ from none by chance
@@ -31,7 +31,6 @@ def settled(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
 
 
 def _followed(one: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
-    assert one.fit is not None and one.fitter is not None
     if not has_kinks(list(one.fit.state.model.effects), catalogue):
         return fitted_anew(one, one.fitter, to_its_end(one.fitter, one.fit))  # a short one of a round may have ended anywhere
     fitter, fit = finely(one.fitter, one.fit, catalogue)
@@ -52,7 +51,6 @@ def _without_needless(one: Candidate, catalogue: Mapping[str, Effect]) -> Candid
     Found before the one that is missing, an effect may have stood for it, and for ends of cuts that were found after it.
     """
     for name in one.effects:
-        assert one.fit is not None
         if len(one.effects) > 1 and not is_required(name, one.effects, catalogue) and _may_be_none(one.fit, catalogue[name]):
             one = without(one, name, catalogue) or one
     return one
@@ -63,7 +61,6 @@ def without(one: Candidate, name: str, catalogue: Mapping[str, Effect], near: fl
 
     near: in BIC, by which a short fit may be too bad, to be followed to its end.
     """
-    assert one.fit is not None and one.fitter is not None
     fitter, fit = refitted_without(one.fitter, one.fit.state, name, catalogue)
     size = effective_size(one.fit)
     most = bic(one.fit, size) + DELTA_BIC

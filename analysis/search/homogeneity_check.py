@@ -63,7 +63,6 @@ def each_alone(engine: Engine, records: Sequence[Observed], model: Model, catalo
     found = {}
     for place in worst_first:
         alone = from_believed(engine, [records[place]], model, (), catalogue)
-        assert alone.fit is not None and alone.fitter is not None
         if float(alone.fit.mean_squares[0]) > SOUND:
             return []
         found[place] = estimates(alone.fitter, alone.fit, catalogue)

@@ -21,8 +21,9 @@ from testbed.analysis.fit.held_out import errors_in_fit, pooled
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.starts import from_the_best_half
 from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, OtherForm
+from testbed.analysis.search.diagnosis import COMPLETE, Diagnosis, OtherForm
 from testbed.effect import Effect, Parameter
 
 ANOTHER = 0.25  # difference of an exponent from the law's own, from which it is another law's
@@ -37,7 +38,7 @@ NEARLY = 1.5  # error over noise floor, of all records or of most, that may be l
 
 def with_form_asked(found: Diagnosis, catalogue: Mapping[str, Effect], progress: Callable[[str], None]) -> Diagnosis:
     """The diagnosis, unexplained where the law of an effect that it names, or that the model has, turns out to be another."""
-    return with_other_form(found, other_form(found.best, catalogue, progress)) if found.verdict in DOUBTED else found
+    return with_other_form(found, other_form(found.best_fit, catalogue, progress)) if found.verdict in DOUBTED else found
 
 
 def with_other_form(found: Diagnosis, other: OtherForm | None) -> Diagnosis:
@@ -54,7 +55,6 @@ def other_form(one: Candidate, catalogue: Mapping[str, Effect], progress: Callab
 
     Where the model states an exponent, its owner has chosen it, and it is not asked.
     """
-    assert one.fit is not None and one.fitter is not None
     stated = one.fit.state.model.effects
     for name in dict.fromkeys((*one.effects, *stated)):
         exponent = _exponent(catalogue[name])
@@ -92,14 +92,13 @@ class FormsAsked:
 
     def steeper(self, asked: Sequence[Candidate], tried: Sequence[Candidate]) -> OtherForm | None:
         """See `steeper_form`."""
-        for one in sorted((one for one in asked if one.fit is not None), key=lambda one: one.error_fit):
+        for one in sorted(asked, key=lambda one: one.error_fit):
             other = self._of(one)
             if other is not None and other.value >= other.stated + STEEPER and other.left <= ADEQUATE and _beats(other, tried):
                 return other
         return None
 
     def _of(self, one: Candidate) -> OtherForm | None:
-        assert one.fit is not None
         for state, form in self._known:
             if state is one.fit.state:
                 return form
@@ -110,9 +109,9 @@ class FormsAsked:
 
 def _beats(other: OtherForm, tried: Sequence[Candidate]) -> bool:
     """Whether BIC prefers a law of another form to every set of effects."""
-    assert other.fitted is not None and other.fitted.fit is not None
+    assert other.fitted is not None
     size = effective_size(other.fitted.fit)
-    return all(bic(other.fitted.fit, size) < bic(one.fit, size) - DELTA_BIC for one in tried if one.fit is not None)
+    return all(bic(other.fitted.fit, size) < bic(one.fit, size) - DELTA_BIC for one in tried)
 
 
 def _exponent(effect: Effect) -> Parameter | None:

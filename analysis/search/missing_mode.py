@@ -21,8 +21,9 @@ from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.starts import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.records.lines import standing_out
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import by_noise, candidate_of
-from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, verdict_of
+from testbed.analysis.search.diagnosis import Diagnosis, verdict_of
 from testbed.machine import CARRIERS, Mode, Model, Structure
 
 NAMES = ("second_mode", "third_mode")  # of effects that are a mode more
@@ -61,11 +62,9 @@ class FoundMode:
 
 def missing_mode(base: Candidate, model: Model, progress: Callable[[str], None]) -> FoundMode | None:
     """The mode with which the believed `model`, fitted as `base`, leaves but noise; None where none does, or all is along x."""
-    assert base.fitter is not None and base.fit is not None
     if not base.fit.state.model.structure.planar or base.error_where_known <= ADEQUATE * pooled(base.errors)[1]:
         return None
     whole = by_noise(base)
-    assert whole.fitter is not None and whole.fit is not None
     peaks = _lines(whole.fitter.records, whole.fit)
     if not peaks:
         return None
@@ -78,7 +77,7 @@ def missing_mode(base: Candidate, model: Model, progress: Callable[[str], None])
     if found is None:
         return None
     one = candidate_of(*found, (), None, 1.0)
-    if one.error_where_known > ADEQUATE * pooled(one.errors)[1] or one.fit is None:
+    if one.error_where_known > ADEQUATE * pooled(one.errors)[1]:
         return None
     mode = _unbelieved(one.fit.state.model, model)
     return FoundMode(replace(mode, direction=mode.direction % math.pi), one)
@@ -95,17 +94,15 @@ def with_mode(found: Diagnosis, base: Candidate, added: FoundMode, beside: Seque
 
 def explains_more(added: FoundMode, found: Diagnosis) -> bool:
     """Whether the mode explains the records better than the effects that a search named, if it named any."""
-    best, fit = found.best.fit and by_noise(found.best).fit, added.fitted.fit
-    assert fit is not None
-    if best is None or found.verdict == "adequate":
+    if not isinstance(found.best, Candidate) or found.verdict == "adequate":
         return False
+    best, fit = by_noise(found.best).fit, added.fitted.fit
     size = effective_size(best)
     return found.verdict != "missing_effect" or bic(fit, size) < bic(best, size) - DELTA_BIC
 
 
 def _as_effect(name: str, base: Candidate, mode: Mode) -> dict[str, float]:
     """A mode in the parameters of the effect that stands for it."""
-    assert base.fit is not None
     own = {"mass_ratio": base.fit.state.model.structure.mass / mode.mass, "frequency": mode.natural_frequency,
            "damping_ratio": mode.damping_ratio, "direction": mode.direction,
            "participation": 1.0 if mode.on == "workpiece" else 0.0}

@@ -20,8 +20,9 @@ from testbed.analysis.fit.held_out import own_refit
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.pass_search import place_entries, place_exits
 from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, verdict_of
+from testbed.analysis.search.diagnosis import Diagnosis, verdict_of
 from testbed.analysis.search.outlier_records import SOUND, agreed
 
 CONDITIONS = {"axial_depth_of_cut": "depth of cut", "feed_per_tooth": "feed per tooth"}
@@ -51,7 +52,6 @@ class Misstated:
 
 def contradicted(base: Candidate, noise: float, progress: Callable[[str], None]) -> Diagnosis | None:
     """The diagnosis where one record alone contradicts the model, and would not had another condition been written down."""
-    assert base.fitter is not None and base.fit is not None
     if base.error_where_known <= ADEQUATE * noise:
         return None
     fitter, fit = agreed(base.fitter, base.fit)

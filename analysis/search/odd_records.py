@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from testbed.analysis.fit.prediction import Engine
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.candidate_round import by_noise
-from testbed.analysis.search.diagnosis import Candidate, Diagnosis, verdict_of
+from testbed.analysis.search.diagnosis import Diagnosis, verdict_of
 from testbed.analysis.search.homogeneity_check import each_alone, said_apart
 from testbed.analysis.search.outlier_records import agreed
 from testbed.effect import Effect
@@ -29,8 +30,9 @@ def with_odd_records(result: Diagnosis, engine: Engine, model: Model, catalogue:
 def _with_each_alone(result: Diagnosis, engine: Engine, model: Model, catalogue: Mapping[str, Effect],
                      progress: Callable[[str], None]) -> Diagnosis:  # fmt: skip
     """The diagnosis that nothing is missing but one machine for all records, if each alone agrees with the model."""
+    if not isinstance(result.base, Candidate):
+        return result
     base = by_noise(result.base)
-    assert base.fit is not None and base.fitter is not None
     progress("fitting each record alone")
     records = base.fitter.records
     apart = each_alone(engine, records, model, catalogue, base.fit.worst(len(records)))
@@ -45,12 +47,11 @@ def _with_each_alone(result: Diagnosis, engine: Engine, model: Model, catalogue:
 def _with_strange_records(result: Diagnosis, progress: Callable[[str], None]) -> Diagnosis:
     """The diagnosis with what all records but a few agree on, if there is such a thing."""
     progress("looking for records that stand alone")
-    fitted = [one for one in (result.base, *result.candidates) if one.fit is not None]
+    fitted = [one for one in (result.base, *result.candidates) if isinstance(one, Candidate)]
     best: dict[tuple[str, ...], Candidate] = {}
     for one in sorted(fitted, key=lambda one: (len(one.effects), one.error_fit)):
         best.setdefault(one.effects, one)
     for one in map(by_noise, [*best.values()][:MOST_LOOKED_AT]):
-        assert one.fit is not None and one.fitter is not None
         fitter, _ = agreed(one.fitter, one.fit)
         strange = [record.name for record in fitter.records if not record.in_fit]
         if strange:

@@ -121,7 +121,8 @@ def _of_pitch(records: Sequence[Observed], model: Model) -> Slip:
         angles = ", ".join(_degrees(angle) for angle in fitted.cutter.pitches)  # type: ignore[union-attr]
         return f"if the pitches of the teeth are not {believed} but {angles}, one after the other (`pitch` of the cutter)"
 
-    return Slip("pitch", records, model.with_values(begun), said, tuple(FreeParameter(path, PITCH_STEP, bounds) for path in paths))
+    free = tuple(FreeParameter(path, PITCH_STEP, bounds) for path in paths)
+    return Slip("pitch", records, model.with_values(begun), said, free)
 
 
 def _with_mode(model: Model, place: int, mode: Mode) -> Model | None:

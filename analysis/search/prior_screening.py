@@ -15,7 +15,8 @@ from testbed.analysis.fit.fit_state import FreeParameter
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.starts import glance, opening_fit
 from testbed.analysis.fit.structure_start import structure_start
-from testbed.analysis.search.diagnosis import COMPLETE, Candidate
+from testbed.analysis.search.candidate import Candidate
+from testbed.analysis.search.diagnosis import COMPLETE
 from testbed.analysis.search.refit_from_prior import explaining, from_believed, with_examples
 from testbed.analysis.search.score_test import shifts_in_time
 from testbed.analysis.threads import threaded
@@ -30,7 +31,6 @@ class PriorScreening:
     """The believed machine with effects at their examples, fitted to the records of the base fit; nothing is fitted twice."""
 
     def __init__(self, base: Candidate, model: Model, catalogue: Mapping[str, Effect], progress: Callable[[str], None]) -> None:
-        assert base.fitter is not None
         self.base, self.model, self.catalogue, self.say = base, model, catalogue, progress
         self.engine, self.records = base.fitter.engine, base.fitter.records
         self._costs: dict[tuple[str, ...], float] = {}
@@ -75,7 +75,7 @@ class PriorScreening:
 
     def _begun(self, names: Sequence[str]) -> tuple[Model, list[FreeParameter]]:
         """The believed machine with these effects, its structure as free decays show it; and what is unknown of it."""
-        if self.model.structure.planar and self.base.fitter is not None:  # what these records do not tell is held
+        if self.model.structure.planar and isinstance(self.base, Candidate):  # what these records do not tell is held
             own = [free for name in names for free in effect_parameters(self.catalogue[name], self.records)]
             return with_examples(self._started, names, self.catalogue, self._turned), [*self.base.fitter.unknowns, *own]
         free = all_free(self.records, with_examples(self.model, names, self.catalogue), self.catalogue)
@@ -118,7 +118,7 @@ class PriorScreening:
         if names not in self._fits:
             self.say(f"fitting {' and '.join(names)} from the believed machine")
             found = from_believed(self.engine, self.records, self.model, names, self.catalogue, cost_limit, self._turned)
-            if found.fit is None or found.fit.cost > cost_limit:
+            if found.fit.cost > cost_limit:
                 return None
             self._fits[names] = found
         return self._fits[names]
@@ -135,7 +135,6 @@ class PriorScreening:
 
     def _complete(self) -> tuple[Candidate, ...]:
         first, *others = self._likely
-        assert self.base.fit is not None
         cost_limit, close = explaining(self.records, self.base.fit.state), RIVAL * self.opened(first)
         found = self._fitted((first,), cost_limit)
         if found is None or found.error_where_known > COMPLETE * pooled(self.base.errors)[1]:

@@ -19,8 +19,8 @@ from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.starts import alternate_fit_and_passes, fitter_of_openings, scan_starts, with_exits
 from testbed.analysis.fit.switched import switchable
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import CREEP, by_noise, candidate_of
-from testbed.analysis.search.diagnosis import ADEQUATE, Candidate
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -68,7 +68,6 @@ def refit_from_prior(
     laws that have kinks, what is left may be the error of the engine's steps; then only much calls for another fit of all.
     What changes the arc of engagement is fitted to its end, by the noise: parts of arcs, found last, are most of what is left.
     """
-    assert first.fit is not None and first.fitter is not None
     if first.error_held_out <= CLEAN * noise:
         return first
     if has_kinks(first.effects, catalogue) and first.error_held_out <= ANCHOR * noise:
@@ -77,7 +76,6 @@ def refit_from_prior(
     believed = _believed_but_last(first, model, catalogue)
     moves_arc = "immersion" in catalogue[first.effects[-1]].hooks
     now = by_noise(first) if moves_arc else first
-    assert now.fit is not None and now.fitter is not None
     cost_limit = math.inf if moves_arc else FAR_OFF * now.fit.cost
     engine, records, free = now.fitter.engine, now.fitter.records, now.fitter.unknowns
     fitter, fit = model_fit(engine, records, believed, catalogue, free, cost_limit, known=now.fit.cost)
@@ -92,7 +90,6 @@ def _cut_anew(first: Candidate, model: Model, progress: Callable[[str], None]) -
 
     Structure and effects begin as found: with a law that has kinks they know their valley by now, and all else is dear.
     """
-    assert first.fit is not None and first.fitter is not None
     fitter, cutting = first.fitter, model.cutting
     if cutting is None or all(record.cut is None for record in fitter.records):
         return first
@@ -100,8 +97,10 @@ def _cut_anew(first: Candidate, model: Model, progress: Callable[[str], None]) -
     believed = first.fit.state.model.with_values(
         {path: getattr(cutting, path) for path in ("tangential_coefficient", "normal_coefficient")})  # fmt: skip
     opening = fitter_of_openings(fitter.engine, fitter.records, fitter.unknowns)
-    begun = alternate_fit_and_passes(opening, scan_starts(fitter.engine, opening.records, believed, 1)[0], rounds=2, iterations=CORNER)
-    fit = alternate_fit_and_passes(fitter, with_exits(fitter, begun.state), rounds=3, iterations=CREEP, cost_limit=first.fit.cost)
+    start = scan_starts(fitter.engine, opening.records, believed, 1)[0]
+    begun = alternate_fit_and_passes(opening, start, rounds=2, iterations=CORNER)
+    begun_state = with_exits(fitter, begun.state)
+    fit = alternate_fit_and_passes(fitter, begun_state, rounds=3, iterations=CREEP, cost_limit=first.fit.cost)
     if not fit.cost < first.fit.cost - 0.5 * DELTA_BIC * fit.variance:
         return first
     found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
@@ -113,7 +112,6 @@ def _believed_but_last(one: Candidate, model: Model, catalogue: Mapping[str, Eff
 
     On the side of neutral on which it was found.
     """
-    assert one.fit is not None
     *others, last = one.effects
     for name in others:
         model = model.with_effect(name, **one.fit.state.model.effects[name])
@@ -131,7 +129,6 @@ def switched_on_too(
     None where that, too, leaves more than noise. Such an effect is there or is not: where the last one found was fitted without
     it, it has bent so far to make up for it that no descent comes back.
     """
-    assert current.fit is not None and current.fitter is not None
     fit, fitter = current.fit, current.fitter
     records = [replace(record, weight=None) for record in fitter.records]
     cost_limit = explaining(records, fit.state)

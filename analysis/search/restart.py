@@ -11,10 +11,11 @@ from dataclasses import replace
 
 from testbed.analysis.search.candidate_round import by_noise
 from testbed.analysis.search.diagnosis import FAINT_REST, excess
-from testbed.analysis.search.forward_search import SelectionTrace, forward
+from testbed.analysis.search.forward_search import forward
 from testbed.analysis.search.gates import against, worth_naming
 from testbed.analysis.search.law_form import steeper_form
 from testbed.analysis.search.prior_screening import PriorScreening
+from testbed.analysis.search.selection_trace import SelectionTrace
 
 CLEARLY = 0.5  # share of the excess of the first search that the second may leave, to be believed instead
 SEEN = 0.8  # share of the cost of the openings with one effect that those with two may leave, to be fitted

@@ -16,7 +16,7 @@ from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.length_cut import asks_length, carried_on
 from testbed.analysis.fit.starts import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.search.diagnosis import ADEQUATE, Candidate
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.threads import threaded
 from testbed.effect import Effect
 
@@ -40,7 +40,7 @@ class ScreenedCandidate:
     @property
     def reached(self) -> float:
         """The cost of the best that is known of it."""
-        return self.cost if self.fitted is None or self.fitted.fit is None else self.fitted.fit.cost
+        return self.cost if self.fitted is None else self.fitted.fit.cost
 
 
 def shifts_in_time(effect: Effect) -> bool:
@@ -55,7 +55,6 @@ def not_sudden(entries: Sequence[ScreenedCandidate], catalogue: Mapping[str, Eff
 
 def nothing_hidden(current: Candidate, noise: float) -> bool:
     """Whether little is left of records without a cut: nothing there makes up for an effect, so its first step tells all."""
-    assert current.fitter is not None
     return current.error_held_out < FAINT * noise and all(record.cut is None for record in current.fitter.records)
 
 
@@ -69,7 +68,6 @@ def first_steps(
     growing: bool = True,
 ) -> list[ScreenedCandidate]:  # fmt: skip
     """Every effect the current set lacks after its first step, cheapest first."""
-    assert current.fit is not None and current.fitter is not None
     present = {*current.effects, *current.fit.state.model.effects}
     records = current.fitter.records
     asked = [one for name, one in catalogue.items() if name not in present and applicable(one, records, present)]
@@ -89,7 +87,6 @@ def _settled_entry(current: Candidate, entry: ScreenedCandidate) -> ScreenedCand
 
     Parts of passes have made up for it, and no step leads from the whole ones with which it begins to what they gained.
     """
-    assert current.fit is not None
     if entry.cost > current.fit.cost:
         found = alternate_fit_and_passes(entry.fitter, entry.state, rounds=3)
         entry.cost, entry.state = found.cost, found.state
@@ -98,11 +95,11 @@ def _settled_entry(current: Candidate, entry: ScreenedCandidate) -> ScreenedCand
 
 def begun(current: Candidate, effect: Effect, origins: Sequence[Origin], growing: bool = True) -> ScreenedCandidate:
     """An effect after its first step."""
-    assert current.fit is not None and current.fitter is not None
     entry = ScreenedCandidate(effect.name, *first_step(current.fitter, effect, current.fit, origins, growing))
     if asks_length([effect.name], {effect.name: effect}) and (longer := carried_on(current.fitter.records)) is not None:
         worn = current.fitter.on(longer)
-        entry = min(entry, ScreenedCandidate(effect.name, *first_step(worn, effect, current.fit, origins)), key=lambda one: one.cost)
+        other = ScreenedCandidate(effect.name, *first_step(worn, effect, current.fit, origins))
+        entry = min(entry, other, key=lambda one: one.cost)
     if shifts_in_time(effect):
         from_far(current, entry, effect)
     return entry
@@ -112,8 +109,7 @@ def from_far(
     current: Candidate, entry: ScreenedCandidate, effect: Effect, origins: Sequence[Origin] = (), cost_limit: float = math.inf,
     nearer: bool = False,
 ) -> None:  # fmt: skip
-    """Put the entry where a fit from far outside ends, if that is better. cost_limit: see `try_from_far`; nearer: see `far_step`."""
-    assert current.fit is not None and current.fitter is not None
+    """Put the entry where a fit from far outside ends, if better. cost_limit: see `try_from_far`; nearer: see `far_step`."""
     scanned = origins[-1].scanned if origins and "engagement" in effect.hooks else None
     if any(one.each_record for one in effect.parameters):
         return

@@ -19,7 +19,7 @@ from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.starts import glance
 from testbed.analysis.fit.structure_start import structure_start
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.search.diagnosis import ADEQUATE, Candidate
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.effect import Effect
 from testbed.machine import DIRECTIONS, Model
 
@@ -77,7 +77,6 @@ def other_way(base: Candidate, model: Model, catalogue: Mapping[str, Effect]) ->
 
     base: the model fitted to the campaign as it is stated.
     """
-    assert base.fitter is not None
     noise = pooled(base.errors)[1]
     if base.error_where_known <= MUCH * noise:
         return ""

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from testbed.analysis.fit.effect_start import Origin, applicable, is_required, origins_of, refitted_without
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.candidate_round import begun_and_fitted, candidate_of
-from testbed.analysis.search.diagnosis import Candidate
 from testbed.analysis.search.score_test import BEHIND
 from testbed.analysis.search.steady_speed import no_swing
 from testbed.analysis.search.ties import clearly_better, tied_with
@@ -22,7 +22,8 @@ NEAR = 1.02  # times the cost of the set to which one with another effect must c
 
 
 def exchanged(
-    found: Candidate, base: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float, progress: Callable[[str], None]
+    found: Candidate, base: Candidate, model: Model, catalogue: Mapping[str, Effect], noise: float,
+    progress: Callable[[str], None],
 ) -> tuple[Candidate, tuple[str, ...]]:  # fmt: skip
     """The set, or a better one with another effect of the same kind in it; and what is tied, if anything.
 
@@ -34,7 +35,6 @@ def exchanged(
             continue
         progress(f"would another of its kind do in place of {name}?")
         reduced = _without(found, name, catalogue)
-        assert reduced.fit is not None and reduced.fitter is not None
         origins = origins_of(reduced.fitter.engine, model, reduced.fitter, reduced.fit, anchored=False)
         for other in kin:
             instead = _instead(found, reduced, name, other, origins, catalogue, progress)
@@ -49,7 +49,6 @@ def exchanged(
 
 def _kin(name: str, found: Candidate, catalogue: Mapping[str, Effect]) -> list[str]:
     """Effects that act at the same places of the loop, by which one could be exchanged."""
-    assert found.fitter is not None and found.fit is not None
     present, kind = found.fit.state.model.effects, _places(catalogue[name])
     if is_required(name, present, catalogue):
         return []
@@ -67,7 +66,6 @@ def _places(effect: Effect) -> set[str]:
 
 def _without(found: Candidate, name: str, catalogue: Mapping[str, Effect]) -> Candidate:
     """The set without one of its effects, refitted."""
-    assert found.fit is not None and found.fitter is not None
     fitter, fit = refitted_without(found.fitter, found.fit.state, name, catalogue)
     return candidate_of(fitter, fit, tuple(one for one in found.effects if one != name), None, 1.0)
 
@@ -75,10 +73,9 @@ def _without(found: Candidate, name: str, catalogue: Mapping[str, Effect]) -> Ca
 def _instead(found: Candidate, reduced: Candidate, name: str, other: str, origins: Sequence[Origin],
              catalogue: Mapping[str, Effect], progress: Callable[[str], None]) -> Candidate | None:  # fmt: skip
     """The set with `other` in the place of `name`; None where that comes to nothing."""
-    assert found.fit is not None
     tried = begun_and_fitted(reduced, catalogue[other], catalogue, origins, progress,
                              hopeful=BEHIND * found.fit.cost, cost_limit=NEAR * found.fit.cost)
-    if tried is None or tried.fit is None or tried.fit.cost > NEAR * found.fit.cost or no_swing(tried, catalogue):
+    if tried is None or tried.fit.cost > NEAR * found.fit.cost or no_swing(tried, catalogue):
         return None
     effects = tuple(other if one == name else one for one in found.effects)
     return replace(tried, effects=effects, delta_bic=found.delta_bic)

@@ -23,12 +23,12 @@ def of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
     )
     from testbed.analysis.fit.plausible import remarks_on
     from testbed.analysis.fit.record_hypotheses import taken_notes
-    from testbed.analysis.search.diagnosis import ADEQUATE
+    from testbed.analysis.search.candidate import ADEQUATE
     from testbed.analysis.search.mark_delay import delay_note
 
-    fitter, fit = found.best.fitter, found.best.fit
-    if fitter is None or fit is None:
+    if not isinstance(found.best, Candidate):
         return (), (), [], []
+    fitter, fit = found.best.fitter, found.best.fit
     told = estimates(fitter, fit, catalogue)
     stuck, guesses = at_bound(fitter.free, told), not_determined(told)
     notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit), *clock_note(fitter, fit),
@@ -44,10 +44,10 @@ def of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
 def force_maps(found: Any, catalogue: Any) -> list[Any]:
     """Force-state maps of what the best model still lacks; none where that is but noise."""
     from testbed.analysis.force.force_state import force_states
-    from testbed.analysis.search.diagnosis import ADEQUATE
+    from testbed.analysis.search.candidate import ADEQUATE, Candidate
 
     best = found.best
-    if best.fit is None or best.fit.state.model.planar or best.error_held_out <= ADEQUATE * found.noise_floor:
+    if not isinstance(best, Candidate) or best.fit.state.model.planar or best.error_held_out <= ADEQUATE * found.noise_floor:
         return []
     states = force_states(engine_of(catalogue), best.fitter, best.fit, best.errors, catalogue)
     return [(one.name, one.x, one.v, one.force) for one in states]

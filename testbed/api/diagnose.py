@@ -31,7 +31,7 @@ from testbed.problem import InputProblem
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from testbed.analysis.search.diagnosis import Candidate
+    from testbed.analysis.search.candidate import Tried
     from testbed.analysis.search.diagnosis import Diagnosis as Diagnosed
     from testbed.analysis.search.next_test import NextTest
     from testbed.machine import Model
@@ -77,8 +77,8 @@ class Diagnosis(Result):
         return dict(self.said["error"])
 
     @property
-    def candidates(self) -> tuple[Candidate, ...]:
-        """Sets of effects that were tried."""
+    def candidates(self) -> tuple[Tried, ...]:
+        """Sets of effects that were tried, those that a first step ruled out among them."""
         return self.detail.candidates
 
     @property
@@ -89,7 +89,10 @@ class Diagnosis(Result):
     @property
     def model(self) -> Model:
         """The best model found, effects and all, fitted to the campaign; the believed one where no fit was made."""
-        return self.believed if self.detail.best.fit is None else self.detail.best.fit.state.model
+        from testbed.analysis.search.candidate import Candidate
+
+        best = self.detail.best
+        return best.fit.state.model if isinstance(best, Candidate) else self.believed
 
     @property
     def notes(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -133,11 +136,14 @@ class Diagnosis(Result):
 
     def false_alarms(self, count: int, seed: int = 0, progress: Progress = None) -> FalseAlarms:
         """Repeat the diagnosis on so many campaigns simulated without a hidden effect: how often is one named?"""
+        from testbed.analysis.search.candidate import Candidate
         from testbed.analysis.search.false_alarms import false_alarms
 
-        known = self.known.known
+        known, base = self.known.known, self.detail.base
+        if not isinstance(base, Candidate):
+            raise InputProblem(self.place[0], "the believed model was not fitted", "allow a larger budget")
         with working(progress) as watch, watch.busy("diagnosing campaigns without a hidden effect") as shown:
-            told = false_alarms(engine_of(known), self.detail.base, known, count, seed, shown)
+            told = false_alarms(engine_of(known), base, known, count, seed, shown)
         return FalseAlarms(count, told.alarms, told.interval, told.named)
 
     def report(self, path: File, *, said: Mapping[str, Any] | None = None, next_step: str | None = None) -> Path:
@@ -177,7 +183,7 @@ class Diagnosis(Result):
         return self.said
 
     def _table(self) -> Table:
-        tried = [one for one in self.candidates if one.fit is not None]
+        tried = self.detail.fitted
         return Table("tried", {"tried": [" + ".join(one.effects) for one in tried],
                                "error_fit": [one.error_fit for one in tried],
                                "error_held_out": [one.error_held_out for one in tried],

@@ -153,7 +153,6 @@ def _explanations(engine: Any, records: Any, model: Any, catalogue: Any, watch: 
         diagnosis = diagnose(engine, records, model, catalogue, progress=progress)
         open_ = []
         for one in rivals_of(diagnosis):
-            assert one.fitter is not None and one.fit is not None  # of a rival
             told = posterior(one.fitter, one.fit, estimates(one.fitter, one.fit, catalogue), model, catalogue)
             open_.append(Explanation(" + ".join(one.effects), told.known, told.wider))
     return open_, None if open_ else f"{diagnosis.verdict.replace('_', ' ')}: {diagnosis.sentence}", []

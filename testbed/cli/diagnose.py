@@ -117,14 +117,12 @@ def _say(answer: Answer, found: Any, said: Any, first: str, catalogue: Any) -> N
     held = ("held out",) if found.held_out else ()
     rows = [(" + ".join(one.effects), f"{one.error_fit:.4f}", *(f"{one.error_held_out:.4f}" for _ in held),
              f"{one.delta_bic:.1f}", "yes" if one.converged else "no", catalogue[one.effects[-1]].title)
-            for one in found.candidates if one.fit is not None]
+            for one in found.fitted]
     if rows:
         answer.say()
         answer.table(("tried", "error in the fit", *held, "gain in BIC", "converged", "what it is"), rows)
-        fitted = {one.effects[-1] for one in found.candidates if one.fit is not None}
-        others = dict.fromkeys(one.effects[-1] for one in found.candidates if one.fit is None)  # once, of however many rounds
-        if never := [name for name in others if name not in fitted]:
-            answer.say(f"ruled out by a first step: {titled(never, catalogue)}")
+        if found.ruled_out:
+            answer.say(f"ruled out by a first step: {titled(found.ruled_out, catalogue)}")
     answer.say()
     error = "error, held out" if found.held_out else "error, in the fit"
     answer.table((error, "value"), [(name.replace("_", " "), f"{value:.4f}") for name, value in said["error"].items()])

@@ -14,9 +14,10 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.starts import at_a_bound, base_fit
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.answer import as_json
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.candidate_round import candidate_of
 from testbed.analysis.search.diagnose import diagnose
-from testbed.analysis.search.diagnosis import Candidate, never_nothing, told_of_base, verdict_of
+from testbed.analysis.search.diagnosis import never_nothing, told_of_base, verdict_of
 from testbed.analysis.search.gates import below_a_guess, certain_ones, likeliest, vanishes, worth_naming
 from testbed.analysis.search.refit_from_prior import refit_from_prior
 from testbed.analysis.search.rules import rules_of

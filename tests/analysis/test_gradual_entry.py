@@ -10,8 +10,8 @@ from testbed.analysis.fit.effect_start import gradual_entry, state_without
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.starts import alternate_fit_and_passes, anchored_states, base_fit
+from testbed.analysis.search.backward import nesting_guard
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.forward_search import _nesting_guard
 from testbed.analysis.search.refit_from_prior import from_believed
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
@@ -70,4 +70,4 @@ def test_a_ramp_of_no_extent_shows_the_set_without_it_where_its_cuts_begin():
     wrong = fitter.fit(fit.state.with_record(1, replace(own, entry=own.entry - 3)), iterations=5)
     current = candidate_of(fitter, wrong, (), None, 1.0)
     assert wrong.cost > 1.05 * fit.cost
-    assert _nesting_guard(current, [larger], known).fit.cost == pytest.approx(fit.cost, rel=1e-4)
+    assert nesting_guard(current, [larger], known).fit.cost == pytest.approx(fit.cost, rel=1e-4)

@@ -20,8 +20,9 @@ from testbed.analysis.fit.pass_search import begun_otherwise
 from testbed.analysis.fit.scale_profile import ALIKE, SAME, along_scales
 from testbed.analysis.fit.starts import base_fit, rested
 from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.candidate import Tried
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.diagnosis import Candidate, verdict_of
+from testbed.analysis.search.diagnosis import verdict_of
 from testbed.analysis.search.refit_from_prior import refit_from_prior
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
@@ -69,7 +70,12 @@ def test_from_far_only_a_law_with_a_kink_is_given_up_before_its_last_step(rubbin
     fitter, fit = rubbing
     goals = []
     descend = Fitter.descend
-    monkeypatch.setattr(Fitter, "descend", lambda *given, **more: goals.append(more.get("goal")) or descend(*given, **more))
+
+    def noted(*given, **more):
+        goals.append(more.get("cost_limit"))
+        return descend(*given, **more)
+
+    monkeypatch.setattr(Fitter, "descend", noted)
     for name in ("sensor_lag", "quadratic_damping"):
         far_step(fitter, catalogue()[name], fit, 0.1)
     assert goals == [None, 0.1]
@@ -192,7 +198,7 @@ def _error(doubt):
 
 @pytest.mark.parametrize(("doubt", "verdict"), [(0.0, "unexplained"), (0.02, "adequate")])
 def test_a_noise_floor_of_few_samples_widens_the_verdict(doubt, verdict):
-    base = Candidate((), {}, 0.107, 0.107, 0.0, True, errors=(_error(doubt),))
+    base = Tried((), {}, 0.107, 0.107, 0.0, True, errors=(_error(doubt),))
     assert verdict_of(base, base, [base], (), 0.1, ()).verdict == verdict
 
 

@@ -134,7 +134,8 @@ def test_no_set_is_asked_twice():
 
 
 def test_a_law_that_is_less_steep_may_be_made_up_of_two_and_is_left_to_the_search():
-    fitted = from_believed(ENGINE, free_decays(lambda x, v: -300.0 * abs(v) ** 0.5 * v), BELIEVED, ("quadratic_damping",), KNOWN)
+    records = free_decays(lambda x, v: -300.0 * abs(v) ** 0.5 * v)
+    fitted = from_believed(ENGINE, records, BELIEVED, ("quadratic_damping",), KNOWN)
     assert other_form(fitted, KNOWN, quiet) is not None and steeper_form([fitted], [fitted], KNOWN, quiet) is None
 
 

@@ -86,7 +86,7 @@ def test_every_mode_of_a_free_decay_begins_with_a_state_of_its_own():
     for row, channel in zip(found, SHAPES, strict=True):
         truth = decaying(TWO, states, time, channel)
         assert np.abs(row - truth).max() < 1e-9 * np.abs(truth).max()
-    names = Fitter(ENGINE, [record], [])._own_steps(record, own)
+    names = Fitter(ENGINE, [record], []).own_steps(record, own)
     assert [name for step in names for name in step][-2:] == ["modes[1].displacement", "modes[1].velocity"]
     assert record.further_states == (("modes[1].displacement", "modes[1].velocity"),)
 

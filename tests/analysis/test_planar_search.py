@@ -147,8 +147,8 @@ def test_what_is_free_is_asked_without_asking_what_would_help():
         asked.append(tuple(channels))
         return engine.predict_cuts(models, cuts, samplings, channels, **more)
 
-    engine = SimpleNamespace(predict_cuts=predict_cuts, predict_driven=engine.predict_driven)
-    told = identifiable_parameters(engine, alone, BELIEVED, KNOWN, helps=False)
+    counted = SimpleNamespace(predict_cuts=predict_cuts, predict_driven=engine.predict_driven)
+    told = identifiable_parameters(counted, alone, BELIEVED, KNOWN, helps=False)
     assert set(asked) == {("displacement",)}
     assert told.held and told.free == identifiable_parameters(ENGINE, alone, BELIEVED, KNOWN).free
     assert len(told.free) < len(free_parameters(alone, BELIEVED))

@@ -76,7 +76,7 @@ def test_a_cut_that_was_steady_began_long_ago_again(fitted):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("begun_anew", [True, False])
+@pytest.mark.parametrize("refit_from_prior", [True, False])
 def test_a_late_record_that_leads_the_search_astray_is_left_out_at_first(refit_from_prior, monkeypatch):
     """What swung at an entry that no record shows bends the fit of a wrong model; the others name what is missing.
 

@@ -8,12 +8,14 @@ import pytest
 
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.search.diagnosis import ADEQUATE
-from testbed.analysis.search.forward_search import SelectionTrace, _backward, forward
+from testbed.analysis.search.backward import backward
+from testbed.analysis.search.candidate import ADEQUATE
+from testbed.analysis.search.forward_search import forward
 from testbed.analysis.search.prior_screening import PriorScreening
 from testbed.analysis.search.refit_from_prior import from_believed
 from testbed.analysis.search.restart import CLEARLY, begun_with, restarted
 from testbed.analysis.search.score_test import shifts_in_time
+from testbed.analysis.search.selection_trace import SelectionTrace
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.support.campaign_files import BELIEVED, TRUE
@@ -40,7 +42,8 @@ def test_a_search_that_began_with_the_wrong_effect_is_begun_again(observed):
     base, wrong = fitted(observed), fitted(observed, "edge_force")
     noise = pooled(base.errors)[1]
     assert wrong.error_held_out > 1.5 * noise
-    found = restarted(SelectionTrace((base, wrong), (wrong,), ()), PriorScreening(base, BELIEVED, KNOWN, lambda line: None), noise, 3)
+    screening = PriorScreening(base, BELIEVED, KNOWN, lambda line: None)
+    found = restarted(SelectionTrace((base, wrong), (wrong,), ()), screening, noise, 3)
     assert found.end.effects == ("immersion_error",) and found.steps[0] is base
     assert found.end.error_held_out < 1.05 * noise
     assert found.end.parameters["immersion_error.error"] == pytest.approx(0.45, abs=0.005)
@@ -49,11 +52,11 @@ def test_a_search_that_began_with_the_wrong_effect_is_begun_again(observed):
 
 def test_an_effect_that_a_later_one_makes_needless_is_dropped(observed):
     both = fitted(observed, "edge_force", "immersion_error")
-    kept = _backward(both, KNOWN, lambda line: None)
+    kept = backward(both, KNOWN, lambda line: None)
     assert kept.effects == ("immersion_error",) and kept.parameters.keys() == {"immersion_error.error"}
     assert kept.parameters["immersion_error.error"] == pytest.approx(0.45, abs=0.005)
     needed = fitted(observed, "immersion_error", "edge_force")
-    assert "immersion_error" in _backward(needed, KNOWN, lambda line: None).effects
+    assert "immersion_error" in backward(needed, KNOWN, lambda line: None).effects
 
 
 @pytest.mark.long

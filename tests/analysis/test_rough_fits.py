@@ -18,7 +18,7 @@ from testbed.analysis.fit.prediction import predict as predicted
 from testbed.analysis.fit.starts import base_fit
 from testbed.analysis.search.candidate_round import by_noise as in_noise
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.forward_search import ROUGH, _weighed
+from testbed.analysis.search.reweight import ROUGH, reweighted
 from testbed.catalogue import catalogue
 from testbed.cut import Cut
 from testbed.engines import fast, predict
@@ -76,7 +76,7 @@ def test_a_rough_model_is_fitted_to_all_records_alike():
     by_noise = candidate_of(fitter, fit, (), None, 1.0)
     error, noise = pooled(by_noise.errors)
     assert error > ROUGH * noise
-    weighed = _weighed(by_noise)
+    weighed = reweighted(by_noise)
     assert all((one.weight > 3 * one.noise).all() for one in weighed.fitter.records)
     assert pooled(weighed.errors)[1] == pytest.approx(noise)  # the noise floor is the noise's, whatever the weights
 

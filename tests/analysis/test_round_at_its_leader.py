@@ -8,6 +8,7 @@ from testbed.analysis.fit.effect_start import origins_of
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.search import candidate_round as cr
 from testbed.analysis.search import score_test as fl
+from testbed.analysis.search.candidate import Candidate
 from tests.support.campaign_files import BELIEVED
 from tests.support.short_round import BENT, KNOWN, fitted, quiet, round_of
 
@@ -47,7 +48,7 @@ def test_a_leader_of_another_law_ends_the_round_before_the_believed_machine_is_a
     assert len(asked) == looked and {one.effects[-1] for one in found} == {"chip_force_exponent", "edge_force"}
     ended = other and floors > 2.0
     assert (list(goals) == ["chip_force_exponent"]) == ended
-    assert [one.fit is None for one in found if one.effects == ("edge_force",)] == [ended]
+    assert [not isinstance(one, Candidate) for one in found if one.effects == ("edge_force",)] == [ended]
 
 
 def test_another_law_is_asked_for_before_parts_of_passes_are_looked_for(base, monkeypatch):
@@ -56,7 +57,7 @@ def test_another_law_is_asked_for_before_parts_of_passes_are_looked_for(base, mo
     origins = origins_of(base.fitter.engine, BELIEVED, base.fitter, base.fit, anchored=False)
     entry = fl.begun(base, KNOWN["cubic_stiffness"], origins)
     found = cr._refitted(base, entry, KNOWN, quiet, of_other_law=lambda one: said.append(one.effects) or True)
-    assert said == [("cubic_stiffness",)] and found.effects == ("cubic_stiffness",) and found.fit is not None
+    assert said == [("cubic_stiffness",)] and found.effects == ("cubic_stiffness",) and isinstance(found, Candidate)
 
 
 def test_a_rival_is_followed_to_a_share_of_what_the_best_takes_away(base, monkeypatch):

@@ -7,7 +7,8 @@ import pytest
 
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.search.diagnosis import Candidate, verdict_of
+from testbed.analysis.search.candidate import Candidate, Tried
+from testbed.analysis.search.diagnosis import verdict_of
 from testbed.analysis.search.refit_from_prior import from_believed
 from testbed.analysis.search.swap import exchanged
 from testbed.analysis.search.ties import with_rivals
@@ -23,7 +24,7 @@ ENGINE = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KN
 
 
 def candidate(effects, error):
-    return Candidate(effects, {}, error, error, 50.0, True)
+    return Tried(effects, {}, error, error, 50.0, True)
 
 
 @pytest.mark.parametrize(("baseline", "left", "verdict"), [

@@ -29,7 +29,8 @@ from testbed.analysis.records.noise import Basis
 from testbed.analysis.records.ring_downs import RingDown, RungMode
 from testbed.analysis.records.segments import Kind
 from testbed.analysis.search import answer, diagnosis
-from testbed.analysis.search.diagnosis import Candidate, Diagnosis, OtherForm
+from testbed.analysis.search.candidate import Candidate
+from testbed.analysis.search.diagnosis import Diagnosis, OtherForm
 from testbed.analysis.search.next_test import NextTest
 from testbed.api.result import plain
 from testbed.cli import doctor

@@ -20,7 +20,8 @@ from testbed.analysis.report.compare_page import compare_page
 from testbed.analysis.report.page import Page, Panel
 from testbed.analysis.report.story_page import addition_page, diagnosis_page
 from testbed.analysis.search.add_effect import Addition
-from testbed.analysis.search.diagnosis import Candidate, Diagnosis
+from testbed.analysis.search.candidate import Candidate
+from testbed.analysis.search.diagnosis import Diagnosis
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.support.campaign_files import BELIEVED, TRUE
@@ -74,7 +75,7 @@ def candidate(*effects: str) -> Candidate:
     errors = tuple(held_out_errors(fitter, fit))
     parameters = {path: fit.state.model.value(path) for path in fit.names if "." in path}
     in_fit = pooled(errors_in_fit(fitter, fit))[0]
-    return Candidate(effects, parameters, in_fit, pooled(errors)[0], 100.0, True, fit, fitter, errors)
+    return Candidate(effects, parameters, in_fit, pooled(errors)[0], 100.0, True, errors, fit=fit, fitter=fitter)
 
 
 def diagnosis() -> Diagnosis:

@@ -43,7 +43,8 @@ def left_out(name: str | None) -> tuple[dict[str, float], float]:
     records = [observe(record, base) for record in synthetic_campaign(fast.simulate, truth, tests=tests, noise=NOISE)]
     fitter, fit = base_fit(ENGINE, records, base)
     known = State(base, MARK_ANGLE, tuple(first_nuisances(record, MARK_ANGLE) for record in records))
-    fit = min(fit, alternate_fit_and_passes(fitter, known), key=lambda one: one.cost)  # a user's fit may end worse: this is the best there is
+    # a user's fit may end worse: this is the best there is
+    fit = min(fit, alternate_fit_and_passes(fitter, known), key=lambda one: one.cost)
     errors = {path: fit.state.model.value(path) / base.value(path) - 1.0 for path, _ in NAMES}
     squares = sum(float(np.sum((rest.reshape(record.data.shape) * record.noise[:, None]) ** 2))
                   for rest, record in zip(fit.residuals, records, strict=True))

@@ -16,6 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.diagnose import diagnose
 from testbed.analysis.search.diagnosis import Diagnosis
 from testbed.catalogue import catalogue
@@ -150,7 +151,7 @@ class Case:
 
 def damping_of(found: Diagnosis) -> float:
     """The damping ratio of the refitted believed model."""
-    assert found.base.fit is not None
+    assert isinstance(found.base, Candidate)
     return found.base.fit.state.model.structure.damping_ratio
 
 

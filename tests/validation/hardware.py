@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from testbed.analysis.fit.prediction import predict as predict_forces
-from testbed.analysis.search.diagnosis import Candidate
+from testbed.analysis.search.candidate import Candidate
 from testbed.api.diagnose import MANY
 from testbed.files.campaign import Record, load_campaign
 from testbed.machine import Cutter, Cutting, Model, Structure
@@ -62,7 +62,6 @@ def any_linear_dynamometer(step: Candidate) -> float:
 
     One complex factor for every harmonic of the spindle and channel, the best for all records; what does not repeat is left.
     """
-    assert step.fit is not None and step.fitter is not None
     state, left, whole = step.fit.state, 0.0, 0.0
     per_record = []
     for record, own in zip(step.fitter.records, state.nuisances, strict=True):

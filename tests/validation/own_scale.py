@@ -220,8 +220,7 @@ def three_draw(seed: int) -> tuple[str, str]:
     model = believed(rng, modes[seed % 3])
     observed = [observe(record("tap", "excited", {"force": force[::FINER], quantity: values}, rate), model)]
     found = diagnose(ENGINE, observed, model, catalogue())
-    assert found.best.fit is not None
-    end = found.best.fit.state.model
+    end = found.best_fit.fit.state.model
     seen = sorted([end.structure.natural_frequency, *(one["frequency"] for one in end.effects.values() if "frequency" in one)])
     told = f"{quantity}, believed {model.structure.natural_frequency:.0f} Hz: {found.verdict} {' '.join(found.effects)}"
     if (found.verdict, set(found.effects)) != ("missing_effect", {"second_mode", "third_mode"}):

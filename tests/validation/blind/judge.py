@@ -25,6 +25,7 @@ from testbed.analysis.fit.estimates import estimates
 from testbed.analysis.fit.held_out import held_out_errors, pooled
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.engines import predict
@@ -73,8 +74,8 @@ def _diagnosed(truth: Any, records: Any, known: Any) -> dict[str, Any]:
             "other_law": None if found.form is None else found.form.as_json()}
     if truth.seed >= FAINT:  # by what the answer came about
         told["candidates"] = [{"effects": list(one.effects), "delta_bic": one.delta_bic, "error_held_out": one.error_held_out}
-                              for one in found.candidates if one.fit is not None]
-    if found.best.fit is not None and found.best.fitter is not None:
+                              for one in found.fitted]
+    if isinstance(found.best, Candidate):
         told["parameters"] = {
             path: {"value": one.value, "low": one.low, "high": one.high, "true": _true(truth, path)}
             for path, one in estimates(found.best.fitter, found.best.fit, known).items() if path != "mark_angle"
