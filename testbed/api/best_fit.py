@@ -23,7 +23,7 @@ def of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
     )
     from testbed.analysis.fit.plausible import remarks_on
     from testbed.analysis.fit.record_hypotheses import taken_notes
-    from testbed.analysis.search.candidate import ADEQUATE
+    from testbed.analysis.search.candidate import ADEQUATE, Candidate
     from testbed.analysis.search.mark_delay import delay_note
 
     if not isinstance(found.best, Candidate):

@@ -20,6 +20,7 @@ from typing import Any
 
 from testbed.analysis.fit.estimates import estimates
 from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.files.campaign import Record
@@ -67,7 +68,7 @@ def answer(truth: Hidden, records: Sequence[Record], **more: Any) -> dict[str, A
     if truth.kind == "pair":
         told["alone"] = dict.fromkeys(truth.effects, math.inf)
     best = found.best
-    if best.fit is not None and best.fitter is not None and truth.effects and set(found.effects) == set(truth.effects):
+    if isinstance(best, Candidate) and truth.effects and set(found.effects) == set(truth.effects):
         told["parameters"] = {
             path: {"value": one.value, "low": one.low, "high": one.high, "true": _true(truth, path, one.value)}
             for path, one in estimates(best.fitter, best.fit, known).items() if path != "mark_angle"
