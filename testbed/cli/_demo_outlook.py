@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-GRID_RPM, GRID_M = (2600.0, 4400.0, 8), (0.5e-3, 4e-3, 6)  # few cells: with effects one takes 25 ms a chart
+GRID_RPM, GRID_M = (2600.0, 4400.0, 7), (0.5e-3, 4e-3, 5)  # few cells: with effects one takes 25 ms a chart
 FINE = 200  # speeds and depths of the limit without an effect
 DRAWS, RISK, MOST_VIBRATION_M, SHOWN = 300, 0.05, 0.5e-3, 3
-PLAN_CUTS = "--speed 2600:4400:8 --depth 0.5:4:6 --vibration 0.5mm"
+CELLS = "--speed 2600:4400:7 --depth 0.5:4:5"  # the same, as the commands are told
 
 
 @dataclass(frozen=True)

@@ -237,7 +237,7 @@ class _Demo:
     def _outlook(self, sealed: Any, loop: Any) -> dict[str, Any] | None:
         """The chance of stability once the effect is added, beside the limit before, and the next cuts; None without."""
         from testbed.analysis.probable.plot import plot_chance
-        from testbed.cli._demo_outlook import PLAN_CUTS, RISK, cuts_table, outlook, said
+        from testbed.cli._demo_outlook import CELLS, RISK, cuts_table, outlook, said
 
         self.page.heading("How sure, and what next?")
         with self.answer.watch.busy("drawing machines"):
@@ -245,13 +245,13 @@ class _Demo:
         if found is None:
             self._say("no effect was added, and no chance is given for a machine that the records do not explain")
             return None
-        self._code(f"testbed chart {loop.written} --campaign {sealed.campaign}")
+        self._code(f"testbed chart {loop.written} --campaign {sealed.campaign} {CELLS}")
         for line in said(found):
             self._say(line)
         if found.sure.chance is not None:
             drawn = plot_chance(found.sure.chance, found.sure.chance.limits[1], found.sure.recommended, RISK, found.before)
             self._picture(drawn, "probable_stability", "the chance of stability, and the limit before the effect was added")
-            self._code(f"testbed plan {sealed.campaign} -m {loop.written} {PLAN_CUTS}")
+            self._code(f"testbed plan {sealed.campaign} -m {loop.written} {CELLS} --vibration 0.5mm")
             self._table(*cuts_table(found))
         return found.as_json()
 

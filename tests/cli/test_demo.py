@@ -115,7 +115,7 @@ def test_it_says_how_sure_and_what_next_once_the_effect_is_added(demo):
     _, said, found = demo
     loop, outlook = found["workshop"], found["outlook"]
     chance = np.array(outlook["stable_probability"], float)
-    assert chance.shape == (6, 8) and np.nanmin(chance) < 0.5 < np.nanmax(chance) and outlook["no_chance"] is None
+    assert chance.shape == (5, 7) and np.nanmin(chance) < 0.5 < np.nanmax(chance) and outlook["no_chance"] is None
     assert {one["parameter"] for one in outlook["drawn"]} >= {f"{loop['truth']['effect']}.{one}"
                                                               for one in loop["truth"]["parameters"]}
     assert outlook["recommended"]["stable_probability"] >= 0.95 and outlook["next"]
