@@ -67,7 +67,7 @@ import pandas
 runs = pandas.read_parquet("PATH/OF/THIS/FOLDER/data")  # all splits
 ```"""
 _WINDOWS = """A row is a window of {length} samples; the next one of its run starts {step} samples later. `label` and
-`chatter` are the window's own: before the first tooth enters and after the last one leaves nothing cuts, so there is no
+`chatter` are the window's own: before the first tooth enters and after the last one leaves, nothing cuts, so there is no
 chatter, however the structure rings; across entry and exit the label is unknown. An unknown `chatter` is null, never
 false: leave such windows out. Early in an unstable cut the chatter is still small: `passes_in_cut` and
 `largest_multiplier_modulus` tell how long it has grown and how fast."""
