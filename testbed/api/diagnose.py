@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from testbed.api.believed import CampaignLike, Effects, EffectsLike, File, ModelLike, effects_of, name_of
 from testbed.api.best_fit import force_maps, of_the_best_fit
+from testbed.api.defaults import MANY
 from testbed.api.fitting import channel_units, notes_on, plant_of, read_both
 from testbed.api.next_command import add_command, next_command
 from testbed.api.places import made_folder, page_place
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from testbed.analysis.search.next_test import NextTest
     from testbed.machine import Model
 
-MANY = 6  # effects that `until_adequate` adds at the most
 
 
 @dataclass(frozen=True, repr=False, eq=False)
