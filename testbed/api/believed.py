@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -45,6 +44,8 @@ class Effects(Mapping[str, "Effect"]):
         return f"<Effects: {', '.join(self.known)}{own}>"
 
     def _repr_html_(self) -> str:
+        from html import escape
+
         rows = "".join(f"<tr><td>{escape(name)}</td><td>{escape(one.title)}</td></tr>" for name, one in self.known.items())
         return f"<table><thead><tr><th>effect</th><th>what it is</th></tr></thead><tbody>{rows}</tbody></table>"
 

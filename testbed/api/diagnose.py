@@ -20,6 +20,7 @@ from testbed.api.believed import (
     refuse_planar,
 )
 from testbed.api.best_fit import force_maps, of_the_best_fit
+from testbed.api.defaults import MANY
 from testbed.api.fitting import channel_units, engine_of, notes_on, of_what_is_held, read_both
 from testbed.api.next_command import add_command, next_command
 from testbed.api.places import made_folder, page_place
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     from testbed.machine import Model
 
 _ALONG_X = "a missing force is estimated along x so far: diagnose without --propose"
-MANY = 6  # effects that `until_adequate` adds at the most
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -15,6 +15,7 @@ from testbed.api.believed import (
     in_the_work,
     refuse_planar_effects,
 )
+from testbed.api.defaults import FEED
 from testbed.api.quantity import DEPTH, SPEED, Quantity, positive
 from testbed.api.result import Result, Table, shown_here
 from testbed.api.working import working
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 MOST_SWINGS = 1000.0  # periods of the structure within a tooth pass up to which a loop with effects is linearised
 TOLERANCE = 1e-6  # of the largest multiplier before its last correction
 BLANK = 1e-4  # of the largest multiplier over max(1, modulus): nothing is said where it changes by more
-FEED = "0.1016 mm/tooth"
 MEANING = {"stable": "stable", "neimark_sacker": "Neimark-Sacker (chatter at a frequency of its own)",
            "flip": "flip (period doubling)", "saddle_node": "saddle-node"}
 

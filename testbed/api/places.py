@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from testbed.api.believed import File
 from testbed.problem import InputProblem
+
+if TYPE_CHECKING:
+    from testbed.api.believed import File
 
 LONGEST_NAME = 235  # bytes: file systems take 255, and a file is first written under a longer name
 PAGE = "report.html"

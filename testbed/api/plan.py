@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from testbed.api.believed import CampaignLike, EffectsLike, ModelLike, effects_of, name_of
 from testbed.api.chart import chance_of_chatter
+from testbed.api.defaults import PLAN_DEPTHS, PLAN_SPEEDS
 from testbed.api.fitting import engine_of, read_both
 from testbed.api.probable import Asked, Sure, linear_where_it_can, of_beliefs, with_chances
 from testbed.api.quantity import DEPTH, SPEED, Quantities, Quantity, quantity
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
     from testbed.analysis.probable.plan import Planned
 
-SPEEDS, DEPTHS = 11, 6  # looked at where no number of them is given
 MOST_CUTS = 2_000
 
 
@@ -93,7 +93,7 @@ def plan(campaign: CampaignLike, model: ModelLike, speed: Quantities, depth: Qua
     own effects. progress: a function of (title, done, all), or False. Raises InputProblem.
     """
     with working(progress) as watch:
-        speeds, depths = SPEED.values(speed, "speed", SPEEDS), DEPTH.values(depth, "depth", DEPTHS)
+        speeds, depths = SPEED.values(speed, "speed", PLAN_SPEEDS), DEPTH.values(depth, "depth", PLAN_DEPTHS)
         if len(speeds) * len(depths) > MOST_CUTS:
             raise InputProblem("speed, depth", f"{len(speeds) * len(depths)} cuts", f"give at most {MOST_CUTS}")
         calm = None if vibration is None else quantity(vibration, "m", "vibration")

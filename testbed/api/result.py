@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 import sys
 from collections.abc import Mapping, Sequence
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -39,6 +37,8 @@ def plain(value: Any) -> Any:
 
 def json_text(value: Any) -> str:
     """The text that `--json` writes of an answer."""
+    import json
+
     return json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
 
 
@@ -99,6 +99,8 @@ class Result:
         return f"<{type(self).__name__}: {self._headline()}>"
 
     def _repr_html_(self) -> str:
+        from html import escape
+
         return f"<p><b>{type(self).__name__}</b>: {escape(self._headline())}</p>{html_table(self._table())}" \
                + "".join(f"<p><small>{escape(note)}</small></p>" for note in self.notes)
 
@@ -113,6 +115,8 @@ def with_units(found: Any, units: Mapping[str, str]) -> Any:
 
 def html_table(table: Table) -> str:
     """A small table for a notebook, numbers to five digits, units in its head."""
+    from html import escape
+
     heads = [f"{name} [{table.units[name]}]" if table.units.get(name, "1") != "1" else name for name in table.columns]
     rows = list(zip(*table.columns.values(), strict=True))
     lines = ["".join(f"<td>{escape(shown_cell(cell))}</td>" for cell in row) for row in rows[:MOST_ROWS]]

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from testbed.api.believed import EffectsLike, ModelLike, cutting_model, effects_of
+from testbed.api.defaults import FEED
 from testbed.api.inspect import sampling_rate
-from testbed.api.multipliers import FEED
 from testbed.api.quantity import DEPTH, SPEED, Quantity, positive, quantity
 from testbed.api.sweep import Engine, engine_named
 from testbed.api.working import working

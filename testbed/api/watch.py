@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from html import escape
 from typing import Any, TypeAlias
 
 SHOWN_STEPS = 100  # how often at most a bar in a notebook is drawn anew
@@ -109,6 +108,8 @@ class Notebook(Called):
 
     def _draw(self, title: str, done: int, total: int | None) -> None:
         bar = f" <progress value={done * SHOWN_STEPS // max(1, total)} max={SHOWN_STEPS}></progress>" if total else ""
+        from html import escape
+
         text = "" if total and done >= total else f"{escape(title)}{bar}"
         if self.handle is not None and text != self.drawn:
             self.drawn = text

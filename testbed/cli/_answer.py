@@ -10,7 +10,6 @@ from typing import Any
 import click
 
 from testbed.api.places import check_place
-from testbed.api.result import json_text
 from testbed.api.watch import Bars, Watch
 from testbed.cli._places import check_outputs
 from testbed.system.atomic import write_text
@@ -57,6 +56,8 @@ class Answer:
         """Write the JSON, where it was asked for."""
         if self.json_file is None:
             return
+        from testbed.api.result import json_text
+
         text = json_text(value)
         if self.json_file == "-":
             click.echo(text, nl=False)

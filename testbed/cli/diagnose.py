@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from testbed.analysis.fit.budget import BUDGET
-from testbed.api.diagnose import MANY
+from testbed.api.defaults import MANY
 from testbed.api.words import shown
 from testbed.cli._answer import Answer
 from testbed.cli._options import effects_option, model_option, shared

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from testbed.api.multipliers import FEED
+from testbed.api.defaults import FEED
 from testbed.cli._answer import Answer
 from testbed.cli._options import DEPTH, SPEED, effects_option, shared
 from testbed.problem import InputProblem

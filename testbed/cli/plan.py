@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from testbed.api.plan import DEPTHS, MOST_CUTS, SPEEDS
+from testbed.api.defaults import PLAN_DEPTHS, PLAN_SPEEDS
 from testbed.cli._answer import Answer
 from testbed.cli._options import DEPTH, LENGTH, RISK, SPEED, effects_option, model_option, shared
 
@@ -32,10 +32,10 @@ class _Ends(click.ParamType):
                epilog="Example: testbed plan campaign.yaml -m model.yaml --speed 2500:4500 --depth 0.5:4")
 @click.argument("campaign", metavar="CAMPAIGN.yaml")
 @model_option
-@click.option("--speed", type=_Ends(SPEED, SPEEDS), required=True,
-              help=f"Spindle speeds within reach, rpm: FIRST:LAST[:{SPEEDS}].")
-@click.option("--depth", type=_Ends(DEPTH, DEPTHS), required=True,
-              help=f"Axial depths within reach, mm: FIRST:LAST[:{DEPTHS}].")
+@click.option("--speed", type=_Ends(SPEED, PLAN_SPEEDS), required=True,
+              help=f"Spindle speeds within reach, rpm: FIRST:LAST[:{PLAN_SPEEDS}].")
+@click.option("--depth", type=_Ends(DEPTH, PLAN_DEPTHS), required=True,
+              help=f"Axial depths within reach, mm: FIRST:LAST[:{PLAN_DEPTHS}].")
 @click.option("--risk", type=RISK, default="5%", show_default=True, help="Chance of chatter that a cut may have.")
 @click.option("--vibration", type=LENGTH, metavar="LENGTH",
               help="The most that a cut may be expected to vibrate, peak to peak, such as 0.2mm.")
@@ -53,7 +53,7 @@ def command(campaign: str, model_file: str, speed: list[float], depth: list[floa
     Fits MODEL.yaml as `testbed compare` does; where that leaves more than noise, makes the diagnosis. After "unexplained" no
     cut is called safe, and none is planned.
     """
-    from testbed.api.plan import plan
+    from testbed.api.plan import MOST_CUTS, plan
 
     answer = Answer(json_file, quiet)
     if len(speed) * len(depth) > MOST_CUTS:
