@@ -96,8 +96,8 @@ def check() -> Section:
              and not (one["slip"] == "mode" and one["effects"] == ["second_mode"])]
     missed = [one for one in seen if one not in right]
     claims = (Claim("a slip in what is written down of machine or channels: named as such", ">= 95 %", share(right, seen),
-                    len(right) >= 0.95 * len(seen), _which(missed)),
-              Claim("a slip: named as an effect", "<= 2 %", share(wrong, slips), len(wrong) <= 0.02 * len(slips),
+                    len(right) >= 0.95 * len(seen) if seen else None, _which(missed)),
+              Claim("a slip: named as an effect", "<= 2 %", share(wrong, slips), len(wrong) <= 0.02 * len(slips) if slips else None,
                     _which(wrong)))
     return replace(section, claims=(*section.claims, *claims))
 
