@@ -97,8 +97,8 @@ def check() -> Section:
     missed = [one for one in seen if one not in right]
     claims = (Claim("a slip in what is written down of machine or channels: named as such", ">= 95 %", share(right, seen),
                     len(right) >= 0.95 * len(seen) if seen else None, _which(missed)),
-              Claim("a slip: named as an effect", "<= 2 %", share(wrong, slips), len(wrong) <= 0.02 * len(slips) if slips else None,
-                    _which(wrong)))
+              Claim("a slip: named as an effect", "<= 2 %", share(wrong, slips),
+                    len(wrong) <= 0.02 * len(slips) if slips else None, _which(wrong)))
     return replace(section, claims=(*section.claims, *claims))
 
 
