@@ -42,6 +42,7 @@ blind: $(VENV)/ready
 	$(BIN)/python -m tests.validation.blind.judge --first 3000 --count 202  # some seeds make no campaign
 	$(BIN)/python -m tests.validation.blind.judge --first 4001 --count 138
 	$(BIN)/python -m tests.validation.blind.judge --first 6001 --count 21
+	$(BIN)/python -m tests.validation.blind.plane --first 8000 --count 60
 	$(BIN)/python -m tests.validation.blind.propose
 	$(BIN)/python -m tests.validation.outside.judge --count 120
 

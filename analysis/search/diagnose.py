@@ -119,12 +119,12 @@ def _diagnosed(engine: Budgeted, records: Sequence[Observed], model: Model, cata
         if foretells_little(base):
             engine.allow(FEW)
         noise = pooled(base.errors)[1]
-        plain = base.error_where_known > PLAINLY * noise
+        plain, clear = (base.error_where_known > times * noise for times in (PLAINLY, COMPLETE))
         added = missing_mode(base, model, progress)
-        if added is not None and plain:
+        if added is not None and clear:  # it rings where nothing cuts, at a frequency of its own: no effect is like that
             return with_mode(verdict_of(base, base, [base], (), noise, ()), base, added, list(model.effects))
         restated = None if added is not None else explained_otherwise(base, model, catalogue, progress)
-        if restated is not None and (plain or restated[0].of_kind and base.error_where_known > COMPLETE * noise):
+        if restated is not None and (plain or clear and restated[0].of_kind):
             return written_wrongly(verdict_of(base, base, [base], (), noise, ()), restated[0])
         found, first = _without_irregular(base, engine, model, catalogue, most, progress)
         if found is None:

@@ -24,6 +24,7 @@ from testbed.analysis.records.lines import standing_out
 from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import by_noise, candidate_of
 from testbed.analysis.search.diagnosis import Diagnosis, verdict_of
+from testbed.analysis.search.gates import against
 from testbed.machine import CARRIERS, Mode, Model, Structure
 
 NAMES = ("second_mode", "third_mode")  # of effects that are a mode more
@@ -87,7 +88,7 @@ def with_mode(found: Diagnosis, base: Candidate, added: FoundMode, beside: Seque
     """The verdict that a mode is missing. beside: effects of modes that the model has."""
     noise = pooled(base.errors)[1]
     name = next(one for one in NAMES if one not in beside)
-    one = replace(added.fitted, effects=(name,), parameters=_as_effect(name, base, added.mode))
+    one = against(replace(added.fitted, effects=(name,), parameters=_as_effect(name, base, added.mode)), by_noise(base))
     told = verdict_of(base, one, [base, one], (one, *found.candidates), noise, ())
     return replace(told, verdict="missing_effect", effects=(name,), sentence=added.sentence, mode=added.line)
 

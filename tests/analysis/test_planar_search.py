@@ -180,6 +180,7 @@ def test_a_mode_of_the_tool_that_is_missing_is_found_with_its_frequency_directio
     assert (found.verdict, found.effects) == ("missing_effect", ("second_mode",)) and "carried by the tool" in found.sentence
     told = as_json(found, BELIEVED)
     assert told["mode"] in found.sentence and "on: tool" in told["mode"]
+    assert found.best.delta_bic > 1000
     values = found.best.parameters
     assert values["second_mode.frequency"] == pytest.approx(205.0, rel=2e-3)
     assert math.degrees(values["second_mode.direction"]) == pytest.approx(50.0, abs=3.0)
