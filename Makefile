@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 DEMO ?= demo
 TESTS := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test long lint docs validate blind versions bench lock clean
+.PHONY: demo test long lint docs validate blind golden versions bench lock clean
 .DEFAULT_GOAL := demo
 
 $(VENV)/ready: requirements.lock pyproject.toml
@@ -45,6 +45,10 @@ blind: $(VENV)/ready
 	$(BIN)/python -m tests.validation.blind.plane --first 8000 --count 60
 	$(BIN)/python -m tests.validation.blind.propose
 	$(BIN)/python -m tests.validation.outside.judge --count 120
+
+# How some thirty campaigns walk through the diagnosis, compared with what is kept: before and after a change of the search
+golden: $(VENV)/ready
+	$(BIN)/python -m tests.validation.golden
 
 # The lowest declared and the newest allowed dependencies; VERSIONS=all: with all tests that are not long
 versions: $(VENV)/ready
