@@ -85,10 +85,11 @@ def identifiable_parameters(engine: Engine, records: Sequence[Observed], model: 
 
     helps: whether it is asked, too, which other sensors would tell what is held.
     """
-    free = all_free(records, model, catalogue)
+    every = all_free(records, model, catalogue)
+    free = [one for one in every if not one.each_record]  # what a record has for itself is eliminated with its other unknowns
     channels = tuple(dict.fromkeys(channel for record in records for channel in record.channels))
     if not model.structure.planar:
-        return Identifiable(tuple(free), (), channels)
+        return Identifiable(tuple(every), (), channels)
     state = scan_starts(engine, records, structure_start(records, model), 1, (1.0,))[0]
     decays = [place for place, record in enumerate(records) if record.kind == "ring-down"]  # at rest they would tell nothing
     state = own_refit(Fitter(engine, records, free), state, decays)
@@ -96,7 +97,7 @@ def identifiable_parameters(engine: Engine, records: Sequence[Observed], model: 
     known = _information(engine, records, state, free)
     order = _held(known, doubt, free)
     if not order:
-        return Identifiable(tuple(free), (), channels)
+        return Identifiable(tuple(every), (), channels)
     more = _of_other_sensors(engine, records, state, free) if helps else {}
     held = []
     for count, place in enumerate(order):
@@ -109,7 +110,7 @@ def identifiable_parameters(engine: Engine, records: Sequence[Observed], model: 
         path = free[place].path
         held.append(Untold(path, model.value(path), unit_of(path, catalogue), entangled, tuple(helping[:MOST_HELP])))
     kept = {one.path for one in held}
-    return Identifiable(tuple(one for one in free if one.path not in kept), tuple(held), channels)
+    return Identifiable(tuple(one for one in every if one.path not in kept), tuple(held), channels)
 
 
 def with_strayed_modes(fitter: Fitter, fit: WaveformFit, believed: Model) -> tuple[Fitter, WaveformFit]:

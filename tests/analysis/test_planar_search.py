@@ -199,6 +199,12 @@ def test_the_next_test_of_two_explanations_is_a_stable_cut_within_reach(observed
     assert np.abs(values).max() ** (1 / passes) < 0.95
 
 
+def test_what_every_record_has_for_itself_stays_free(observed):
+    humming = BELIEVED.with_effect("ambient_vibration", **KNOWN["ambient_vibration"].example())
+    told = what_is_told(PLANT, observed[:2], humming, KNOWN, helps=False)
+    assert {"ambient_vibration.amplitude", "ambient_vibration.phase"} <= {one.path for one in told.free} and told.held
+
+
 def test_a_second_mode_is_told_by_frequency_direction_and_carrier_and_a_turned_mode_too(base):
     values = {"mass_ratio": 0.5, "frequency": 480.0, "damping_ratio": 0.01, "participation": 1.0,
               "direction": -math.radians(140)}
