@@ -201,7 +201,7 @@ def test_the_next_test_of_two_explanations_is_a_stable_cut_within_reach(observed
 
 def test_what_every_record_has_for_itself_stays_free(observed):
     humming = BELIEVED.with_effect("ambient_vibration", **KNOWN["ambient_vibration"].example())
-    told = what_is_told(PLANT, observed[:2], humming, KNOWN, helps=False)
+    told = identifiable_parameters(ENGINE, observed[:2], humming, KNOWN, helps=False)
     assert {"ambient_vibration.amplitude", "ambient_vibration.phase"} <= {one.path for one in told.free} and told.held
 
 
