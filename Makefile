@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 DEMO ?= demo
 TESTS := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test long lint validate blind versions bench lock clean
+.PHONY: demo test long lint docs validate blind golden versions bench lock clean
 .DEFAULT_GOAL := demo
 
 $(VENV)/ready: requirements.lock pyproject.toml
@@ -24,12 +24,16 @@ test: $(VENV)/ready
 long: $(VENV)/ready
 	$(TESTS) -m long
 
-lint: $(VENV)/ready
+lint: docs
 	$(BIN)/ruff check .
 	rm -rf build/installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --target build/installed .
 	$(BIN)/mypy
 	cd build/installed && ../../$(BIN)/lint-imports --config ../../pyproject.toml
+
+# The site, into site/: offline; a link, an anchor or a name of the reference that leads nowhere is an error
+docs: $(VENV)/ready
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 validate: $(VENV)/ready
 	$(BIN)/python -m tests.validation.run
@@ -42,6 +46,10 @@ blind: $(VENV)/ready
 	$(BIN)/python -m tests.validation.blind.propose
 	$(BIN)/python -m tests.validation.outside.judge --count 120
 
+# How some thirty campaigns walk through the diagnosis, compared with what is kept: before and after a change of the search
+golden: $(VENV)/ready
+	$(BIN)/python -m tests.validation.golden
+
 # The lowest declared and the newest allowed dependencies; VERSIONS=all: with all tests that are not long
 versions: $(VENV)/ready
 	$(BIN)/python -m tests.validation.run versions
@@ -53,8 +61,8 @@ bench: $(VENV)/ready
 COMPILE := $(BIN)/uv pip compile --universal --generate-hashes --no-header --no-emit-index-url --no-annotate \
 	--python-version 3.11 pyproject.toml
 lock:
-	$(COMPILE) --extra dev build-requirements.in -o requirements.lock
+	$(COMPILE) --extra dev --extra docs build-requirements.in -o requirements.lock
 	$(COMPILE) --extra formats --extra fast --extra cluster --extra bench --extra tap -c requirements.lock -o extras.lock
 
 clean:
-	rm -rf $(VENV) $(DEMO)
+	rm -rf $(VENV) $(DEMO) site

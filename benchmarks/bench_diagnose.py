@@ -21,8 +21,8 @@ sys.path.insert(0, str(ROOT))
 
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.diagnose import diagnose
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import mujoco_engine
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign
@@ -49,7 +49,7 @@ def row(hidden: tuple[str, ...]) -> tuple[str, ...]:
     """One line of the table."""
     known, records = catalogue(), campaign(hidden)
     begun, clock = time.process_time(), time.perf_counter()
-    found = diagnose(plant_of(known), records, BELIEVED, known)
+    found = diagnose(engine_of(known), records, BELIEVED, known)
     processor, clock = time.process_time() - begun, time.perf_counter() - clock
     answer, left = " + ".join(found.effects) or "none", found.with_effects / found.noise_floor
     if found.form is not None:

@@ -31,6 +31,11 @@ _NO_EFFECT = ("no EFFECT = Effect(...) in it", "see `testbed effects --new NAME`
 DECOYS = Path(__file__).parent / "decoys"  # laws that no machine has, in a catalogue only where they are asked for
 
 
+def titled(names: Iterable[str], catalogue: Mapping[str, Effect]) -> str:
+    """Effects for people, title and name of each; a name that the catalogue does not have as it is."""
+    return ", ".join(catalogue[name].titled if name in catalogue else name for name in names)
+
+
 class _FromSource(SourceFileLoader):
     """Reads a file as it stands. Python's own cache of compiled files overlooks a change of the same size within a second."""
 

@@ -180,6 +180,11 @@ class Effect:
     hooks: Mapping[str, Callable] = field(default_factory=dict)
 
     @property
+    def titled(self) -> str:
+        """What it is and what it is called, for people: Tool wear [tool_wear]."""
+        return f"{self.title} [{self.name}]"
+
+    @property
     def every_parameter(self) -> tuple[Parameter, ...]:
         """All that a model may say of the effect: its parameters and the form of its law."""
         return (*self.parameters, *self.form)

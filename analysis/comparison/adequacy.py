@@ -1,4 +1,11 @@
-"""Whether anything but noise is left of a record: tests of its residual, with the false discoveries controlled."""
+"""Whether anything but noise is left of a record: tests of its residual, with the false discoveries controlled.
+
+A record that was left out of the fit is foretold with parameters that the others leave open: its residual varies by
+I + J C J^T in units of the noise, J its slopes and C the covariance of the fit without it. It is judged in units of that, and
+how far it lies along J beside its own share: whether it asks for other parameters than the records that foretell it. Both
+follow from the joint fit, by 1 / (1 - leverage); where the others leave much open, a fit without the record may end far from
+where slopes hold.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +16,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
-from testbed.analysis.fit.held_out import RecordError
+from testbed.analysis.fit.fit_state import Jacobian, WaveformFit
+from testbed.analysis.fit.held_out import RecordError, conditions_of
+from testbed.analysis.fit.least_squares import COLLINEAR
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.information import autocorrelation, independent
 from testbed.analysis.records.spindle_clock import turns_of
 
 LAGS = 20  # autocorrelations that the Ljung-Box test looks at
 SECTORS = 36  # of the tooth's turn, for the test against its angle
 FALSE_DISCOVERIES = 0.05  # share of false alarms among the tests that fail (Benjamini and Hochberg 1995)
+_TINY = 1e-9  # share of what is told, to which rounding leaves 0 and 1
 TRIVIAL = 0.02  # of the noise: what the rms may exceed it by before it counts
 
 
@@ -42,9 +53,11 @@ def tooth_angle(record: Observed, angle: float, own: Nuisances) -> np.ndarray:
     return (turns * 2 * math.pi) % (2 * math.pi / record.flutes)
 
 
-_LEFT = {"rms": "too large", "autocorrelation": "not random", "tooth angle": "recurring with the tooth"}
-LEFT_EXPLAINED = ("what is left is more than noise where it is larger than that, not random (a sample foretells the next), "
-                  "or recurring with the angle of the tooth")
+_LEFT = {"rms": "too large", "autocorrelation": "not random", "tooth angle": "recurring with the tooth",
+         "parameters": "asking for other parameters"}
+LEFT_EXPLAINED = ("more than noise is left where it is too large, not random (one sample foretells the next), recurring with "
+                  "the angle of the tooth, or asking for other parameters than the other records do; what those leave open of "
+                  "the parameters counts as noise")
 
 
 def said_left(tests: Sequence[Adequacy], record: str) -> str:
@@ -82,6 +95,48 @@ def _channel_tests(record: Observed, rest: np.ndarray, angle: float, own: Nuisan
         statistic = float(np.sum(count * mean**2)) * size / len(rest) / max(ratio, 1e-300)
         tests.append(Adequacy(record.name, "tooth angle", statistic, float(chdtrc(SECTORS - 1, statistic))))
     return tests
+
+
+def less_open(fitter: Fitter, fit: WaveformFit, errors: Sequence[RecordError]) -> tuple[list[RecordError], list[Adequacy]]:
+    """Held-out errors with residuals in units of what noise and the other conditions make of them, times the noise, and a test
+    of every condition's parameters. Of one condition as they are.
+    """
+    groups, found = conditions_of(fitter.records), list(errors)
+    tests: list[Adequacy] = []
+    if len(groups) < 2:
+        return found, tests
+    told = [_told(part) for part in fit.parts]
+    whole, pull = (sum(each[1:], each[0]) for each in map(list, zip(*told, strict=True)))
+    axes = _axes(whole)
+    for group in groups:
+        share, turn = np.linalg.eigh(axes.T @ sum(told[place][0] for place in group) @ axes)
+        ways = axes @ turn  # along each, of 1 that all records tell, this group tells a share
+        share = np.clip(share, _TINY, 1.0 - _TINY)
+        own = ways.T @ sum(told[place][1] for place in group)
+        at_rest = own - share * (ways.T @ pull)  # pull of the group where those of all records are in balance
+        step = ways @ ((at_rest / np.sqrt(1.0 - share) - own) / share)
+        for place in group:
+            record, part = fitter.records[place], fit.parts[place]
+            rest = fit.residuals[place] + part.without_own(part.shared @ step)[: record.size]
+            found[place] = replace(errors[place], residual=record.on_samples(rest) * record.scale[:, None])
+        statistic = float(np.sum(at_rest**2 / (share * (1.0 - share))))
+        tests.append(Adequacy(fitter.records[group[0]].name, "parameters", statistic, float(chdtrc(len(share), statistic))))
+    return found, tests
+
+
+def _told(part: Jacobian) -> tuple[np.ndarray, np.ndarray]:
+    """Information of one record on the shared unknowns, in natural steps, and its pull on them, own unknowns eliminated."""
+    own, cross, pulled, shared, gradient = part.products
+    taken = cross.T @ np.linalg.pinv(own) if len(own) else cross.T
+    return shared - taken @ cross, gradient - taken @ pulled
+
+
+def _axes(information: np.ndarray) -> np.ndarray:
+    """Independent steps (unknowns, k) of one standard error each, of what is told at all."""
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(size, size))
+    kept = values > COLLINEAR
+    return vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]
 
 
 def controlled(tests: Sequence[Adequacy], level: float = FALSE_DISCOVERIES) -> list[Adequacy]:

@@ -14,20 +14,20 @@ from typing import Any
 
 import numpy as np
 
-from testbed.analysis.comparison.adequacy import Adequacy, adequacy_tests, controlled
+from testbed.analysis.comparison.adequacy import Adequacy, adequacy_tests, controlled, less_open
 from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.doubted_marks import with_marks_doubted
 from testbed.analysis.fit.estimates import at_bound
 from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.held_guesses import with_guesses_held
 from testbed.analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled, pooled_doubt, record_error
+from testbed.analysis.fit.identifiable import Identifiable
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.plausible import against_adequacy
-from testbed.analysis.fit.prediction import Plant, predict
+from testbed.analysis.fit.prediction import Engine, predict
 from testbed.analysis.fit.spindle_speed import at_modelled_speed
-from testbed.analysis.fit.told import Told
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.information import Z_95
 from testbed.analysis.records.segments import Segment
@@ -122,21 +122,22 @@ def mark_angle(fit: WaveformFit, pitch: float) -> float:
     return (-fit.state.angle) % pitch
 
 
-def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
-            told: Told | None = None) -> Comparison:
+def compare(engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
+            told: Identifiable | None = None) -> Comparison:
     """Refit the model to all records with every nuisance and say where, and by how much, it fails.
 
     told: what the records, at the speed that the model has, tell of its parameters, if that is at hand.
     """
     records = at_modelled_speed(records, model.effects, catalogue)
-    fitter, fit = with_marks_doubted(*model_fit(plant, records, model, catalogue, told=told))
+    fitter, fit = with_marks_doubted(*model_fit(engine, records, model, catalogue, told=told))
     held = with_guesses_held(fitter, fit, model, catalogue)
     fitter, fit = held.fitter, held.fit
     errors, held_out = held_out_errors(fitter, fit), holds_out(records)
-    rows, tests = [], []
-    for index, (record, error) in enumerate(zip(fitter.records, errors, strict=True)):
-        rows.append(_record(plant, record, error, fit, index, held_out))
-        tests += adequacy_tests(record, error, fit.state.angle, fit.state.nuisances[index])
+    judged, tests = less_open(fitter, fit, errors)
+    rows = []
+    for index, (record, error, less) in enumerate(zip(fitter.records, errors, judged, strict=True)):
+        rows.append(_record(engine, record, error, fit, index, held_out))
+        tests += adequacy_tests(record, less, fit.state.angle, fit.state.nuisances[index])
     overall, noise = pooled(errors)
     shared = {}
     if fitter.fits_angle:
@@ -149,12 +150,12 @@ def compare(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
                       fitter, fit, tuple(errors), tuple(against))
 
 
-def _record(plant: Plant, record: Observed, error: RecordError, fit: WaveformFit, index: int,
+def _record(engine: Engine, record: Observed, error: RecordError, fit: WaveformFit, index: int,
             held_out: bool) -> RecordComparison:
     error_fit = record_error(record, fit.residuals[index]).error
     segments = tuple(found for segment in record.segments if (found := segment_error(record, error.residual, segment)))
     chi_square = float(np.sum((error.residual / record.noise[:, None]) ** 2)) / record.size
-    nuisances = _nuisances(plant, record, fit.state.model, fit.state.angle, fit.state.nuisances[index])
+    nuisances = _nuisances(engine, record, fit.state.model, fit.state.angle, fit.state.nuisances[index])
     return RecordComparison(record.name, record.kind, record.channels, error.error, error_fit, error.noise_floor,
                             tuple(map(float, record.noise)), record.noise_basis, held_out, chi_square, segments, nuisances)
 
@@ -184,9 +185,9 @@ def segment_error(record: Observed, residual: np.ndarray, segment: Segment) -> S
                         last - first)
 
 
-def _nuisances(plant: Plant, record: Observed, model: Model, angle: float, own: Nuisances) -> dict[str, Any]:
+def _nuisances(engine: Engine, record: Observed, model: Model, angle: float, own: Nuisances) -> dict[str, Any]:
     """What was found of one record. offset in the channel's unit at mid-record, drift its mean slope a second."""
-    predicted = predict(plant, record, [(model, angle, own)])[0]
+    predicted = predict(engine, record, [(model, angle, own)])[0]
     slow = ((record.data - predicted) @ record.drift) @ record.drift.T
     duration = (record.samples - 1) / record.rate
     found: dict[str, Any] = {"offset": dict(zip(record.channels, slow.mean(axis=1).tolist(), strict=True))}

@@ -20,7 +20,7 @@ from scipy.special import chdtrc, stdtr
 from testbed.analysis.comparison.adequacy import Adequacy, controlled
 from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.estimates import estimates, matters
-from testbed.analysis.fit.fit_state import Free, WaveformFit
+from testbed.analysis.fit.fit_state import FreeParameter, WaveformFit
 from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.waveform import Fitter
@@ -102,7 +102,7 @@ class Constancy:
         if self._apart(parameter):
             return f"differs by no more than chance allows ({chance}), though intervals exclude each other: by {spread:.2%}"
         if spread > 3.0 * matters(parameter):
-            return f"differs by no more than its intervals, which are wide: the tests scatter by {spread:.1%}"
+            return f"does not differ beyond its intervals, which are wide: the tests scatter by {spread:.1%}"
         return f"is constant: the tests scatter by {spread:.2%}"
 
     def short(self, parameter: str) -> str:
@@ -135,12 +135,12 @@ def said_p(p_value: float) -> str:
 class _OneTest(Fitter):
     """A single record with the mark angle held: one test alone could trade it against the coefficients."""
 
-    def __init__(self, whole: Fitter, index: int, free: Sequence[Free]) -> None:
+    def __init__(self, whole: Fitter, index: int, free: Sequence[FreeParameter]) -> None:
         record = whole.records[index]
         if record.clock_error is not None:
             least = MARK_ERROR * 2 * math.pi / (record.rate * record.period)
             record = replace(record, clock_error=(max(record.clock_error[0], least), record.clock_error[1]))
-        super().__init__(whole.plant, [record], free)
+        super().__init__(whole.engine, [record], free)
         self.fits_angle = False
         self.names = tuple(one.path for one in free)
 

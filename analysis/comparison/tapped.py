@@ -68,7 +68,7 @@ def said_of_the_tap(rows: tuple[TappedParameter, ...], cutting: bool) -> list[st
         return []
     where, when = ("in the cut", "while cutting") if cutting else ("in these records", "there")
     if all(row.differs is None for row in rows):
-        return ["the model leaves more than noise: whether the modes are those of the tap is not told"]
+        return ["the model leaves more than noise, so the tap's modes cannot be checked here"]
     apart = [row for row in rows if row.differs]
     if not apart:
         names = ", ".join(f"{_name(row.path)} {_shown(row.found.value, row)}" for row in rows)

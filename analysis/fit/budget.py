@@ -10,7 +10,7 @@ if TYPE_CHECKING:  # a command tells the default before anything heavy is import
     import numpy as np
 
     from testbed.analysis.fit.observed import Observed
-    from testbed.analysis.fit.prediction import Plant
+    from testbed.analysis.fit.prediction import Engine
 
 BUDGET = 100_000  # simulations of every record: a fit of the base model takes some thousands, a long search tens of them
 SHOWN = 500  # simulations of every record, between two signs of life
@@ -30,9 +30,9 @@ class Budgeted:
     change nothing. known: the fit of the base model, once it is had.
     """
 
-    def __init__(self, plant: Plant, records: Sequence[Observed], budget: float,
-                 say: Callable[[str], None] = lambda text: None) -> None:  # fmt: skip
-        self.plant, self.budget, self._say = plant, budget, say
+    def __init__(self, engine: Engine, records: Sequence[Observed], budget: float,
+                 progress: Callable[[str], None] = lambda text: None) -> None:  # fmt: skip
+        self.engine, self.budget, self._say = engine, budget, progress
         self.known: Any = None
         self._all = max(1, sum(record.samples for record in records))
         self._spent, self._told, self._lock = 0, 0.0, threading.Lock()
@@ -50,13 +50,13 @@ class Budgeted:
                      **more: Any) -> np.ndarray:  # fmt: skip
         """As the engine's, counted."""
         self._count(len(models) * samplings[0].count * more.get("refinement", 1))
-        return self.plant.predict_cuts(models, cuts, samplings, channels, **more)
+        return self.engine.predict_cuts(models, cuts, samplings, channels, **more)
 
     def predict_driven(self, models: Sequence[Any], states: Sequence[Any], force: np.ndarray, *rest: Any,
                        **more: Any) -> np.ndarray:  # fmt: skip
         """As the engine's, counted."""
         self._count(len(models) * len(force) * more.get("refinement", 1))
-        return self.plant.predict_driven(models, states, force, *rest, **more)
+        return self.engine.predict_driven(models, states, force, *rest, **more)
 
     def _count(self, samples: int) -> None:
         with self._lock:

@@ -9,15 +9,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbed.analysis.fit.fit_state import Free, Linearised, State, WaveformFit
+from testbed.analysis.fit.fit_state import FreeParameter, Jacobian, State, WaveformFit
 from testbed.analysis.fit.free_parameters import free_parameters
+from testbed.analysis.fit.least_squares import gauss_newton_step
 from testbed.analysis.fit.length_cut import asks_length
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.pass_search import begun_otherwise, place_entries, settle_passes, turn_phases
-from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.recurring_start import SCREENED, recurring_starts, residual_peaks
 from testbed.analysis.fit.shown_range import parameter_bounds
-from testbed.analysis.fit.starts import anchored_states, polish, softened
+from testbed.analysis.fit.starts import alternate_fit_and_passes, anchored_states, softened
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -85,7 +86,7 @@ def starting_points(
     return [dict(zip(names, values, strict=True)) for values in itertools.islice(itertools.product(*choices), 24)]
 
 
-def effect_parameters(effect: Effect, records: Sequence[Observed]) -> list[Free]:
+def effect_parameters(effect: Effect, records: Sequence[Observed]) -> list[FreeParameter]:
     """The effect's parameters as unknowns of a fit, but for those that no channel of these records shows."""
     recorded = {channel.removeprefix("tool_") for record in records for channel in record.channels}  # whatever a sensor sits on
     swinging = tuple((f"{effect.name}.{position}", f"{effect.name}.{rate}") for position, rate in effect.oscillators)
@@ -101,7 +102,7 @@ def effect_parameters(effect: Effect, records: Sequence[Observed]) -> list[Free]
             size = 0.3
         round_about = parameter.unit == "rad" and not parameter.vanishes and high - low >= 2 * math.pi
         step = size if parameter.unit in ("Hz", "rad") else 0.3 * size
-        free.append(Free(f"{effect.name}.{parameter.name}", step, bounds, round_about, parameter.each_record,
+        free.append(FreeParameter(f"{effect.name}.{parameter.name}", step, bounds, round_about, parameter.each_record,
                          "engagement" in effect.hooks, asks_length([effect.name], {effect.name: effect}), swinging))
     return free
 
@@ -115,7 +116,7 @@ def state_without(state: State, name: str, catalogue: Mapping[str, Effect]) -> S
 def refitted_without(fitter: Fitter, state: State, name: str, catalogue: Mapping[str, Effect]) -> tuple[Fitter, WaveformFit]:
     """A short fit without one of the effects, from where all of them were."""
     without = fitter.without(name)
-    return without, polish(without, state_without(state, name, catalogue), rounds=2, iterations=15)
+    return without, alternate_fit_and_passes(without, state_without(state, name, catalogue), rounds=2, iterations=15)
 
 
 def is_required(name: str, names: Iterable[str], catalogue: Mapping[str, Effect]) -> bool:
@@ -123,7 +124,7 @@ def is_required(name: str, names: Iterable[str], catalogue: Mapping[str, Effect]
     return any(name in catalogue[other].requires for other in names)
 
 
-def all_free(records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> list[Free]:
+def all_free(records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect]) -> list[FreeParameter]:
     """The base parameters these records can speak of, and those of the effects the model has."""
     return sum((effect_parameters(catalogue[name], records) for name in model.effects), free_parameters(records, model))
 
@@ -137,13 +138,12 @@ def applicable(effect: Effect, records: Sequence[Observed], present: Container[s
         return False
     if any(record.cut is not None for record in records):
         return True
-    places = set(effect.hooks)
-    return bool(places & {"structure_force", "measure", "sensed_displacement"})
+    return not {"structure_force", "measure", "sensed_displacement"}.isdisjoint(effect.hooks)
 
 
 def extended(fitter: Fitter, effect: Effect) -> Fitter:
     """The same fit with the effect's parameters unknown, too."""
-    return Fitter(fitter.plant, fitter.records, [*fitter.unknowns, *effect_parameters(effect, fitter.records)])
+    return Fitter(fitter.engine, fitter.records, [*fitter.unknowns, *effect_parameters(effect, fitter.records)])
 
 
 @dataclass(frozen=True)
@@ -154,15 +154,15 @@ class Origin:
     """
 
     state: State
-    parts: tuple[Linearised, ...]
+    parts: tuple[Jacobian, ...]
     scanned: State | None = None
 
 
-def origins_of(plant: Plant, model: Model, fitter: Fitter, fit: WaveformFit, anchored: bool) -> list[Origin]:
+def origins_of(engine: Engine, model: Model, fitter: Fitter, fit: WaveformFit, anchored: bool) -> list[Origin]:
     """Where candidates start: the fit, and, where it is bad, the small-amplitude structure of the model as believed."""
     origins = [Origin(fit.state, fit.parts)]
     if anchored:
-        scanned, state = anchored_states(plant, fitter.records, model, fitter.unknowns)
+        scanned, state = anchored_states(engine, fitter.records, model, fitter.unknowns)
         origins.append(Origin(state, fitter.linearise_all(state), scanned))
     return origins
 
@@ -244,7 +244,7 @@ def first_step(
         for cost, state in tried:
             parts = wider.with_slopes(origin.parts, state, places)
             for damping in (1e-3, 1.0):
-                move, own = wider.step(parts, damping)
+                move, own = gauss_newton_step(parts, damping)
                 trial = wider.with_own(wider.moved(state, move), own)
                 new = wider.cost(trial)
                 if new < cost:
@@ -276,15 +276,15 @@ def _suited(fitter: Fitter, state: State, effect: Effect, places: Sequence[int])
 
 
 def gradual_entry(
-    fitter: Fitter, effect: Effect, fit: WaveformFit, scanned: State, goal: float = math.inf
+    fitter: Fitter, effect: Effect, fit: WaveformFit, scanned: State, cost_limit: float = math.inf
 ) -> tuple[float, State, Fitter]:
     """(cost, state, fitter) after a short fit of an entry that is not sudden, from coefficients that no sudden entry has bent.
 
     Which pass is the first is nearly made up for by how gradual it is, and in all records alike: so they are placed in turn
-    with soft fits, then moved together, pass by pass, as long as that helps; where they are far above the cost `goal`, not.
+    with soft fits, then moved together, pass by pass, as long as that helps; where they are far above `cost_limit`, not.
     """
     wider = extended(fitter, effect)
-    soft = Fitter(fitter.plant, [softened(record) for record in fitter.records], wider.unknowns)
+    soft = Fitter(fitter.engine, [softened(record) for record in fitter.records], wider.unknowns)
     points = starting_points(effect, fitter.records, fit)
     points.append({one.name: one.example if one.start is None else one.start for one in effect.parameters})
     own = tuple(replace(one, exit=seen.exit) for one, seen in zip(scanned.nuisances, fit.state.nuisances, strict=True))
@@ -298,7 +298,7 @@ def gradual_entry(
             cost, found = found.cost, soft.descend(place_entries(soft, found.state), iterations=6)
         tried.append((wider.cost(found.state), found.state))
     best = wider.descend(min(tried, key=_cost)[1], iterations=CORNER)
-    for passes in (-1, 1) if best.cost <= goal else ():
+    for passes in (-1, 1) if best.cost <= cost_limit else ():
         for _ in range(TOGETHER):
             moved = tuple(replace(one, entry=min(one.entry + passes, one.exit - 1)) for one in best.state.nuisances)
             trial = wider.descend(replace(best.state, nuisances=moved), iterations=CORNER)
@@ -319,14 +319,14 @@ def switched_on(fitter: Fitter, effect: Effect, origins: Sequence[Origin]) -> tu
     return best.cost, best.state, fitter
 
 
-def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit, goal: float = math.inf, nearer: bool = False
+def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit, cost_limit: float = math.inf, nearer: bool = False
              ) -> tuple[float, State, Fitter]:  # fmt: skip
     """(cost, state, fitter) after a short fit that begins with the effect at its largest start.
 
     What shifts the record in time (a sensor's lag, a speed that falls), mark angle, speed and coefficients have made up
     for: near nothing the valley is flat and bent, and no single step leads along it. From far outside it is short.
     A law with a kink begins at whichever strength explains most: far too strong it holds everything stuck. It takes twice as
-    long, and is given up where it would not come below the cost `goal`; the others, slow at first, need all their steps.
+    long, and is given up where it would not come below the cost `cost_limit`; the others, slow at first, need all their steps.
     nearer: where the largest start of a smooth law does not come below the goal, a middle one is tried as well, with more
     steps: from too far, and where the valley is narrow, there are not enough of them.
     """
@@ -342,9 +342,9 @@ def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit, goal: float = mat
         return min(((wider.cost(state, worst), state) for state in states), key=_cost)[1]
 
     if not effect.smooth:
-        found = wider.descend(begun(SHARES), iterations=2 * CORNER, goal=goal)
+        found = wider.descend(begun(SHARES), iterations=2 * CORNER, cost_limit=cost_limit)
         return found.cost, found.state, wider
     found = wider.descend(begun(SHARES[-1:]), iterations=CORNER)
-    if nearer and not found.cost < goal:
+    if nearer and not found.cost < cost_limit:
         found = min(found, wider.descend(begun(SHARES[-2:-1]), iterations=CREEPING), key=lambda one: one.cost)
     return found.cost, found.state, wider

@@ -9,7 +9,7 @@ import numpy as np
 
 from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.evidence import effective_size
-from testbed.analysis.fit.fit_state import Free, WaveformFit
+from testbed.analysis.fit.fit_state import FreeParameter, WaveformFit
 from testbed.analysis.fit.length_cut import moved_by_lengths
 from testbed.analysis.fit.tooth_circles import at_least_strength, directed, unknown_directions
 from testbed.analysis.fit.waveform import Fitter
@@ -26,7 +26,7 @@ MATTERS = {"natural_frequency": 2e-4, "damping_ratio": 0.03}  # relative change 
 DIRECTED = 1.5  # rad: half an interval of an angle from which the direction is unknown
 
 
-def at_bound(free: Sequence[Free], found: Mapping[str, Estimate]) -> tuple[str, ...]:
+def at_bound(free: Sequence[FreeParameter], found: Mapping[str, Estimate]) -> tuple[str, ...]:
     """Those of the parameters that lie at an end of the range searched, or have no interval."""
     bounds = {one.path: one.bounds for one in free}
     return tuple(path for path, one in found.items() if one.high - one.low <= NO_INTERVAL * abs(one.value)

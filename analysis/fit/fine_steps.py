@@ -18,7 +18,7 @@ import numpy as np
 from testbed.analysis.fit.entry_passes import entries_together
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.pass_search import begun_otherwise
-from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.scale_profile import along_scales, kinked_scales, margin
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
@@ -35,11 +35,11 @@ UNKNOWN = 10.0  # standard error, in natural steps, from which an unknown is non
 ROUNDS = 3  # times that is done at the most
 
 
-def fine(plant: Plant, times: int = TIMES) -> Plant:
+def fine(engine: Engine, times: int = TIMES) -> Engine:
     """A plant whose engine takes `times` as many steps as it would choose."""
     finer: Any = SimpleNamespace(
-        predict_cuts=partial(plant.predict_cuts, refinement=times),
-        predict_driven=partial(plant.predict_driven, refinement=times),
+        predict_cuts=partial(engine.predict_cuts, refinement=times),
+        predict_driven=partial(engine.predict_driven, refinement=times),
     )
     return finer
 
@@ -65,7 +65,7 @@ def has_kinks(names: Iterable[str], catalogue: Mapping[str, Effect]) -> bool:
 def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> tuple[Fitter, WaveformFit]:
     """The fit settled with finer steps in the deepest valley close by, and the fitter that did it."""
     times = times_finer(fit.state.model.effects, catalogue)
-    finer = Fitter(fine(fitter.plant, times), fitter.records, fitter.unknowns)
+    finer = Fitter(fine(fitter.engine, times), fitter.records, fitter.unknowns)
     fit = entries_together(finer, finer.fit(begun_otherwise(finer, fit.state)[0], iterations=SETTLE))
     laws = kinked(fit.state.model.effects, catalogue)
     if not kinked_scales(laws):
@@ -74,8 +74,8 @@ def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) ->
     for _ in range(ROUNDS):
         around = (finer.descend(state, iterations=BEGUN, near=fit) for state in _around(finer, fit))
         begun = sorted(around, key=lambda one: one.cost)
-        goal = fit.cost + margin(fit)
-        tried = [finer.fit(one.state, iterations=SETTLE, near=one, goal=goal) for one in begun[:KEPT]]
+        cost_limit = fit.cost + margin(fit)
+        tried = [finer.fit(one.state, iterations=SETTLE, near=one, cost_limit=cost_limit) for one in begun[:KEPT]]
         best = min(tried, key=lambda one: one.cost, default=fit)
         before, fit = fit, min(fit, best, key=lambda one: one.cost)
         if not fit.cost < before.cost - margin(before):

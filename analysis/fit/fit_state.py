@@ -24,7 +24,7 @@ def together(size: int) -> int:
 
 
 @dataclass(frozen=True)
-class Free:
+class FreeParameter:
     """A machine parameter that is fitted: its path, the size of a natural step, and its bounds.
 
     periodic: an angle that goes round, kept between -pi and pi instead of at its bounds. each_record: no parameter of the
@@ -102,7 +102,7 @@ class State:
         return replace(self, model=self.model.without_effect(name), nuisances=own)
 
 
-class Looked(NamedTuple):
+class Evaluation(NamedTuple):
     """One record at a state: what is predicted, (1, channels, samples), and its residual (values,)."""
 
     predicted: np.ndarray
@@ -120,7 +120,7 @@ class Products(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Linearised:
+class Jacobian:
     """One record about a state: residual (values,), slopes by the shared (values, shared) and own (values, own) unknowns.
 
     known: names of the own unknowns.
@@ -149,12 +149,12 @@ class Linearised:
         return np.linalg.qr(self.own)[0] if self.own.shape[1] else self.own
 
 
-def of_rows(rows: np.ndarray, shared: int, steps: Sequence[Mapping[str, float]]) -> Linearised:
+def of_rows(rows: np.ndarray, shared: int, steps: Sequence[Mapping[str, float]]) -> Jacobian:
     """A record about a state from its residual and slopes, rows (1 + shared + own, values): on the thread of the record.
 
     steps: of its own unknowns. All products are those of the rows with each other.
     """
-    found, own = Linearised(rows[0], rows[1 : 1 + shared].T, rows[1 + shared :].T, names_of(steps)), 1 + shared
+    found, own = Jacobian(rows[0], rows[1 : 1 + shared].T, rows[1 + shared :].T, names_of(steps)), 1 + shared
     all_of = rows @ rows.T
     found.__dict__["products"] = Products(all_of[own:, own:], all_of[own:, 1:own], all_of[own:, 0], all_of[1:own, 1:own],
                                           all_of[1:own, 0])  # fmt: skip
@@ -176,11 +176,11 @@ class Descent:
 
     state: State
     cost: float
-    parts: tuple[Linearised, ...]
+    parts: tuple[Jacobian, ...]
     anew: bool = True
     converged: bool
     iterations: int
-    looked: tuple[Looked, ...] | None = None
+    looked: tuple[Evaluation, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,17 +38,17 @@ def _without_jumps(record: Observed, state: State, own: Nuisances) -> Observed:
     """The record with the samples believed that are not at a jump; itself where they are the ones believed so far."""
     if record.cut is None or not any(sensor is None or sensor.order == 2 for sensor in record.sensors):
         return record
-    believed = np.ones(record.samples, dtype=bool) if record.filled is None else ~record.filled
+    mask = np.ones(record.samples, dtype=bool) if record.filled is None else ~record.filled
     places = (_jumps(record, state, own) - record.start) * record.rate
     nearest = np.rint(places).astype(int)
     for beside in range(-int(BESIDE) - 1, int(BESIDE) + 2):
         sample = nearest + beside
         left_out = (np.abs(sample - places) < BESIDE) & (sample >= 0) & (sample < record.samples)
-        believed[sample[left_out]] = False
-    if believed.mean() < FEWEST:
+        mask[sample[left_out]] = False
+    if mask.mean() < FEWEST:
         return record
-    same = believed.all() if record.believed is None else np.array_equal(believed, record.believed)
-    return record if same else replace(record, believed=believed)
+    same = mask.all() if record.mask is None else np.array_equal(mask, record.mask)
+    return record if same else replace(record, mask=mask)
 
 
 def _jumps(record: Observed, state: State, own: Nuisances) -> np.ndarray:

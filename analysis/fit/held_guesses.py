@@ -15,7 +15,7 @@ from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.estimates import estimates, unit_of
 from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.free_parameters import free_parameters
-from testbed.analysis.fit.told import spread_by_held
+from testbed.analysis.fit.identifiable import spread_by_held
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.information import Z_95
 from testbed.effect import Effect

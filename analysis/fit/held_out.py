@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.least_squares import gauss_newton_step
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.waveform import Fitter
 from testbed.recording import quantity_of
@@ -66,7 +67,7 @@ def record_error(record: Observed, residual: np.ndarray) -> RecordError:
     Channels of several quantities are weighed by their own size, so that the error is the rms of their relative errors.
     """
     rest = record.on_samples(residual) * record.scale[:, None]
-    data = record.data if record.believed is None else record.data[:, record.believed]
+    data = record.data if record.mask is None else record.data[:, record.mask]
     size = data - data.mean(axis=1, keepdims=True)
     quantities = sorted({quantity_of(name) for name in record.channels})
     scale = np.ones(len(record.channels)) if len(quantities) == 1 else 1.0 / np.maximum(size.std(axis=1), 1e-300)
@@ -172,7 +173,7 @@ def _stepped(fitter: Fitter, fit: WaveformFit, others: Sequence[int]) -> tuple[S
 
     And whether the joint one suits the records left, as far as that step goes: see `_agree`.
     """
-    move, _ = fitter.step(fit.parts, 1e-9, used=others)
+    move, _ = gauss_newton_step(fit.parts, 1e-9, used=others)
     known = fitter.cost(fit.state, others)
     share = 1.0
     while share > 0.1:

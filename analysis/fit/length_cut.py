@@ -17,6 +17,7 @@ import numpy as np
 
 from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.least_squares import covariance
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.waveform import Fitter
@@ -99,7 +100,7 @@ def moved_by_lengths(fitter: Fitter, fit: WaveformFit) -> np.ndarray:
     later = np.cumsum(by_length[::-1], axis=0)[::-1]  # of a record and all after it
     alone = np.array(unseen[:-1])[:, None] * later[1:]
     ways = np.vstack([alone.sum(axis=0), alone])
-    return -(fitter.covariance(fit.parts) @ (ways / fitter.steps).T).T
+    return -(covariance(fit.parts, fitter.steps) @ (ways / fitter.steps).T).T
 
 
 def _unseen(records: Sequence[Observed], state: State) -> list[float]:

@@ -6,20 +6,20 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from testbed.analysis.fit.basin_hopping import basin_hopping
 from testbed.analysis.fit.effect_start import grown
 from testbed.analysis.fit.fine_steps import kinked
-from testbed.analysis.fit.fit_state import Free, WaveformFit
+from testbed.analysis.fit.fit_state import FreeParameter, WaveformFit
 from testbed.analysis.fit.force_jumps import at_its_jumps
-from testbed.analysis.fit.grown_cuts import bends_frequency, grown_cuts
+from testbed.analysis.fit.free_vibration_start import free_vibration_fit
+from testbed.analysis.fit.growing_window import bends_frequency, grown_cuts
+from testbed.analysis.fit.identifiable import Identifiable, identifiable_parameters, with_strayed_modes
 from testbed.analysis.fit.length_cut import asks_length, carried_on, with_lengths_found
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant
-from testbed.analysis.fit.scale_hops import hopped
+from testbed.analysis.fit.prediction import Engine
+from testbed.analysis.fit.record_hypotheses import asked_again
 from testbed.analysis.fit.starts import arrived, at_a_bound, base_fit, with_courses, with_fronts_and_courses
 from testbed.analysis.fit.structure_start import structure_start
-from testbed.analysis.fit.swing_start import swung_fit
-from testbed.analysis.fit.taken import asked_again
-from testbed.analysis.fit.told import Told, what_is_told, with_strayed_modes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -29,33 +29,34 @@ BEYOND = 2.0  # times as far from the believed arc as the fitted one: where a fi
 
 
 def model_fit(
-    plant: Plant,
+    engine: Engine,
     records: Sequence[Observed],
     model: Model,
     catalogue: Mapping[str, Effect],
-    free: Sequence[Free] | None = None,
-    goal: float = math.inf,
+    free: Sequence[FreeParameter] | None = None,
+    cost_limit: float = math.inf,
     known: float = math.nan,
-    told: Told | None = None,
+    told: Identifiable | None = None,
 ) -> tuple[Fitter, WaveformFit]:
     """The model refitted with every nuisance; without `free`, all that these records can speak of is unknown: `told`, if that
     is at hand.
 
     Laws with kinks have valleys beside the deepest, into which even the true scale may slip on the way from a wrong opening:
     theirs are looked for. So have free decays alone, whose phases run apart: those are fitted from their openings on.
-    goal: the cost above which the fit is of no use, and is given up; known: that of a fit at hand, whose valley is left alone.
+    cost_limit: the cost above which the fit is of no use and given up; known: that of a fit at hand, whose basin is left alone.
     Where an effect asks for the length cut and no record states one, the fitter's records have that which explains them better,
-    see `length_cut`; so with what the first teeth meet and with the feed, see `taken`.
+    see `length_cut`; so with what the first teeth meet and with the feed, see `record_hypotheses`.
     """
     if free is None and (model.effects or model.structure.planar):
-        free = (told or what_is_told(plant, records, model, catalogue, helps=False)).free
-    found = _fitted(plant, records, model, catalogue, free, goal, known)
-    if not (found[1].cost > goal or arrived(found[1], known)) and (beyond := _with_arc_beyond(found[1], model, catalogue)):
-        found = min(found, _fitted(plant, records, beyond, catalogue, free, math.inf, known), key=lambda one: one[1].cost)
+        free = (told or identifiable_parameters(engine, records, model, catalogue, helps=False)).free
+    found = _fitted(engine, records, model, catalogue, free, cost_limit, known)
+    done = found[1].cost > cost_limit or arrived(found[1], known)
+    if not done and (beyond := _with_arc_beyond(found[1], model, catalogue)):
+        found = min(found, _fitted(engine, records, beyond, catalogue, free, math.inf, known), key=lambda one: one[1].cost)
     if asks_length(model.effects, catalogue) and (longer := carried_on(records)) is not None:
-        worn = _fitted(plant, longer, model, catalogue, free, goal, known)
+        worn = _fitted(engine, longer, model, catalogue, free, cost_limit, known)
         found = with_lengths_found(*worn) if worn[1].cost < found[1].cost else found
-    if found[1].cost > goal or arrived(found[1], known):
+    if found[1].cost > cost_limit or arrived(found[1], known):
         return found
     return with_strayed_modes(*asked_again(*found), model)
 
@@ -74,12 +75,12 @@ def _with_arc_beyond(fit: WaveformFit, model: Model, catalogue: Mapping[str, Eff
     return model.with_effect(effect.name, **{switch.name: min(max(far, switch.bounds[0]), switch.bounds[1])})
 
 
-def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
-            free: Sequence[Free] | None, goal: float, known: float) -> tuple[Fitter, WaveformFit]:  # fmt: skip
+def _fitted(engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
+            free: Sequence[FreeParameter] | None, cost_limit: float, known: float) -> tuple[Fitter, WaveformFit]:  # fmt: skip
     """The fit to the records with the lengths cut before as they have them."""
-    swung = swung_fit(plant, records, model, catalogue, free) if free is not None else None
+    swung = free_vibration_fit(engine, records, model, catalogue, free) if free is not None else None
     bent = bends_frequency(model.effects, catalogue)  # such a fit may come to its goal when it is grown
-    fitter, fit = swung or base_fit(plant, records, model, free=free, goal=goal, patient=bent, known=known)
+    fitter, fit = swung or base_fit(engine, records, model, free=free, cost_limit=cost_limit, patient=bent, known=known)
     if arrived(fit, known):
         return fitter, fit
     if bent:
@@ -87,11 +88,11 @@ def _fitted(plant: Plant, records: Sequence[Observed], model: Model, catalogue: 
     if model.effects and all(record.kind == "ring-down" for record in records):
         believed = replace(fit.state, model=structure_start(records, model))
         fit = min(fit, grown(fitter, [believed, fit.state]), key=lambda one: one.cost)
-    if fit.cost > goal:
+    if fit.cost > cost_limit:
         return fitter, fit
     if at_a_bound(fitter.free, fit.state.model) or _cuts_like_no_tool(fit):
         fitter, fit = min((fitter, fit), _from_believed_coefficients(fitter, model), key=lambda one: one[1].cost)
-    fit = hopped(fitter, kinked(model.effects, catalogue), fit)
+    fit = basin_hopping(fitter, kinked(model.effects, catalogue), fit)
     without, fit = at_its_jumps(fitter, fit)
     if without is fitter:
         return fitter, fit
@@ -115,5 +116,5 @@ def _from_believed_coefficients(fitter: Fitter, model: Model) -> tuple[Fitter, W
     On the way there the passes of entries and exits have bent to suit them.
     """
     held = [one for one in fitter.unknowns if not one.path.endswith("_coefficient")]
-    _, fit = base_fit(fitter.plant, fitter.records, model, free=held)
+    _, fit = base_fit(fitter.engine, fitter.records, model, free=held)
     return with_fronts_and_courses(fitter, fitter.fit(fit.state))

@@ -82,7 +82,7 @@ def observe(record: Any, model: Model) -> Observed:
         segments,
         condition,
         noise_doubt=floors[0].doubt,
-        believed=~filled if filled.any() else None,
+        mask=~filled if filled.any() else None,
         filled=filled if filled.any() else None,
         modes=len(model.structure.modes),
     )
@@ -129,7 +129,7 @@ def _thinned(record: Observed, terms: int, frequency: float) -> Observed:
     data, filled = record.data[:, ::every].copy(), None if record.filled is None else record.filled[::every].copy()
     return replace(record, data=data, rate=record.rate / every, every=every, drift=drift_basis(data.shape[1], terms),
                    force=None if force is None else force[::every].copy(), filled=filled,
-                   believed=None if filled is None else ~filled)
+                   mask=None if filled is None else ~filled)
 
 
 def _with_the_force(record: Observed, force: np.ndarray) -> Observed:

@@ -35,7 +35,7 @@ class Observed:
     period: of one revolution (s); first_mark: time of the first mark, s. clock_error: standard deviations of a record's own
     tooth angle (rad) and relative speed, from the scatter of its marks. segments and conditions as read. force (samples,)
     drives an excited record. length_summed: whether the length cut before is that of the records before, as nobody stated it.
-    heard: whether it has a say in the fit. noise_doubt: standard error of the first channel's noise over itself. believed
+    in_fit: whether it has a say in the fit. noise_doubt: standard error of the first channel's noise over itself. mask
     (samples,): those that count; all, where None. filled (samples,): those never measured, or clipped, which never count.
     measured: the record at the speed its marks show, left out here. slots: of how many slots of the spindle, all alike, the
     marks may be any.
@@ -67,9 +67,9 @@ class Observed:
     starts_in_cut: bool = False
     clock_error: tuple[float, float] | None = None
     weight: np.ndarray | None = None
-    heard: bool = True
+    in_fit: bool = True
     noise_doubt: float = 0.0
-    believed: np.ndarray | None = None
+    mask: np.ndarray | None = None
     measured: Observed | None = None
     slots: int = 1
     steady_marks: np.ndarray | None = None
@@ -133,7 +133,7 @@ class Observed:
     @property
     def count(self) -> int:
         """Number of samples a channel that count."""
-        return self.samples if self.believed is None else int(np.count_nonzero(self.believed))
+        return self.samples if self.mask is None else int(np.count_nonzero(self.mask))
 
     @property
     def size(self) -> int:
@@ -146,20 +146,20 @@ class Observed:
         Returned are the samples that count: shape (..., channels, count).
         """
         scaled, drift = values / self.scale[:, None], self.drift
-        if self.believed is not None:
-            scaled, drift = scaled[..., self.believed], self.counted_drift
+        if self.mask is not None:
+            scaled, drift = scaled[..., self.mask], self.counted_drift
         scaled -= (scaled @ drift) @ drift.T
         return scaled
 
     @cached_property
     def counted_drift(self) -> Any:
         """The drift's columns over the samples that count, (count, terms), orthonormal: an array, or Splines."""
-        return self.drift if self.believed is None else over(self.drift, self.believed)
+        return self.drift if self.mask is None else over(self.drift, self.mask)
 
     @cached_property
     def counted(self) -> np.ndarray | None:
         """Places of the samples that count; None where all do."""
-        return None if self.believed is None else np.flatnonzero(self.believed)
+        return None if self.mask is None else np.flatnonzero(self.mask)
 
     @cached_property
     def far(self) -> float:
@@ -169,10 +169,10 @@ class Observed:
     def on_samples(self, residual: np.ndarray) -> np.ndarray:
         """A residual (size,) laid out as the data are, (channels, samples), with 0 where a sample does not count."""
         rows = residual.reshape(len(self.channels), self.count)
-        if self.believed is None:
+        if self.mask is None:
             return rows
         whole = np.zeros(self.data.shape)
-        whole[:, self.believed] = rows
+        whole[:, self.mask] = rows
         return whole
 
     @property
@@ -245,7 +245,7 @@ class Observed:
             data=self.data[:, first : first + count],
             force=None if self.force is None else self.force[first : first + count],
             start=self.start + first / self.rate,
-            believed=None if self.believed is None else self.believed[first : first + count],
+            mask=None if self.mask is None else self.mask[first : first + count],
             filled=None if self.filled is None else self.filled[first : first + count],
             measured=None if self.measured is None else self.measured.part(first, count, terms),
             drift=drift_basis(count, of_a_part(self.drift.shape[1], count / self.samples) if terms is None else terms),

@@ -18,7 +18,7 @@ OUT_OF_REACH = 1e12  # times its mass a mode has that a force is not to move
 STIFF = 100.0  # stiffness over K b from which forces are those of a rigid machine
 
 
-class Plant(Protocol):
+class Engine(Protocol):
     """The engine the analysis is handed: variants of one record in, predicted channels (runs, channels, samples) out."""
 
     @property
@@ -73,7 +73,7 @@ def from_first_tooth(model: Model, own: Nuisances) -> tuple[Model, float]:
     return turned, math.fsum(pitches[1 : tooth + 1]) / cutter.pitch - tooth
 
 
-def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, float, Nuisances]],
+def predict(engine: Engine, observed: Observed, variants: Sequence[tuple[Model, float, Nuisances]],
             first: np.ndarray | None = None) -> np.ndarray:  # fmt: skip
     """Predicted channels, shape (variants, channels, samples), for (model, mark angle, nuisances) variants of one record.
 
@@ -89,7 +89,7 @@ def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, fl
             on, (x, y) = observed.pushed
             more["along"] = (x, y) if on == "workpiece" else (-x, -y)  # what pushes the tool moves its modes the other way
             models = [with_one_part_driven(model, observed) for model in models]
-        return plant.predict_driven(models, states, observed.force, observed.rate, observed.channels, **more)
+        return engine.predict_driven(models, states, observed.force, observed.rate, observed.channels, **more)
     teeth = [from_first_tooth(model, own) for model, _, own in variants]
     lines = [observed.timeline(angle, own, late) for (_, angle, own), (_, late) in zip(variants, teeth, strict=True)]
     variants = [(model, angle, own) for (_, angle, own), (model, _) in zip(variants, teeth, strict=True)]
@@ -104,4 +104,4 @@ def predict(plant: Plant, observed: Observed, variants: Sequence[tuple[Model, fl
         samplings = [replace(one, count=one.count + lead, start=one.start - lead / one.rate) for one in samplings]
     models, cuts = [model for model, _, _ in variants], [cut for cut, _ in lines]
     more = {} if first is None or observed.starts_in_cut else {"first": first}  # alone it may have had another lead
-    return plant.predict_cuts(models, cuts, samplings, observed.channels, durations=kept, **more)[..., lead:]
+    return engine.predict_cuts(models, cuts, samplings, observed.channels, durations=kept, **more)[..., lead:]

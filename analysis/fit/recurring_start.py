@@ -129,7 +129,7 @@ def _explained(
                 values = {names["amplitude"].name: names["amplitude"].neutral + small, names["frequency"].name: frequency}
                 model = state.model.with_effect(effect.name, **values, **{names["phase"].name: phase})
                 variants.append((model, state.angle, _unshifted(state.nuisances[index], effect.name)))
-        predicted = predict(fitter.plant, record, variants)
+        predicted = predict(fitter.engine, record, variants)
         if not np.isfinite(predicted).all():
             continue
         slopes = record.project(predicted[1:] - predicted[0]).reshape(len(variants) - 1, -1) / small

@@ -16,8 +16,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbed.analysis.fit.fit_state import Descent, Linearised, WaveformFit
-from testbed.analysis.fit.scale_hops import scales
+from testbed.analysis.fit.basin_hopping import scales
+from testbed.analysis.fit.fit_state import Descent, Jacobian, WaveformFit
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 
@@ -87,7 +87,7 @@ def _walk(held: Fitter, path: str, step: float, bounds: tuple[float, float], fit
         worse = 2 if over > FAR else worse + 1 if over > 2.0 else 0
 
 
-def _without(fit: WaveformFit, path: str) -> tuple[Linearised, ...]:
+def _without(fit: WaveformFit, path: str) -> tuple[Jacobian, ...]:
     """The slopes of a fit, but for those by one unknown."""
     place = fit.names.index(path)
     return tuple(replace(part, shared=np.delete(part.shared, place, axis=1)) for part in fit.parts)

@@ -8,17 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbed.analysis.fit.entry_history import with_front_found
 from testbed.analysis.fit.entry_passes import entries_together
-from testbed.analysis.fit.first_front import with_front_found
 from testbed.analysis.fit.first_passes import FirstPasses, first_nuisances
 from testbed.analysis.fit.first_state import begun_as_seen
-from testbed.analysis.fit.fit_state import Free, State, WaveformFit
+from testbed.analysis.fit.fit_state import FreeParameter, State, WaveformFit
+from testbed.analysis.fit.fractional_passes import with_parts_of_passes
 from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.held_out import own_refit
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.own_course import angles_tried, begun_afresh, own_course
-from testbed.analysis.fit.parts_of_passes import with_parts_of_passes
 from testbed.analysis.fit.pass_count import cut_elsewhere, recounted
 from testbed.analysis.fit.pass_search import (
     begun_otherwise,
@@ -28,7 +27,8 @@ from testbed.analysis.fit.pass_search import (
     recently_entered,
     settle_passes,
 )
-from testbed.analysis.fit.prediction import Plant, predict
+from testbed.analysis.fit.prediction import Engine, predict
+from testbed.analysis.fit.record_restart import angles_tried, begun_afresh, own_course
 from testbed.analysis.fit.structure_start import decay_start, structure_start
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.threads import threaded
@@ -48,7 +48,7 @@ FEWEST = 3  # such records, that the course of others may be found again by them
 UNEVEN = 1.5  # mean square residual of the worst record over the median's, from which the worst are doubted
 
 
-def at_a_bound(free: Sequence[Free], model: Model) -> bool:
+def at_a_bound(free: Sequence[FreeParameter], model: Model) -> bool:
     """Whether a parameter of the machine itself ended where no machine is: a fit made up for something by it."""
     return any(base_parameter(one.path) and model.value(one.path) in one.bounds for one in free)
 
@@ -59,7 +59,7 @@ def softened(record: Observed) -> Observed:
     return replace(record, noise=np.hypot(record.noise, SOFT * size), weight=None)
 
 
-def _scan(plant: Plant, passes: Sequence[FirstPasses], model: Model) -> tuple[float, float, tuple[Nuisances, ...]]:
+def _scan(engine: Engine, passes: Sequence[FirstPasses], model: Model) -> tuple[float, float, tuple[Nuisances, ...]]:
     """(cost, mark angle, nuisances) of the best tooth angle, with entry and exit as the segments show them."""
     cuts = [first for first in passes if first.observed.cut is not None]
     teeth = max([first.observed.flutes for first in cuts], default=1)
@@ -80,7 +80,7 @@ def _scan(plant: Plant, passes: Sequence[FirstPasses], model: Model) -> tuple[fl
             else (model, 0.0, replace(begun(first, angle), angle=angle))
             for angle in angles
         ]
-        rest = record.project(record.data - np.nan_to_num(predict(plant, record, variants), nan=1.0))
+        rest = record.project(record.data - np.nan_to_num(predict(engine, record, variants), nan=1.0))
         rest = np.clip(rest, -1e6, 1e6)
         return np.log(np.mean(rest**2, axis=(1, 2))) * record.count
 
@@ -100,7 +100,7 @@ def _scan(plant: Plant, passes: Sequence[FirstPasses], model: Model) -> tuple[fl
     return total, float(angles[best]) if shared else 0.0, tuple(nuisances)
 
 
-def scan_starts(plant: Plant, records: Sequence[Observed], model: Model, count: int = 3,
+def scan_starts(engine: Engine, records: Sequence[Observed], model: Model, count: int = 3,
                 factors: Sequence[float] = COEFFICIENTS) -> list[State]:  # fmt: skip
     """The best few starts over tooth angle and cutting coefficients, which are multiplied by the factors."""
     if model.cutting is None or all(record.cut is None for record in records):
@@ -113,28 +113,29 @@ def scan_starts(plant: Plant, records: Sequence[Observed], model: Model, count: 
                 "normal_coefficient": factor * model.cutting.normal_coefficient,
             }
         )
-        cost, angle, nuisances = _scan(plant, passes, trial)
+        cost, angle, nuisances = _scan(engine, passes, trial)
         found.append((cost, State(trial, angle, nuisances)))
     return [state for _, state in sorted(found, key=lambda pair: pair[0])[:count]]
 
 
-def polish(
-    fitter: Fitter, state: State, *, rounds: int = 4, iterations: int = 40, goal: float = math.inf
+def alternate_fit_and_passes(
+    fitter: Fitter, state: State, *, rounds: int = 4, iterations: int = 40, cost_limit: float = math.inf
 ) -> WaveformFit:
     """Fit and put entry and exit passes right in turn, until they stay, or it would not come to the cost that is the goal."""
     state, _ = settle_passes(fitter, state)
-    fit = fitter.fit(state, iterations=iterations, goal=goal)
+    fit = fitter.fit(state, iterations=iterations, cost_limit=cost_limit)
     for _ in range(rounds - 1):
-        if fit.cost > goal:
+        if fit.cost > cost_limit:
             break
         state, moved = settle_passes(fitter, fit.state)
         if not moved:
             break
-        fit = fitter.fit(state, iterations=iterations, goal=goal)
+        fit = fitter.fit(state, iterations=iterations, cost_limit=cost_limit)
     return fit
 
 
-def anchored_states(plant: Plant, records: Sequence[Observed], model: Model, unknowns: Sequence[Free]) -> tuple[State, State]:
+def anchored_states(engine: Engine, records: Sequence[Observed], model: Model, unknowns: Sequence[FreeParameter]
+                    ) -> tuple[State, State]:  # fmt: skip
     """The best of a scan with the coefficients' ratio as believed; and, from there, the cut fitted softly.
 
     Frequency and damping are held at what the small end of the free decays shows. unknowns: of the fit that this is a start of.
@@ -145,15 +146,15 @@ def anchored_states(plant: Plant, records: Sequence[Observed], model: Model, unk
     started = decay_start(records, model)
     soft = [softened(record) for record in records]
     free = [one for one in unknowns if one.path.endswith("_coefficient")]
-    fitter = Fitter(plant, soft, free)
-    scanned = scan_starts(plant, soft, started, 1)[0]
-    return scanned, polish(fitter, scanned, rounds=2, iterations=8).state
+    fitter = Fitter(engine, soft, free)
+    scanned = scan_starts(engine, soft, started, 1)[0]
+    return scanned, alternate_fit_and_passes(fitter, scanned, rounds=2, iterations=8).state
 
 
-def glance(plant: Plant, records: Sequence[Observed], model: Model, free: Sequence[Free]) -> float:
+def glance(engine: Engine, records: Sequence[Observed], model: Model, free: Sequence[FreeParameter]) -> float:
     """The cost of a short fit to the openings from the coefficients as believed: a fifth of the work of `opening_fit`."""
-    opening = fitter_of_openings(plant, records, free)
-    start = scan_starts(plant, opening.records, model, 1, (1.0,))[0]
+    opening = fitter_of_openings(engine, records, free)
+    start = scan_starts(engine, opening.records, model, 1, (1.0,))[0]
     return opening.descend(place_entries(opening, start), iterations=GLANCE).cost
 
 
@@ -163,52 +164,52 @@ def noise_of_openings(records: Sequence[Observed]) -> float:
     return 0.5 * sum(part.count * float(np.sum((noise / softened(part).noise) ** 2)) for part, noise in pairs)
 
 
-def fitter_of_openings(plant: Plant, records: Sequence[Observed], free: Sequence[Free]) -> Fitter:
+def fitter_of_openings(engine: Engine, records: Sequence[Observed], free: Sequence[FreeParameter]) -> Fitter:
     """A soft fit to the openings of all records."""
-    return Fitter(plant, [softened(record.opening().loudest(OPENING)) for record in records], free)
+    return Fitter(engine, [softened(record.opening().loudest(OPENING)) for record in records], free)
 
 
-def opening_fit(plant: Plant, records: Sequence[Observed], model: Model, free: Sequence[Free], *,
-                goal: float = math.inf) -> WaveformFit:  # fmt: skip
+def opening_fit(engine: Engine, records: Sequence[Observed], model: Model, free: Sequence[FreeParameter], *,
+                cost_limit: float = math.inf) -> WaveformFit:  # fmt: skip
     """The model fitted softly to the openings of all records, from several starts: a fifth of the work of `base_fit`.
 
-    goal: the cost above which the fit is of no use, and is given up.
+    cost_limit: the cost above which the fit is of no use, and is given up.
     """
-    opening = fitter_of_openings(plant, records, free)
-    starts = scan_starts(plant, opening.records, model)
-    tries = [polish(opening, state, rounds=3, iterations=12, goal=goal) for state in starts]
+    opening = fitter_of_openings(engine, records, free)
+    starts = scan_starts(engine, opening.records, model)
+    tries = [alternate_fit_and_passes(opening, state, rounds=3, iterations=12, cost_limit=cost_limit) for state in starts]
     best = min(tries, key=lambda fit: fit.cost)
-    if best.cost > goal:
+    if best.cost > cost_limit:
         return best
-    return polish(opening, place_entries(opening, best.state), rounds=2, iterations=12)
+    return alternate_fit_and_passes(opening, place_entries(opening, best.state), rounds=2, iterations=12)
 
 
 def base_fit(
-    plant: Plant,
+    engine: Engine,
     records: Sequence[Observed],
     model: Model,
     *,
-    free: Sequence[Free] | None = None,
-    goal: float = math.inf,
+    free: Sequence[FreeParameter] | None = None,
+    cost_limit: float = math.inf,
     patient: bool = False,
     known: float = math.nan,
 ) -> tuple[Fitter, WaveformFit]:
     """The believed model refitted to all records, from several starts, with every nuisance.
 
-    goal: the cost above which the fit is of no use, and is given up; `patient`: once the better half of the records has been
+    cost_limit: the cost above which the fit is of no use and given up; `patient`: once the better half of the records has been
     tried alone. known: see `arrived`.
     """
     started = structure_start(records, model)
     free = list(free) if free is not None else free_parameters(records, started)
-    best = opening_fit(plant, records, started, free)
-    soft = Fitter(plant, [softened(record) for record in records], free)
-    best = polish(soft, with_exits(soft, best.state), rounds=2, iterations=12)
-    fitter = Fitter(plant, entered(records, best.state), free)
-    fit = polish(fitter, recently_entered(fitter, place_exits(fitter, best.state)), goal=goal)
-    if fit.cost > goal and not patient or arrived(fit, known):
+    best = opening_fit(engine, records, started, free)
+    soft = Fitter(engine, [softened(record) for record in records], free)
+    best = alternate_fit_and_passes(soft, with_exits(soft, best.state), rounds=2, iterations=12)
+    fitter = Fitter(engine, entered(records, best.state), free)
+    fit = alternate_fit_and_passes(fitter, recently_entered(fitter, place_exits(fitter, best.state)), cost_limit=cost_limit)
+    if fit.cost > cost_limit and not patient or arrived(fit, known):
         return fitter, fit
-    fit = from_the_best_half(fitter, fit, goal=goal)
-    if fit.cost > goal:
+    fit = from_the_best_half(fitter, fit, cost_limit=cost_limit)
+    if fit.cost > cost_limit:
         return fitter, fit
     fitter, fit = with_fronts_and_courses(fitter, rested(fitter, fit))
     return cut_elsewhere(fitter, with_the_lost_found(fitter, fit))
@@ -235,7 +236,7 @@ def with_courses(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
 def rested(fitter: Fitter, fit: WaveformFit, *, rounds: int = 4, iterations: int = 40) -> WaveformFit:
     """The fit with cuts begun otherwise, at rest or as their first samples show, where that explains them better at once."""
     state, moved = begun_otherwise(fitter, fit.state)
-    return polish(fitter, state, rounds=rounds, iterations=iterations) if moved else fit
+    return alternate_fit_and_passes(fitter, state, rounds=rounds, iterations=iterations) if moved else fit
 
 
 def to_its_end(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
@@ -252,11 +253,11 @@ def with_exits(fitter: Fitter, state: State) -> State:
     return place_exits(fitter, replace(state, nuisances=tuple(known)))
 
 
-def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2, goal: float = math.inf) -> WaveformFit:
+def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2, cost_limit: float = math.inf) -> WaveformFit:
     """The fit started again from the better half of the records, where a few records stand out; kept if it costs less.
 
     A record whose entry or exit is a pass wrong drags the coefficients to where that pass seems right; without it they
-    are free, and its passes are looked for again. goal: see `polish`.
+    are free, and its passes are looked for again. cost_limit: see `alternate_fit_and_passes`.
     """
     for _ in range(tries):
         ratio = fit.mean_squares
@@ -267,7 +268,7 @@ def from_the_best_half(fitter: Fitter, fit: WaveformFit, tries: int = 2, goal: f
         begun = _begun_there(fit, kept, alone, lambda place, state: begun_afresh(fitter.of_records([place]), state))
         state, _ = settle_passes(fitter, begun, reach=2)
         state = own_refit(fitter, state, [place for place in range(len(ratio)) if place not in kept])
-        again = polish(fitter, state, goal=goal)
+        again = alternate_fit_and_passes(fitter, state, cost_limit=cost_limit)
         if not again.cost < 0.999 * fit.cost:
             return fit
         fit = again
@@ -294,7 +295,7 @@ def with_the_lost_found(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     if not alone.mean_squares.max() <= most:
         return fit
     begun = _begun_there(fit, kept, alone.state, lambda place, state: own_course(fitter, place, state).nuisances[0])
-    again = polish(fitter, begun)
+    again = alternate_fit_and_passes(fitter, begun)
     return with_courses(fitter, again) if again.cost < 0.999 * fit.cost else fit
 
 
@@ -311,8 +312,8 @@ def _better_half(left: np.ndarray) -> list[int]:
 def _fitted_alone(fitter: Fitter, fit: WaveformFit, kept: Sequence[int], worth: float = math.inf) -> WaveformFit:
     """The fit of some records alone, from where the joint one ended; given up where their mean square stays above `worth`."""
     alone = fitter.of_records(kept)
-    goal = 0.5 * worth * sum(record.size for record in alone.records)
-    return polish(alone, fit.state.of_records(kept), rounds=2, iterations=12, goal=goal)
+    cost_limit = 0.5 * worth * sum(record.size for record in alone.records)
+    return alternate_fit_and_passes(alone, fit.state.of_records(kept), rounds=2, iterations=12, cost_limit=cost_limit)
 
 
 def _begun_there(fit: WaveformFit, kept: Sequence[int], found: State, begin: Callable[[int, State], Nuisances]) -> State:

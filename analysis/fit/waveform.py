@@ -6,7 +6,6 @@ record by record (Schur complement), so that the cost of a step grows linearly w
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -14,19 +13,26 @@ from typing import Any
 
 import numpy as np
 
-from testbed.analysis.fit.fit_state import Descent, Free, Linearised, Looked, State, WaveformFit, names_of, of_rows, together
+from testbed.analysis.fit.fit_state import (
+    Descent,
+    Evaluation,
+    FreeParameter,
+    Jacobian,
+    State,
+    WaveformFit,
+    names_of,
+    of_rows,
+    together,
+)
+from testbed.analysis.fit.least_squares import covariance, levenberg_marquardt
 from testbed.analysis.fit.nuisances import MISSING, Nuisances, begun_with, end_moved, end_moved_in_arc, turned_by
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant, predict
+from testbed.analysis.fit.prediction import Engine, predict
 from testbed.analysis.fit.residual_kernel import difference, fill_residuals
 from testbed.analysis.threads import threaded
 from testbed.machine import Model
 
 SLOWEST = 0.8  # of the nominal speed, that a record without marks may turn out to have had
-FAINTEST = 1e-3  # slope by an unknown, in units of the noise over a natural step, below which it is as good as none
-ROUNDED = 1e-12  # share of an unknown's squared slopes below which what the records' own unknowns leave is rounding
-COLLINEAR = 1e-10  # eigenvalue of the unknowns' correlations below which a combination of them is as good as unknown
-UNTOLD, PART = 1e30, 1e-3  # variance of such a combination, in units of what its unknowns tell alone; a share in it that counts
 SLOPE_STEP = 1e-4  # of a natural step, by which slopes are taken
 ANGLE_STEP = 0.1  # rad: a natural step of the mark angle
 LENGTH_STEP = 1e-3  # m: a natural step of the length cut before
@@ -35,8 +41,6 @@ PART_STEP = 0.1  # of an arc: a natural step of where a cut that begins or ends 
 HELIX = "helix.angle"
 BIG = 1e6  # residual, in units of the noise, that stands for a prediction that diverged
 EDGE, LITTLE = 0.01, 0.5  # of an arc, from a whole pass: what an end so near it may save, in minus the log likelihood
-PACE = 4  # iterations over which the pace of a descent is measured,
-SPARE = 3.0  # and times that pace: what even so would not reach its goal in the iterations left is given up
 
 
 def _upright(model: Model, path: str, value: float) -> float:
@@ -47,20 +51,11 @@ def _upright(model: Model, path: str, value: float) -> float:
     return math.copysign(believed + value, -1.0 if believed < 0.0 else 1.0) - believed
 
 
-def too_slow(costs: Sequence[float], iterations: int, goal: float) -> bool:
-    """Whether a descent of so many iterations would not come down to its goal at the best pace of its last ones."""
-    done = len(costs) - 1
-    if done < PACE:
-        return False
-    pace = max(before - after for before, after in itertools.pairwise(costs[-PACE - 1 :]))
-    return costs[-1] - SPARE * pace * (iterations - done) > goal
-
-
 class Fitter:
     """Records, an engine, and the parameters that are free."""
 
-    def __init__(self, plant: Plant, records: Sequence[Observed], free: Sequence[Free]) -> None:
-        self.plant, self.records = plant, tuple(records)
+    def __init__(self, engine: Engine, records: Sequence[Observed], free: Sequence[FreeParameter]) -> None:
+        self.engine, self.records = engine, tuple(records)
         self.unknowns = tuple(free)
         self.free = tuple(one for one in free if not one.each_record)
         self.shifting = tuple(one for one in free if one.each_record)
@@ -72,7 +67,7 @@ class Fitter:
     def without(self, path: str) -> Fitter:
         """The same fit with a parameter, or all of an effect, no longer unknown."""
         known = [one for one in self.unknowns if path not in (one.path, one.path.partition(".")[0])]
-        return Fitter(self.plant, self.records, known)
+        return Fitter(self.engine, self.records, known)
 
     def of_records(self, places: Sequence[int]) -> Fitter:
         """The same fit to the records at these places alone."""
@@ -80,7 +75,7 @@ class Fitter:
 
     def on(self, records: Sequence[Observed]) -> Fitter:
         """The same fit to other records."""
-        return Fitter(self.plant, records, self.unknowns)
+        return Fitter(self.engine, records, self.unknowns)
 
     @property
     def steps(self) -> np.ndarray:
@@ -99,7 +94,7 @@ class Fitter:
         angle = state.angle + (step[-1] * ANGLE_STEP if self.fits_angle else 0.0)
         return replace(state, model=state.model.with_values(values), angle=angle)
 
-    def _own_steps(self, record: Observed, nuisances: Nuisances) -> list[dict[str, float]]:
+    def own_steps(self, record: Observed, nuisances: Nuisances) -> list[dict[str, float]]:
         enters = record.cut is not None and not record.starts_in_cut
         own: list[dict[str, float]] = []
         for one in reversed(self.unknowns):
@@ -145,7 +140,7 @@ class Fitter:
     def _residuals(self, record: Observed, variants: list[tuple[Model, float, Nuisances]],
                    first: np.ndarray | None = None) -> np.ndarray:  # fmt: skip
         """Residuals (variants, values), in units of the record's scale. first: see `predict`."""
-        return self._left(record, predict(self.plant, record, variants, first))
+        return self._left(record, predict(self.engine, record, variants, first))
 
     @staticmethod
     def _left(record: Observed, predicted: np.ndarray, more: int = 0) -> np.ndarray:
@@ -170,26 +165,26 @@ class Fitter:
         return [self._shared_nudge(state, place, SLOPE_STEP) for place in range(len(self.names))]
 
     def linearise(self, index: int, state: State, nudges: Sequence[tuple[State, float]] | None = None,
-                  first: np.ndarray | None = None) -> Linearised:  # fmt: skip
+                  first: np.ndarray | None = None) -> Jacobian:  # fmt: skip
         """Residual and slopes of one record by forward differences.
 
         At hand: nudges, of the shared unknowns; first, what is predicted at the state, (1, channels, samples).
         """
         record, nuisances = self.records[index], state.nuisances[index]
-        own, arc = self._own_steps(record, nuisances), state.share_in_arc(record)
+        own, arc = self.own_steps(record, nuisances), state.share_in_arc(record)
         nudges = self._shared_nudges(state) if nudges is None else nudges
         signs = [sign for _, sign in nudges]
         variants = [(one.model, one.angle, nuisances) for one in (state, *(other for other, _ in nudges))]
         variants += [(state.model, state.angle, self._nudged(nuisances, change, SLOPE_STEP, arc)) for change in own]
         held = record.off_marks(nuisances)
-        rows = self._left(record, predict(self.plant, record, variants, first), len(held))
+        rows = self._left(record, predict(self.engine, record, variants, first), len(held))
         difference(rows, record.size, SLOPE_STEP * np.array([*signs, *(1.0 for _ in own)]))
         if len(held):
             rows[0, record.size :], rows[1:, record.size :] = held, 0.0
             rows[len(rows) - len(held) :, record.size :] = np.eye(len(held))
         return of_rows(rows, len(self.names), own)
 
-    def linearise_all(self, state: State, looked: Sequence[Looked] | None = None) -> tuple[Linearised, ...]:
+    def linearise_all(self, state: State, looked: Sequence[Evaluation] | None = None) -> tuple[Jacobian, ...]:
         """Every record about a state, on threads (the engine lets go of the interpreter). looked: what is known of it there.
 
         The nudged models are the same objects for all records, so that the engine need not unpack each anew.
@@ -198,12 +193,12 @@ class Fitter:
         known = [None for _ in places] if looked is None else [one.predicted for one in looked]
         return threaded(lambda index: self.linearise(index, state, nudges, known[index]), places)
 
-    def look(self, state: State) -> tuple[Looked, ...]:
+    def look(self, state: State) -> tuple[Evaluation, ...]:
         """Every record's prediction and residual at a state."""
 
-        def one(index: int) -> Looked:
-            predicted = predict(self.plant, self.records[index], [(state.model, state.angle, state.nuisances[index])])
-            return Looked(predicted, self._left(self.records[index], predicted)[0])
+        def one(index: int) -> Evaluation:
+            predicted = predict(self.engine, self.records[index], [(state.model, state.angle, state.nuisances[index])])
+            return Evaluation(predicted, self._left(self.records[index], predicted)[0])
 
         return threaded(one, range(len(self.records)))
 
@@ -217,7 +212,7 @@ class Fitter:
         held = np.array([record.off_marks(own) for _, _, own in variants])
         most = together(record.size)
         if len(variants) <= most or any(model is not variants[0][0] for model, _, _ in variants):
-            found = self._left(record, predict(self.plant, record, variants), held.shape[1])
+            found = self._left(record, predict(self.engine, record, variants), held.shape[1])
             found[:, record.size :] = held
             return found
         found = np.empty((len(variants), record.size + held.shape[1]))
@@ -235,19 +230,19 @@ class Fitter:
     def cost(self, state: State, indices: Sequence[int] | None = None) -> float:
         """Half the sum of squared residuals of all records, or of some, in units of their scale."""
         places = range(len(self.records)) if indices is None else indices
-        return self._cost_of(self.residuals(state, indices), state, places)
+        return self.cost_of(self.residuals(state, indices), state, places)
 
-    def _cost_of(self, residuals: Iterable[np.ndarray], state: State, places: Iterable[int]) -> float:
+    def cost_of(self, residuals: Iterable[np.ndarray], state: State, places: Iterable[int]) -> float:
         held = [self.records[place].off_marks(state.nuisances[place]) for place in places]
         return 0.5 * sum(float(rest @ rest) for rest in (*residuals, *held))
 
     def with_slopes(
         self,
-        parts: Sequence[Linearised],
+        parts: Sequence[Jacobian],
         state: State,
         places: Sequence[int],
         step: float = 1e-3,
-    ) -> tuple[Linearised, ...]:
+    ) -> tuple[Jacobian, ...]:
         """Residuals at a state, with slopes by the free parameters at `places` computed and all others taken from `parts`.
 
         Own unknowns that `parts` do not know yet, an effect's shifts, are computed, too.
@@ -256,14 +251,14 @@ class Fitter:
         nudges = [self._shared_nudge(state, place, step) for place in places]
         signs = [sign for _, sign in nudges]
 
-        def one(index: int) -> Linearised:
+        def one(index: int) -> Jacobian:
             record, nuisances, part = self.records[index], state.nuisances[index], parts[index]
-            own, arc = self._own_steps(record, nuisances), state.share_in_arc(record)
+            own, arc = self.own_steps(record, nuisances), state.share_in_arc(record)
             new = [change for change in own if not set(change) <= set(part.known)]
             variants = [(other.model, state.angle, nuisances) for other in (state, *(one for one, _ in nudges))]
             variants += [(state.model, state.angle, self._nudged(nuisances, change, step, arc)) for change in new]
             held = record.off_marks(nuisances)
-            found = self._left(record, predict(self.plant, record, variants), len(held))
+            found = self._left(record, predict(self.engine, record, variants), len(held))
             difference(found, record.size, step * np.array([*signs, *(1.0 for _ in new)]))
             found[0, record.size :], found[1:, record.size :] = held, 0.0
             rows = np.empty((1 + len(self.names) + len(own), found.shape[1]))
@@ -281,52 +276,12 @@ class Fitter:
 
     # -- steps ---------------------------------------------------------------------------------------------------------
 
-    def step(
-        self,
-        parts: Sequence[Linearised],
-        damping: float,
-        used: Sequence[int] | None = None,
-    ) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Damped Gauss-Newton step: (shared unknowns, every record's own unknowns); `used` names the records that count."""
-        shared = len(self.names)
-        normal, gradient = np.zeros((shared, shared)), np.zeros(shared)
-        solved = []
-        for index, part in enumerate(parts):
-            own, cross, pulled, by_shared, steepest = part.products
-            own = own + np.diag(damping * np.diag(own) + 1e-12 * max(1.0, float(np.trace(own))))
-            inverse = np.linalg.pinv(own) if len(own) else own
-            solved.append((inverse, cross, pulled))
-            if used is None or index in used:
-                normal += by_shared - cross.T @ inverse @ cross
-                gradient += steepest - cross.T @ inverse @ pulled
-        full = normal + np.diag(damping * np.diag(normal) + 1e-14 * max(1e-300, float(np.trace(normal))))
-        move = -np.linalg.lstsq(full, gradient, rcond=1e-14)[0]
-        return move, [-inverse @ (pulled + cross @ move) for inverse, cross, pulled in solved]
-
-    def covariance(self, parts: Sequence[Linearised], variance: float = 1.0) -> np.ndarray:
-        """Covariance of the shared unknowns in their own units, for residuals of the given variance.
-
-        What the records do not tell, alone or only together (the offset and angle of a runout of two teeth), has a large one.
-        """
-        normal, whole = np.zeros((len(self.names), len(self.names))), np.zeros(len(self.names))
-        for part in parts:
-            own, cross, _, by_shared, _ = part.products
-            whole += np.diag(by_shared)
-            normal += by_shared - (cross.T @ np.linalg.pinv(own) @ cross if len(own) else 0.0)
-        size = np.sqrt(np.maximum(np.diag(normal), np.maximum(FAINTEST**2, ROUNDED * whole)))
-        values, vectors = np.linalg.eigh(normal / np.outer(size, size))
-        inverse = (vectors / np.maximum(values, COLLINEAR)) @ vectors.T
-        for vector in vectors.T[values < COLLINEAR]:  # of what has no part in it, rounding must not be made large
-            taking_part = np.where(np.abs(vector) > PART, vector, 0.0)
-            inverse += UNTOLD * np.outer(taking_part, taking_part)
-        return variance * inverse * np.outer(self.steps / size, self.steps / size)
-
     def with_own(self, state: State, moves: Sequence[np.ndarray]) -> State:
         """The state after a step of the records' own unknowns."""
         changed = []
         for record, nuisances, move in zip(self.records, state.nuisances, moves, strict=True):
             arc = state.share_in_arc(record)
-            for change, amount in zip(self._own_steps(record, nuisances), move, strict=True):
+            for change, amount in zip(self.own_steps(record, nuisances), move, strict=True):
                 nuisances = self._nudged(nuisances, change, float(amount), arc)
             if record.starts_in_cut and nuisances.entry <= record.first_simulated:  # nothing is seen of it, nothing holds it
                 nuisances = replace(nuisances, entry=record.first_simulated, late_entry=0.0, displacement=0.0, velocity=0.0,
@@ -335,71 +290,35 @@ class Fitter:
         return replace(state, nuisances=tuple(changed))
 
     def fit(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5, near: Descent | None = None,
-            goal: float = math.inf) -> WaveformFit:  # fmt: skip
+            cost_limit: float = math.inf) -> WaveformFit:  # fmt: skip
         """Levenberg-Marquardt from a state, or from where a descent ended that knows the slopes there.
 
         Converged: the last step lowered the cost by less than `tolerance` of itself, or none, however short, lowers it any
-        more (at a kink of a law, or with an unknown at its bound). goal: see `descend`.
+        more (at a kink of a law, or with an unknown at its bound). cost_limit: see `descend`.
         """
-        found = self.descend(state, iterations=iterations, tolerance=tolerance, near=near, goal=goal)
+        found = self.descend(state, iterations=iterations, tolerance=tolerance, near=near, cost_limit=cost_limit)
         parts = found.parts if found.anew else self.linearise_all(found.state, found.looked)
         size = sum(part.residual.size for part in parts)
-        covariance = self.covariance(parts, max(1.0, 2.0 * found.cost / size))
+        variance = max(1.0, 2.0 * found.cost / size)
         residuals = tuple(part.residual[: record.size] for part, record in zip(parts, self.records, strict=True))
         return WaveformFit(
             state=found.state, cost=found.cost, parts=parts, converged=found.converged, iterations=found.iterations,
-            residuals=residuals, names=self.names, covariance=covariance,
+            residuals=residuals, names=self.names, covariance=covariance(parts, self.steps, variance),
         )
 
     def descend(self, state: State, *, iterations: int = 25, tolerance: float = 1e-5, near: Descent | None = None,
-                goal: float = math.inf) -> Descent:  # fmt: skip
+                cost_limit: float = math.inf) -> Descent:  # fmt: skip
         """The same, for who asks for no covariance: slopes where it ends are not computed; `near` lends those of a first step.
 
         Slopes are computed anew after every step: steps with kept slopes cost a tenth, but creep along the valley between
-        the cutting coefficients, and need tens of times as many. goal: the cost from which its end is of any use; a descent
+        the cutting coefficients, and need tens of times as many. cost_limit: the cost from which its end is of use; a descent
         is given up once, at its late pace, it would not come to that. An end of a cut that came to the edge of its arc stays
         there and holds all else, as its slope beyond is another: it is made whole, and the descent goes on.
         """
-        found = self._descended(state, iterations, tolerance, near, goal)
+        found = levenberg_marquardt(self, state, iterations, tolerance, near, cost_limit)
         whole = found.state.with_nearly_whole(self.records, self.gradual, EDGE)
         left = iterations - found.iterations
         if not found.converged or not left or whole == found.state or not self.cost(whole) < found.cost + LITTLE:
             return found
-        again = self._descended(whole, left, tolerance, None, goal)
+        again = levenberg_marquardt(self, whole, left, tolerance, None, cost_limit)
         return replace(again, iterations=again.iterations + found.iterations) if again.cost < found.cost + LITTLE else found
-
-    def _descended(self, state: State, iterations: int, tolerance: float, near: Descent | None, goal: float) -> Descent:
-        """The same with the ends of cuts wherever the steps lead them."""
-        parts, anew = self._first_slopes(state, near)
-        cost = 0.5 * sum(float(part.residual @ part.residual) for part in parts)
-        damping, converged, count, costs = 1e-3, False, 0, [cost]
-        looked: tuple[Looked, ...] | None = None
-        while count < iterations and not converged and not too_slow(costs, iterations, goal):
-            if not anew and count:
-                parts, anew = self.linearise_all(state, looked), True
-            count += 1
-            move, own = self.step(parts, damping)
-            trial = self.with_own(self.moved(state, move), own)
-            seen = self.look(trial)
-            new = self._cost_of((one.residual for one in seen), trial, range(len(seen)))
-            if np.isfinite(new) and new < cost:
-                converged = anew and cost - new < tolerance * cost
-                state, looked, cost, anew, damping = trial, seen, new, False, max(damping / 8.0, 1e-9)
-            elif anew:
-                converged = damping > 1e4 or (np.isfinite(new) and abs(new - cost) < 1e-9 * cost)
-                damping *= 6.0
-            costs.append(cost)
-        return Descent(state=state, cost=cost, parts=parts, anew=anew, converged=converged, iterations=count, looked=looked)
-
-    def _first_slopes(self, state: State, near: Descent | None) -> tuple[tuple[Linearised, ...], bool]:
-        """Residuals and slopes to descend from a state with, and whether the slopes are its own and not lent from near by."""
-        if near is None:
-            return self.linearise_all(state), True
-        if near.anew and near.state is state:
-            return near.parts, True
-        own = [names_of(self._own_steps(*each)) for each in zip(self.records, state.nuisances, strict=True)]
-        if own != [part.known for part in near.parts]:
-            return self.linearise_all(state), True
-        held = [record.off_marks(own) for record, own in zip(self.records, state.nuisances, strict=True)]
-        rests = [np.append(rest, own) for rest, own in zip(self.residuals(state), held, strict=True)]
-        return tuple(replace(part, residual=rest) for part, rest in zip(near.parts, rests, strict=True)), False

@@ -14,14 +14,15 @@ import numpy as np
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.held_out import holds_out
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.force.choice import Choice, Chooser, Subset, choose, coefficients, waveform
 from testbed.analysis.force.cut_variables import course_of
 from testbed.analysis.force.latent_force import MissingForce, by_the_marks, missing_force, with_force
 from testbed.analysis.force.ranking import Ranked, rank
 from testbed.analysis.force.regression import products, windows_of
 from testbed.analysis.force.terms import power_term
-from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, OtherForm
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
+from testbed.analysis.search.diagnosis import Diagnosis, OtherForm
 from testbed.analysis.search.law_form import references
 from testbed.effect import Effect
 from testbed.trial.proposal import Coefficient, ForceTerm, write_proposal
@@ -84,11 +85,11 @@ class Explanation:
 
 
 def left_unexplained(
-    plant: Plant,
+    engine: Engine,
     records: Sequence[Observed],
     found: Diagnosis,
     catalogue: Mapping[str, Effect],
-    say: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> list[Explanation]:
     """What describes the force that a diagnosis left unexplained, as `explanations`; none where it left but noise.
 
@@ -96,57 +97,56 @@ def left_unexplained(
     ValueError where the force cannot be estimated.
     """
     if found.form is not None and found.form.fitted is not None:
-        return _of_form(plant, _fitted_to(records, found.form.fitted), found.form, catalogue, say)
+        return _of_form(engine, _fitted_to(records, found.form.fitted), found.form, catalogue, progress)
     chosen = found.best if found.verdict == "missing_effect" else found.base
-    if chosen.fit is None or chosen.error_held_out <= ADEQUATE * found.noise_floor:
+    if not isinstance(chosen, Candidate) or chosen.error_held_out <= ADEQUATE * found.noise_floor:
         return []
     states = [chosen.fit.state]
-    if found.verdict != "missing_effect" and found.best.fit is not None and found.best.effects:
+    if found.verdict != "missing_effect" and isinstance(found.best, Candidate) and found.best.effects:
         # what partly helps has led the base parameters nearer to the truth: the force is looked for from there, too
         bare = found.best.fit.state
         for name in found.best.effects:
             bare = bare.without_effect(name)
         states.append(bare)
     kept = _fitted_to(records, chosen)
-    told = [explanations_from(plant, kept, state, catalogue, say) for state in states]
+    told = [explanations_from(engine, kept, state, catalogue, progress) for state in states]
     return max(told, key=lambda some: some[0].share)
 
 
-def explanations_from(plant: Plant, records: Sequence[Observed], state: State, catalogue: Mapping[str, Effect],
-                      say: Callable[[str], None] = lambda text: None) -> list[Explanation]:  # fmt: skip
+def explanations_from(engine: Engine, records: Sequence[Observed], state: State, catalogue: Mapping[str, Effect],
+                      progress: Callable[[str], None] = lambda text: None) -> list[Explanation]:  # fmt: skip
     """What describes the force that a fitted state lacks, as `explanations`: at the state's own clocks, or at those that the
     records' marks show, where it has left them, whichever explains more. ValueError where the force cannot be estimated.
     """
     marked = by_the_marks(records, state)
     states = [state] if marked is None else [state, marked]
-    told = [explanations(missing_force(plant, records, one, catalogue, say), say) for one in states]
+    told = [explanations(missing_force(engine, records, one, catalogue, progress), progress) for one in states]
     return max(told, key=lambda some: some[0].share)
 
 
 def _fitted_to(records: Sequence[Observed], one: Candidate) -> list[Observed]:
     """Those of the records that a set of effects was fitted to: a chaotic one may have been left out."""
-    assert one.fitter is not None
     names = {record.name for record in one.fitter.records}
     return [record for record in records if record.name in names]
 
 
-def _of_form(plant: Plant, records: Sequence[Observed], form: OtherForm, catalogue: Mapping[str, Effect],
-             say: Callable[[str], None]) -> list[Explanation]:  # fmt: skip
+def _of_form(engine: Engine, records: Sequence[Observed], form: OtherForm, catalogue: Mapping[str, Effect],
+             progress: Callable[[str], None]) -> list[Explanation]:  # fmt: skip
     """What describes the force of a known law with another exponent: by regression, then as the power itself, and as that alone
     where it is too faint for a regression.
 
     All of a record shows a law to a fit; a regression sees but windows of it.
     """
-    assert form.fitted is not None and form.fitted.fit is not None
+    assert form.fitted is not None
     bare = form.fitted.fit.state.without_effect(form.effect)
-    missing = missing_force(plant, records, bare, catalogue, say)
-    told = explanations(missing, say)
+    missing = missing_force(engine, records, bare, catalogue, progress)
+    told = explanations(missing, progress)
     (variable,) = references(catalogue[form.effect])
     term = power_term(variable, form.low, form.high)
     seen = bool(told[0].formula) and told[0].share >= EXPLAINED
     if term is None or seen and any([each.term.name for each in one.formula] == [term.name] for one in told):
         return told
-    chooser = Chooser(products(missing, [term], say=say))
+    chooser = Chooser(products(missing, [term], progress=progress))
     alone, power = chooser.subset(()), chooser.subset((0,))
     choice = Choice(power, ((alone,), (power,)), max(alone.held_out - min(power.held_out, chooser.rows), 1e-12))
     fitted = _explanation(missing, chooser, choice, power, certain=True)
@@ -170,21 +170,21 @@ def corrected(state: State, corrections: dict[str, float]) -> State:
     return replace(state, model=model.with_values(values), angle=state.angle + corrections.get("mark_angle", 0.0))
 
 
-def explain(missing: MissingForce, say: Callable[[str], None] = lambda text: None) -> Explanation:
+def explain(missing: MissingForce, progress: Callable[[str], None] = lambda text: None) -> Explanation:
     """Rank what the missing force depends on and find a short formula for it. ValueError where records are too short."""
-    return explanations(missing, say)[0]
+    return explanations(missing, progress)[0]
 
 
-def explanations(missing: MissingForce, say: Callable[[str], None] = lambda text: None) -> list[Explanation]:
+def explanations(missing: MissingForce, progress: Callable[[str], None] = lambda text: None) -> list[Explanation]:
     """As `explain`; behind the best formula the next best, which fits may prefer. ValueError as there."""
     turning = any(len(one.chip[np.isfinite(one.chip)]) for one in missing.records)
-    chooser = Chooser(products(missing, angles=ANGLES if turning else (0.0,), say=say))
-    say("choosing a formula")
+    chooser = Chooser(products(missing, angles=ANGLES if turning else (0.0,), progress=progress))
+    progress("choosing a formula")
     choice = choose(chooser)
     if turning and choice.chosen.places:  # the tooth angle is better known now: choose once more there
         terms = [chooser.terms[place] for place in choice.chosen.places]
         _, _, turned = _settled(missing, terms, chooser, choice.chosen)
-        chooser = Chooser(products(missing, angles=(turned,), say=say))
+        chooser = Chooser(products(missing, angles=(turned,), progress=progress))
         choice = choose(chooser).against(choice.levels[0][0])
     if choice.share(choice.chosen) < EXPLAINED:
         choice = replace(choice, chosen=waveform(chooser, choice.chosen, choice.excess))

@@ -15,7 +15,7 @@ import numpy as np
 
 from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.held_out import RecordError
-from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.force.latent_force import RecordForce, missing_force, motion_channels
 from testbed.effect import Effect
@@ -38,7 +38,7 @@ class ForceState:
 
 
 def force_states(
-    plant: Plant, fitter: Fitter, fit: WaveformFit, errors: Sequence[RecordError], catalogue: Mapping[str, Effect]
+    engine: Engine, fitter: Fitter, fit: WaveformFit, errors: Sequence[RecordError], catalogue: Mapping[str, Effect]
 ) -> list[ForceState]:
     """Maps of the record whose error is largest against its noise; none where the smoother finds no force in it."""
     if not any(motion_channels(one) for one in fitter.records):  # forces alone: what moves is only predicted
@@ -46,7 +46,7 @@ def force_states(
     worst = int(np.argmax([one.squares / max(one.noise_squares, 1e-300) for one in errors]))
     state = replace(fit.state, nuisances=(fit.state.nuisances[worst],))
     try:
-        missing = missing_force(plant, [fitter.records[worst]], state, catalogue)
+        missing = missing_force(engine, [fitter.records[worst]], state, catalogue)
     except (ValueError, ArithmeticError):  # a prediction too far off for a filter: the map would say nothing
         return []
     one, structure, scale = missing.records[0], state.model.structure, missing.prior.time_scale

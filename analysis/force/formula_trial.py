@@ -14,13 +14,13 @@ from dataclasses import dataclass
 from testbed.analysis.fit.effect_start import all_free
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.model_fit import model_fit
-from testbed.analysis.fit.prediction import Plant
-from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.prediction import Engine
+from testbed.analysis.fit.starts import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.force.explain_force import Explanation, explanations_from, formula_text
 from testbed.analysis.force.trial_law import NAME, trial_law
-from testbed.analysis.search.begun_anew import with_examples
-from testbed.analysis.search.unheard import SOUND, agreed, misfit
+from testbed.analysis.search.outlier_records import SOUND, agreed, misfit
+from testbed.analysis.search.refit_from_prior import with_examples
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -44,10 +44,10 @@ class Jury:
     On the records that the force was estimated from.
     """
 
-    plant_of: Callable[[Mapping[str, Effect]], Plant]
+    engine_of: Callable[[Mapping[str, Effect]], Engine]
     model: Model
     catalogue: Mapping[str, Effect]
-    say: Callable[[str], None] = lambda text: None
+    progress: Callable[[str], None] = lambda text: None
 
     def likeliest(self, told: Sequence[Explanation]) -> Explanation:
         """The explanation whose formula, fitted to the records, leaves least. ValueError where nothing was told.
@@ -90,23 +90,23 @@ class Jury:
     def _from(self, trial: _Trial) -> list[Explanation]:
         """What explains the force that the model lacks where a trial has led it, without the formula."""
         records = trial.explanation.missing.observed
-        return explanations_from(self.plant_of(self.catalogue), records, trial.bare, self.catalogue, self.say)
+        return explanations_from(self.engine_of(self.catalogue), records, trial.bare, self.catalogue, self.progress)
 
     def _trial(self, explanation: Explanation) -> _Trial:
-        self.say(f"fitting {formula_text(explanation.formula)}")
+        self.progress(f"fitting {formula_text(explanation.formula)}")
         records = explanation.missing.observed
         with tempfile.TemporaryDirectory() as folder:
             wider = {**self.catalogue, NAME: trial_law(explanation, folder)}
-            plant, model = self.plant_of(wider), self.model
+            engine, model = self.engine_of(wider), self.model
             for name, values in explanation.state.model.effects.items():  # those that the diagnosis has named
                 model = model.with_effect(name, **values)
             model = with_examples(model, [NAME], wider)
-            fitter = Fitter(plant, records, all_free(records, model, wider))
-            fitter, fit = agreed(fitter, polish(fitter, explanation.start(NAME)))
+            fitter = Fitter(engine, records, all_free(records, model, wider))
+            fitter, fit = agreed(fitter, alternate_fit_and_passes(fitter, explanation.start(NAME)))
             found = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(NAME))
             if found.left <= SOUND:
                 return found
-            fitter, fit = agreed(*model_fit(plant, records, model, wider))  # the regression's own state may be astray
+            fitter, fit = agreed(*model_fit(engine, records, model, wider))  # the regression's own state may be astray
         other = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(NAME))
         return min(found, other, key=lambda one: one.misfit)
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant, predict
+from testbed.analysis.fit.prediction import Engine, predict
 from testbed.analysis.force.cut_variables import SUBSTEPS, Course, Trajectory, course_of, model_force
 from testbed.analysis.force.response import response
 from testbed.analysis.force.smoother import SETTLING, Prior, smooth, tuned_prior
@@ -80,11 +80,11 @@ def motion_channels(record: Observed) -> list[int]:
     return [place for place, name in enumerate(record.channels) if name.split("_")[0] in _MOTION]
 
 
-def _predictions(plant: Plant, record: Observed, state: State, index: int) -> tuple[np.ndarray, Trajectory]:
+def _predictions(engine: Engine, record: Observed, state: State, index: int) -> tuple[np.ndarray, Trajectory]:
     """(predicted channels, predicted motion) of a record. A prediction that diverged counts as no motion at all."""
     names = ("displacement", "velocity", *(name for name in record.channels if name not in ("displacement", "velocity")))
     variant = (state.model, state.angle, state.nuisances[index])
-    found = predict(plant, replace(record, channels=names, data=np.zeros((len(names), record.samples))), [variant])[0]
+    found = predict(engine, replace(record, channels=names, data=np.zeros((len(names), record.samples))), [variant])[0]
     found = np.where(np.isfinite(found).all(axis=1, keepdims=True), found, 0.0)
     channels = np.stack([found[names.index(name)] for name in record.channels])
     return channels, Trajectory(record.start, record.rate, found[0], found[1])
@@ -109,15 +109,15 @@ def _residual(record: Observed, predicted: np.ndarray, course: Course) -> np.nda
 
 
 def missing_force(
-    plant: Plant,
+    engine: Engine,
     records: Sequence[Observed],
     state: State,
     catalogue: Mapping[str, Effect],
-    say: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> MissingForce:
     """The force that the fitted model of `state` lacks on every record; `state` is a fit's (`WaveformFit.state`)."""
-    say("estimating the missing force")
-    predictions = [_predictions(plant, record, state, index) for index, record in enumerate(records)]
+    progress("estimating the missing force")
+    predictions = [_predictions(engine, record, state, index) for index, record in enumerate(records)]
     courses = [course_of(record, state, index, catalogue) for index, record in enumerate(records)]
     residuals = [
         _residual(record, channels, course) for record, (channels, _), course in zip(records, predictions, courses, strict=True)

@@ -220,7 +220,7 @@ def _leaves_its_law(missing: MissingForce) -> set[int]:
 
 
 def products(missing: MissingForce, terms: Sequence[ForceTerm] | None = None, angles: Sequence[float] = (0.0,),
-             say: Callable[[str], None] = lambda text: None) -> list[Products]:  # fmt: skip
+             progress: Callable[[str], None] = lambda text: None) -> list[Products]:  # fmt: skip
     """Sums of products of all records, for each change of the fit's tooth angle (rad).
 
     ValueError where no record has a window to compare.
@@ -232,7 +232,7 @@ def products(missing: MissingForce, terms: Sequence[ForceTerm] | None = None, an
     names += ["tangential_coefficient", "normal_coefficient", "mark_angle"] * cut
     left_out = _leaves_its_law(missing)
     used = [index for index in range(len(missing.observed)) if index not in left_out]
-    say("forces along the measured motion")
+    progress("forces along the measured motion")
     blocks = threaded(lambda index: _record_blocks(missing, index, names, terms, angles), used)
     return [_summed(missing, used, [block[place] for block in blocks], names, terms, angle)
             for place, angle in enumerate(angles)]  # fmt: skip

@@ -33,11 +33,11 @@ MOST_TRAINED = 20_000  # runs; more change the third digit and cost memory
 
 @dataclass(frozen=True)
 class ClassifierScore:
-    """On one split: runs, operating conditions, accuracy and the mean recall over the classes present, each with the
+    """On one split: rows, groups that are held together, accuracy and the mean recall over the classes present, each with the
     naive answer's; confusion[truth][answer]."""
 
     split: str
-    runs: int
+    rows: int
     groups: int
     accuracy: float
     naive_accuracy: float
@@ -52,7 +52,7 @@ class RegressorScore:
 
     split: str
     parameter: str
-    runs: int
+    rows: int
     rms: float
     naive_rms: float
     explained: float
@@ -60,7 +60,7 @@ class RegressorScore:
 
 @dataclass(frozen=True)
 class Baseline:
-    """Scores of both methods, how many runs they were trained on, and why something is missing."""
+    """Scores of both methods, how many rows they were trained on, and why something is missing."""
 
     trained: int
     classifier: tuple[ClassifierScore, ...]
@@ -188,23 +188,23 @@ def baseline(values: np.ndarray, split: Sequence[str], group: Sequence[str], sta
              parameters: Mapping[str, np.ndarray]) -> Baseline:
     """Train and score both methods.
 
-    values (runs, F): of `features`; split, group, stability: (runs,); parameters: name -> (runs,), NaN where a run has
-    none of that name. Runs with broken features are left out.
+    values (rows, F): features; split, group, stability: (rows,); parameters: name -> (rows,), NaN where a row has none of that
+    name. Rows with broken features are left out.
     """
     whole = np.isfinite(values).all(axis=1)
     where = {name: np.nonzero(whole & (np.asarray(split) == name))[0] for name in ("train", "validation", "test")}
-    notes = [f"{np.count_nonzero(~whole)} runs are too short or broken off for the features"] if not whole.all() else []
-    notes += [f"no run fell into {name}" for name, rows in where.items() if not len(rows)]
+    notes = [f"{np.count_nonzero(~whole)} rows are too short or broken off for the features"] if not whole.all() else []
+    notes += [f"no row fell into {name}" for name, rows in where.items() if not len(rows)]
     if len(where["train"]) < 2:
-        return Baseline(0, (), (), (*notes, "too few runs to train on"))
+        return Baseline(0, (), (), (*notes, "too few rows to train on"))
     scale = _scaled(values[where["train"]])
     design = {name: scale.design(values[rows]) for name, rows in where.items()}
     classified = _classifier(design, where, group, np.array([each or "" for each in stability]), notes)
     regressed = []
     for name, truth in parameters.items():
         regressed += _regressor(name, design, where, np.asarray(truth, float))
-    if not regressed:
-        notes.append("no parameter differs from run to run: none to regress")
+    if parameters and not regressed:
+        notes.append("no parameter differs from row to row: none to regress")
     return Baseline(len(where["train"]), tuple(classified), tuple(regressed), tuple(notes))
 
 
@@ -269,9 +269,9 @@ def _regressor(name: str, design: Mapping[str, np.ndarray], where: Mapping[str, 
     return scores
 
 
-def as_json(found: Baseline) -> dict[str, Any]:
-    """Plain values of the scores."""
-    return {"trained_on_runs": found.trained, "features": list(FEATURES),
+def as_json(found: Baseline, names: Sequence[str] = FEATURES) -> dict[str, Any]:
+    """Plain values of the scores; names: of the features."""
+    return {"trained_on_rows": found.trained, "features": list(names),
             "classifier": [vars(each) for each in found.classifier],
             "regressor": [{**vars(each), "explained": None if math.isnan(each.explained) else each.explained}
                           for each in found.regressor], "notes": list(found.notes)}

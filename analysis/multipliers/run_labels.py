@@ -21,6 +21,7 @@ from testbed.recording import Recording
 
 _ANGLES = 48  # places in the cut where the surface is followed
 _NOISES = 6.0  # a gap must exceed this many rms of the noise: thousands of looks at a run raise one false alarm in 1e5
+_CHATTER = ("neimark_sacker", "flip")
 _LINEAR = 1e-3  # of the chip: what interpolation may feign
 
 
@@ -91,9 +92,23 @@ def labels(recording: Recording, linear: LinearClass, model: Model, noise: Mappi
             when = None
     uneven = model.cutter is not None and bool(model.cutter.pitch_angles)
     lost = None if when is None else not math.isnan(when)
+    behaviour = observed(recording, noise, uneven)
     return {"stability": linear.stability, "largest_multiplier_modulus": linear.modulus,
-            "largest_multiplier_angle": linear.angle, "behaviour": observed(recording, noise, uneven), "contact_loss": lost,
-            "contact_loss_time": when if lost else None, "effects": sorted(model.effects)}
+            "largest_multiplier_angle": linear.angle, "behaviour": behaviour, **chatter(linear.stability, behaviour),
+            "contact_loss": lost, "contact_loss_time": when if lost else None, "effects": sorted(model.effects)}
+
+
+def chatter(stability: str | None, behaviour: str) -> dict[str, Any]:
+    """The run's `label` (stable, neimark_sacker, flip or unknown) and its `chatter` (True, False, or None: not known).
+
+    The delay equation names the class. Where the record shows the contrary of it - a stable cut that the entry threw into
+    lasting chatter, an unstable one that did not grow - or where the equation has no class, nobody can say: unknown, not False.
+    """
+    unstable = stability in _CHATTER
+    contrary = behaviour != "undecided" and unstable != (behaviour in _CHATTER)
+    if contrary or not (unstable or stability == "stable"):
+        return {"label": "unknown", "chatter": None}
+    return {"label": stability, "chatter": unstable}
 
 
 def observed(recording: Recording, noise: Mapping[str, float], by_revolution: bool = False) -> str:

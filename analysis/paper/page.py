@@ -60,8 +60,8 @@ def _picture(folder: Path, one: Picture) -> str:
     files = picture_files(folder, one)
     if not files:
         return ""
-    # the vector drawing behind the picture: small type can be enlarged
-    return (f'<figure><a href="{escape(files[-1].name)}"><img src="{escape(files[0].name)}" loading="lazy" '
+    drawing = escape(files[-1].name)  # a vector one, where there is one: small type can be enlarged, alone too
+    return (f'<figure><a href="{drawing}"><img src="{drawing}" loading="lazy" '
             f'alt="{escape(one.caption)}"></a><figcaption>{escape(one.caption)}</figcaption></figure>')
 
 

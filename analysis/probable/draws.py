@@ -90,7 +90,7 @@ def of_spreads(model: Model, catalogue: Mapping[str, Effect]) -> Known | None:
     if not model.spreads:
         return None
     paths, sizes = zip(*model.spreads, strict=True)
-    return Known(model, paths, np.diag(np.square(sizes)), tuple(_bounds(path, catalogue) for path in paths))
+    return Known(model, paths, np.diag(np.square(sizes)), tuple(bounds_of(path, catalogue) for path in paths))
 
 
 def value_of(model: Model, path: str) -> float:
@@ -109,7 +109,8 @@ def unit_of(path: str, catalogue: Mapping[str, Effect]) -> str:
     return {**BASE_UNITS, "stiffness": "N/m"}[parameter]
 
 
-def _bounds(path: str, catalogue: Mapping[str, Effect]) -> tuple[float, float]:
+def bounds_of(path: str, catalogue: Mapping[str, Effect]) -> tuple[float, float]:
+    """Where a parameter of a machine may lie, by its path; the ends are outside."""
     effect, _, parameter = path.rpartition(".")
     if effect in catalogue:
         low, high = catalogue[effect].parameter(parameter).bounds

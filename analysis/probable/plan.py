@@ -15,11 +15,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.probable.draws import Known
 from testbed.analysis.search.next_test import proposed, seen, without
+from testbed.cut import Cut, Sampling
+from testbed.machine import Model
+from testbed.recording import motion_channel
 
 STEP = 0.1  # standard deviations, for slopes
+REACH = 2.0  # standard deviations that a vibration is expected to stay below
 TELLS = 4.65  # standard errors apart: one record then names the wrong one of two in 1 of 100
 
 
@@ -38,7 +42,8 @@ class Planned:
 
     information: expected, nats, of which `of_explanations` say which explanation is right. separates: names of those that it
     would tell from another. difference: between the two furthest apart, in standard errors. expects: by explanation and channel
-    the peak to peak while it cuts.
+    the peak to peak while it cuts. vibration: the same (m) of the displacement, where it is largest, as large as any
+    explanation leaves open.
     """
 
     spindle_speed: float
@@ -50,6 +55,7 @@ class Planned:
     separates: tuple[str, ...]
     difference: float
     expects: Mapping[str, Mapping[str, float]]
+    vibration: float
 
     @property
     def information_per_minute(self) -> float:
@@ -57,7 +63,7 @@ class Planned:
         return self.information / self.minutes
 
 
-def plan(plant: Plant, like: Observed, explanations: Sequence[Explanation], cuts: Sequence[tuple[float, float, float]],
+def plan(engine: Engine, like: Observed, explanations: Sequence[Explanation], cuts: Sequence[tuple[float, float, float]],
          show: Callable[[int, int], None] = lambda done, total: None) -> list[Planned]:  # fmt: skip
     """All cuts, given as (rad/s, m, chance of being stable), by what they tell a minute; those of no prediction are left out.
 
@@ -65,7 +71,7 @@ def plan(plant: Plant, like: Observed, explanations: Sequence[Explanation], cuts
     """
     found = []
     for number, (speed, depth, stable) in enumerate(cuts):
-        one = _told(plant, like, explanations, speed, depth, stable)
+        one = _told(engine, like, explanations, speed, depth, stable)
         found += [one] if one is not None else []
         show(number + 1, len(cuts))
     return sorted(found, key=lambda one: -one.information_per_minute)
@@ -76,14 +82,14 @@ def information(slopes: np.ndarray) -> float:
     return 0.5 * float(np.linalg.slogdet(np.eye(len(slopes)) + slopes @ slopes.T)[1])
 
 
-def _told(plant: Plant, like: Observed, explanations: Sequence[Explanation], speed: float, depth: float,
+def _told(engine: Engine, like: Observed, explanations: Sequence[Explanation], speed: float, depth: float,
           stable: float) -> Planned | None:  # fmt: skip
-    middles, slopes, expects = [], [], {}
+    middles, slopes, expects, vibration = [], [], {}, 0.0
     cut = proposed(like, speed, depth)
     for one in explanations:
         steps = _steps(one.known)
         models = [one.known.model, *(one.known.at(one.known.middle + step) for step in steps)]
-        looked = seen(plant, like, models, speed, depth)
+        looked = seen(engine, like, models, speed, depth)
         if looked is None:
             return None
         channels, scaled, unknown = looked
@@ -92,13 +98,25 @@ def _told(plant: Plant, like: Observed, explanations: Sequence[Explanation], spe
         idle, last = (round(passes * cut.tooth_passing_period(like.flutes) * like.rate)
                       for passes in (cut.idle_passes, cut.idle_passes + cut.passes))
         expects[one.name] = dict(zip(like.channels, np.ptp(channels[0][:, idle:last], axis=1).tolist(), strict=True))
+        swings = _swings(engine, models, cut, Sampling(like.rate, last, 0.0))
+        vibration = max(vibration, float(swings[0] + REACH * np.linalg.norm(swings[1:] - swings[0]) / STEP))
     apart = _apart(middles, slopes)
     weight = np.full(len(explanations), 1.0 / len(explanations))
     which = max(0.0, -float(weight @ np.log(np.exp(-(apart**2) / 8.0) @ weight)))
     told = float(weight @ np.array([information(one) for one in slopes])) + which
     names = tuple(one.name for one, far in zip(explanations, apart.max(axis=1), strict=True) if far >= TELLS)
     minutes = cut.passes * cut.tooth_passing_period(like.flutes) / 60.0
-    return Planned(speed, depth, minutes, told, which, stable, names, float(apart.max()), expects)
+    return Planned(speed, depth, minutes, told, which, stable, names, float(apart.max()), expects, vibration)
+
+
+def _swings(engine: Engine, models: Sequence[Model], cut: Cut, sampling: Sampling) -> np.ndarray:
+    """Peak to peak (models,) of the displacement (m) up to the end of a cut, of what moves most."""
+    channels = ["displacement"]
+    if models[0].structure.planar:
+        carriers = dict.fromkeys(mode.on for mode in models[0].structure.modes)
+        channels = [motion_channel(f"displacement_{axis}", on) for on in carriers for axis in "xy"]
+    moved = engine.predict_cuts(models, [cut] * len(models), [sampling] * len(models), channels)
+    return np.ptp(moved, axis=2).max(axis=1)
 
 
 def _steps(known: Known) -> np.ndarray:

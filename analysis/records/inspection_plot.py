@@ -27,6 +27,7 @@ _LINE_COLOURS = {
     "tooth-passing": "#2ca02c",
     "half tooth-passing": "#ff7f0e",
     "natural": "#1f77b4",
+    "chatter": "#e377c2",
     "other": "#d62728",
 }
 _SHOWN = {"m": (1e6, "um"), "m/s": (1e3, "mm/s"), "s": (1.0, "s")}
@@ -121,8 +122,8 @@ def _draw_spectrum(axis: Any, report: RecordReport) -> None:
 
 def _draw_chatter(axis: Any, track: LineTrack) -> None:
     size = 4 + 40 * track.amplitude / track.amplitude.max()
-    axis.plot(track.time, track.frequency, linewidth=0.8, color=_LINE_COLOURS["other"])
-    axis.scatter(track.time, track.frequency, size, color=_LINE_COLOURS["other"], label="chatter line, larger where louder")
+    axis.plot(track.time, track.frequency, linewidth=0.8, color=_LINE_COLOURS["chatter"])
+    axis.scatter(track.time, track.frequency, size, color=_LINE_COLOURS["chatter"], label="chatter line, larger where louder")
     axis.set_xlabel("time [s]")
     axis.set_ylabel("frequency [Hz]")
     axis.legend(loc="upper right", fontsize=8)

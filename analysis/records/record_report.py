@@ -141,10 +141,10 @@ def report(recording: Recording, name: str, kind: str, notes: tuple[str, ...]) -
         more.append("the cut never settles: it grows (chatter), or it is too short")
     if noise is not None and noise.basis == "high-frequency residual":
         more.append(
-            "no idling and no repeating cut: the noise floor is a high-frequency residual, which sees white noise only"
+            "no idling and no steady cut: the noise floor is read at high frequencies, which show white noise only"
         )
     if noise is not None and not noise.known:
-        more.append(f"the noise cannot be known: what is fast in the record may be its motion; at most it is {noise.rms:.3g} "
+        more.append(f"the noise is not known: fast motion may look like it. It is at most {noise.rms:.3g} "
                     f"{recording.units[noise.channel]} rms")
     rings = ring_downs(recording, segments) if kind == "ring-down" else ()
     more += [*notes_of(recording, kind), *dict.fromkeys(note for ring in rings for note in ring.notes)]

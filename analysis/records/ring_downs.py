@@ -86,9 +86,9 @@ def notes_of(recording: Recording, kind: str) -> list[str]:
     if kind != "ring-down":
         return []
     times, growth = blow_times(recording), grows(_motion(recording))
-    notes = [f"{said_blows(times)}: each is taken as a ring-down of its own; give from and to for one alone"] if times else []
+    notes = [f"{said_blows(times)}: each is read as its own ring-down. For one alone, give from and to"] if times else []
     if growth is not None:
-        notes.append(f"its swings grow, to {growth:.3g} times what they were at first: this is no free decay")
+        notes.append(f"its vibration grows to {growth:.3g} times its first amplitude: this is no free decay")
     return notes
 
 
@@ -100,7 +100,7 @@ def separated(records: Iterable[Any]) -> tuple[Any, ...]:
         if not times:
             found.append(record)
             continue
-        note = f"{said_blows(times)} in its file: each is taken as a ring-down of its own; give from and to for one alone"
+        note = f"{said_blows(times)} in its file: each is read as its own ring-down. For one alone, give from and to"
         parts = [_part(record.recording, *place) for place in decays(_motion(record.recording))]
         found += [
             replace(record, recording=part, name=f"{record.name} blow {number}", notes=record.notes if number > 1 else
@@ -200,7 +200,7 @@ def _told(modes: DecayModes, names: Sequence[str], recording: Recording) -> tupl
     rate = recording.sampling_rate
     notes = [f"{abs(pole) * rate / (2.0 * math.pi):.5g} Hz {why}: no mode of its own" for pole, why in modes.left_out]
     if modes.bends is not None:
-        notes.append(f"more is left about {abs(modes.bends) * rate / (2.0 * math.pi):.5g} Hz than a mode explains: its "
+        notes.append(f"one mode does not explain all that rings near {abs(modes.bends) * rate / (2.0 * math.pi):.5g} Hz: its "
                      "frequency or damping may change with the amplitude")
     told = []
     for place in range(len(modes)):

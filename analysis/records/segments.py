@@ -8,6 +8,7 @@ left. No time is fixed in advance.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,11 +53,17 @@ class _Levels:
 
 def main_channel(recording: Recording) -> str:
     """The channel that segments are read from: displacement before velocity, acceleration, forces."""
+    return main_channel_of(recording.channels)
+
+
+def main_channel_of(channels: Iterable[str]) -> str:
+    """The one of these channels that segments are read from."""
+    names = list(channels)
     for wanted in ("displacement", "velocity", "acceleration", "force_x", "force_y", "force"):
-        for name in recording.channels:
+        for name in names:
             if name == wanted or name.startswith(f"{wanted}_") and name not in ("force_x", "force_y"):
                 return name
-    return next(iter(recording.channels))
+    return names[0]
 
 
 def revolution_period(recording: Recording) -> float | None:

@@ -22,6 +22,11 @@ from testbed.analysis.search.diagnosis import judged_on
 from testbed.effect import Effect
 from testbed.machine import Model
 
+INTRODUCTION = (
+    "This page puts what was measured beside what the model predicts. The error is the rms of their difference over the rms "
+    "of what was measured; the noise floor is the error that noise alone leaves. Dark lines are measured, blue ones predicted, "
+    "red ones the difference. Wide tables and pictures scroll sideways."
+)
 ForceMap = tuple[str, np.ndarray, np.ndarray, np.ndarray]  # name of a record, x (m), v (m/s), force (N), (n,) each
 
 
@@ -30,7 +35,7 @@ def verdict_of(found: Comparison) -> str:
     ratio = found.error / max(found.noise_floor, 1e-300)
     held = judged_on(found.records[0].held_out)
     if found.says_nothing:
-        return "Hardly anything but noise was measured, which says nothing about the model."
+        return "Almost only noise was measured, which does not test the model."
     if found.adequate:
         return (
             f"The refitted model explains every record down to its noise: error {found.error:.3g} {held}, "
@@ -39,8 +44,8 @@ def verdict_of(found: Comparison) -> str:
     worst = max(found.records, key=lambda one: one.chi_square)
     if found.slight:
         return (
-            f"What the refitted model leaves beyond the noise is slight: error {found.error:.3g} {held}, {ratio:.3f} times the "
-            f"noise floor; the worst record is {worst.name}{found.asks('. ', 'a known effect lowers it')}."
+            f"The refitted model leaves little more than noise: error {found.error:.3g} {held}, {ratio:.3f} times the noise "
+            f"floor; the worst record is {worst.name}{found.asks('. ', 'a known effect lowers it')}."
         )
     return (
         f"The refitted model leaves more than noise: error {found.error:.3g} {held}, {ratio:.2f} times the noise floor "
@@ -73,6 +78,7 @@ def compare_page(
             ("records beyond their noise", f"{len(failing)} of {len(records)}"),
         )
     )
+    page.text(INTRODUCTION, small=True)
     for note in (*notes, *((said_at_bound(found.at_bound),) if found.at_bound else ())):
         page.text(note, small=True)
     chosen = worst_first(looks(records, units), errors)

@@ -101,8 +101,10 @@ class Page:
         """A picture from a file, put into the page."""
         kind = mimetypes.guess_type(path.name)[0] or "image/png"
         data = base64.b64encode(path.read_bytes()).decode()
+        scrolls = " class=wide" if kind == "image/svg+xml" else ""  # legible on a phone
         self.parts.append(
-            f'<figure><img alt="{escape(says)}" title="{escape(path.name)}" src=\'data:{kind};base64,{data}\'></figure>'
+            f'<figure{scrolls}><img alt="{escape(says)}" title="{escape(path.name)}" '
+            f"src='data:{kind};base64,{data}'></figure>"
         )
 
     def figure(self, panel: Panel, describe: str = "") -> None:

@@ -61,8 +61,8 @@ def add_records(page: Page, records: Sequence[RecordComparison], tests: Sequence
     page.table(("record", "error", "noise floor", "chi-square", "residual / noise", *kinds, "what is left is"), rows)
     page.text(
         "error = rms(measured - predicted) / rms(measured about its mean); the columns from residual / noise on are in "
-        f"units of the noise, 1 is nothing but noise. chi-square is the mean square of those. W{LEFT_EXPLAINED[1:]}: three "
-        "tests (rms, autocorrelation, tooth angle), with 5 % of false discoveries among them.",
+        f"units of the noise, 1 is nothing but noise. chi-square is the mean square of those. M{LEFT_EXPLAINED[1:]}: "
+        "tests (rms, autocorrelation, tooth angle, parameters) with 5 % of false discoveries among them.",
         small=True,
     )
 

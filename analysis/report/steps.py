@@ -14,7 +14,8 @@ from testbed.analysis.report.packed import listed
 from testbed.analysis.report.page import Page, Panel
 from testbed.analysis.report.ticked import named
 from testbed.analysis.report.waveforms import LEFT
-from testbed.analysis.search.diagnosis import Candidate, Diagnosis, judged_on
+from testbed.analysis.search.candidate import Candidate
+from testbed.analysis.search.diagnosis import Diagnosis, judged_on
 from testbed.analysis.search.rules import rules_of
 from testbed.effect import Effect
 
@@ -61,8 +62,8 @@ def add_steps(page: Page, steps: Sequence[Step], held_out: bool) -> None:
 def add_candidates(page: Page, found: Diagnosis, catalogue: Mapping[str, Effect]) -> None:
     """All sets fitted, ranked by their error on records held out, or in the fit where nothing could be."""
     page.heading("Which effects were tried, and which explains the records best?")
-    fitted = [one for one in found.candidates if one.fit is not None]
-    others = sorted({one.effects[-1] for one in found.candidates if one.fit is None and one.effects})
+    fitted = found.fitted
+    others = sorted({one.effects[-1] for one in found.candidates if not isinstance(one, Candidate) and one.effects})
     if not fitted:
         page.answer(
             "None was fitted in full: " + ("no first step lowered the misfit." if others else "there was nothing to explain.")
@@ -96,8 +97,13 @@ def add_candidates(page: Page, found: Diagnosis, catalogue: Mapping[str, Effect]
         page.text(
             "The gain in BIC is that of the last effect over the set without it, on the effective sample size.", small=True
         )
+        page.text("Green bar: the set that the verdict names. Grey bars: the other sets. Red line: the model without any "
+                  "effect. Dotted line: the noise floor.", small=True)
     if others:
         page.text(f"Ruled out by a first step: {', '.join(others)}.", small=True)
+    tried = dict.fromkeys(name for one in found.candidates for name in one.effects if name in catalogue)
+    if tried:
+        page.text(f"What the names mean. {'; '.join(f'{name}: {catalogue[name].title}' for name in tried)}.", small=True)
 
 
 def add_rules(page: Page, found: Diagnosis) -> None:

@@ -11,7 +11,7 @@ from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.estimates import at_bound, estimates
 from testbed.analysis.fit.held_out import RecordError, pooled
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.report.compare_page import ForceMap
+from testbed.analysis.report.compare_page import INTRODUCTION, ForceMap
 from testbed.analysis.report.force_map import add_force_map
 from testbed.analysis.report.machine import AT_BOUND, far, interval, said_change, settled, shown
 from testbed.analysis.report.page import Page
@@ -19,6 +19,7 @@ from testbed.analysis.report.steps import Step, add_candidates, add_rules, add_s
 from testbed.analysis.report.ticked import add_before_after, add_ticks, leading, points_for
 from testbed.analysis.report.waveforms import looks, worst_first
 from testbed.analysis.search.add_effect import Addition
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.diagnosis import Diagnosis, judged_on, unaided
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -118,10 +119,11 @@ def diagnosis_page(
     )
     if next_step:
         page.code(next_step)
+    page.text(INTRODUCTION, small=True)
     for note in notes:
         page.text(note, small=True)
     if not found.held_out:
-        page.text("One operating condition only, so nothing was held out: every error is that in the fit.", small=True)
+        page.text("Nothing was held out, for there is only one operating condition: errors are those in the fit.", small=True)
     first = unaided(believed)
     own_steps = [
         (first if not one.effects else f"+ {one.effects[-1]}", one.error_held_out, pooled(one.errors)[1])
@@ -129,7 +131,7 @@ def diagnosis_page(
     ]
     add_steps(page, steps or own_steps or [(first, found.baseline, found.noise_floor)], found.held_out)
     best, base = found.best, found.base
-    if best.fit is not None and best.fitter is not None:
+    if isinstance(best, Candidate):
         records: Sequence[Observed] = best.fitter.records
         sets: dict[frozenset[str], Sequence[RecordError]] = {}
         for one in sorted((*found.candidates, *found.steps, base, best), key=lambda one: one.error_held_out):
@@ -140,10 +142,10 @@ def diagnosis_page(
         add_ticks(page, chosen, sets, key)
         add_candidates(page, found, catalogue)
         add_rules(page, found)
-        if key and base.fit is not None:
+        if key and isinstance(base, Candidate):
             points, states = points_for(chosen, leading(sets, key)), (base.fit.state, best.fit.state)
             add_before_after(page, chosen, base.errors, sets[key], states, points, key)
-        bare = base.fit.state.model if base.fit is not None and key else None
+        bare = base.fit.state.model if isinstance(base, Candidate) and key else None
         found_values = estimates(best.fitter, best.fit, catalogue)
         add_changes(page, believed, bare, found_values, best.fit.converged, at_bound(best.fitter.free, found_values))
     for one_name, x, v, force in force_maps:

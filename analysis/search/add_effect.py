@@ -14,23 +14,24 @@ from testbed.analysis.fit.estimates import at_bound, clock_note
 from testbed.analysis.fit.fine_steps import finely, has_kinks
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.force_jumps import at_its_jumps
+from testbed.analysis.fit.free_vibration_start import marks_show
 from testbed.analysis.fit.held_guesses import with_guesses_held
 from testbed.analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.plausible import remarks_on
-from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.prediction import Engine
+from testbed.analysis.fit.record_hypotheses import asked_again, taken_notes
 from testbed.analysis.fit.spindle_speed import at_modelled_speed
-from testbed.analysis.fit.starts import at_a_bound, polish, to_its_end
-from testbed.analysis.fit.swing_start import marks_show
+from testbed.analysis.fit.starts import alternate_fit_and_passes, at_a_bound, to_its_end
 from testbed.analysis.fit.switched import switch_note
-from testbed.analysis.fit.taken import asked_again, taken_notes
 from testbed.analysis.fit.tooth_circles import at_least_strength, direction_notes
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.search.begun_anew import with_examples
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import candidate_of, with_effect
-from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, judged_on
-from testbed.analysis.search.unheard import SOUND, agreed, misfit
+from testbed.analysis.search.diagnosis import judged_on
+from testbed.analysis.search.outlier_records import SOUND, agreed, misfit
+from testbed.analysis.search.refit_from_prior import with_examples
 from testbed.effect import Effect
 from testbed.machine import Model, base_parameter
 from testbed.units import format_quantity
@@ -69,24 +70,24 @@ class Addition:
         """What was added, in words."""
         return " + ".join(self.effects)
 
-    def heard(self) -> tuple[float, float, float]:
+    def in_fit(self) -> tuple[float, float, float]:
         """(error before, error after, noise floor) over the records that had a say in the fit."""
         before, after = ([one for one in some if one.name not in self.unheard]
                          for some in (self.records_before, self.records_after))
         return pooled(before)[0], *pooled(after)
 
 
-def add_effect(plant: Plant, records: Sequence[Observed], model: Model, effect: Effect, catalogue: Mapping[str, Effect],
-               say: Callable[[str], None] = lambda text: None) -> Addition:
+def add_effect(engine: Engine, records: Sequence[Observed], model: Model, effect: Effect, catalogue: Mapping[str, Effect],
+               progress: Callable[[str], None] = lambda text: None) -> Addition:
     """Fit the model without and with the effect, all parameters jointly, from several starts.
 
     ValueError where no record could show the effect.
     """
-    return add_effects(plant, records, model, [effect], catalogue, say)
+    return add_effects(engine, records, model, [effect], catalogue, progress)
 
 
-def add_effects(plant: Plant, records: Sequence[Observed], model: Model, effects: Sequence[Effect],
-                catalogue: Mapping[str, Effect], say: Callable[[str], None] = lambda text: None) -> Addition:
+def add_effects(engine: Engine, records: Sequence[Observed], model: Model, effects: Sequence[Effect],
+                catalogue: Mapping[str, Effect], progress: Callable[[str], None] = lambda text: None) -> Addition:
     """Effects added one after the other, each as `add_effect` does it, and what all of them together do.
 
     Of several strong ones, one alone may lead the fit astray and raise the error: where the last leaves more than noise, they
@@ -94,14 +95,14 @@ def add_effects(plant: Plant, records: Sequence[Observed], model: Model, effects
     """
     known = {**catalogue, **{one.name: one for one in effects}}
     first, *others = effects
-    step = _with_one_more(plant, records, model, first, known, say)
+    step = _with_one_more(engine, records, model, first, known, progress)
     before = step
     for effect in others:
-        step = _with_one_more(plant, records, step.fit.state.model, effect, known, say)
+        step = _with_one_more(engine, records, step.fit.state.model, effect, known, progress)
     names, found = tuple(one.name for one in effects), (step.fitter, step.fit)
     if others and misfit(*found)[1] > SOUND:
-        say(f"fitting with {' and '.join(names)} from the model as it was")
-        found = min(found, agreed(*model_fit(plant, step.records, with_examples(model, names, known), known)),
+        progress(f"fitting with {' and '.join(names)} from the model as it was")
+        found = min(found, agreed(*model_fit(engine, step.records, with_examples(model, names, known), known)),
                     key=lambda one: misfit(*one)[0])
     return _told(names, model, before, *with_marks_doubted(*found), known)
 
@@ -117,21 +118,22 @@ class _Step:
     errors: tuple[RecordError, ...]
 
 
-def _with_one_more(plant: Plant, records: Sequence[Observed], model: Model, effect: Effect, catalogue: Mapping[str, Effect],
-                   say: Callable[[str], None]) -> _Step:
+def _with_one_more(engine: Engine, records: Sequence[Observed], model: Model, effect: Effect, catalogue: Mapping[str, Effect],
+                   progress: Callable[[str], None]) -> _Step:
     """The model fitted without and with one effect of the catalogue."""
     if not applicable(effect, records):
         raise ValueError(f"no record can show {effect.name}: it acts in the cut, and nothing is cut")
     records = at_modelled_speed(records, [*model.effects, effect.name], catalogue)
-    say("fitting the model as it is")
-    fitter, fit = model_fit(plant, records, model, catalogue)
+    progress("fitting the model as it is")
+    fitter, fit = model_fit(engine, records, model, catalogue)
     bare = candidate_of(fitter, fit, (), None, 1.0)
     before = bare.errors
-    say(f"fitting with {effect.name}")
-    wider, with_it = _best_fit_with(plant, model, catalogue, effect, bare, say)
+    progress(f"fitting with {effect.name}")
+    wider, with_it = _best_fit_with(engine, model, catalogue, effect, bare, progress)
     wider, with_it = asked_again(wider, to_its_end(wider, with_it))
-    say("looking again for a fit without it")
-    again = polish(fitter, state_without(with_it.state, effect.name, {effect.name: effect}), rounds=1, iterations=8)
+    progress("looking again for a fit without it")
+    reduced = state_without(with_it.state, effect.name, {effect.name: effect})
+    again = alternate_fit_and_passes(fitter, reduced, rounds=1, iterations=8)
     if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
         fit, before = again, tuple(held_out_errors(fitter, again))
     return _Step(records, wider, with_it, fit, before)
@@ -146,53 +148,51 @@ def _told(names: tuple[str, ...], believed: Model, before: _Step, fitter: Fitter
     after = held_out_errors(fitter, fit)
     result = Addition(names, held.model, pooled(before.errors)[0], pooled(after)[0], pooled(after)[1], before.errors,
                       tuple(after), holds_out(records), found, fit.converged, (), fit, before.bare,
-                      tuple(record.name for record in fitter.records if not record.heard), at_bound(fitter.free, found),
+                      tuple(record.name for record in fitter.records if not record.in_fit), at_bound(fitter.free, found),
                       held.held)
     return replace(result, warnings=(*_warnings(result, fitter, catalogue), *taken_notes(records, fitter.records),
                                      *clock_note(fitter, fit), *remarks_on(believed, held.model)))
 
 
-def _best_fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
-                   say: Callable[[str], None]) -> tuple[Fitter, WaveformFit]:
+def _best_fit_with(engine: Engine, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
+                   progress: Callable[[str], None]) -> tuple[Fitter, WaveformFit]:
     """The fit with the effect; where it leaves more than noise, the one from the believed machine if that explains more.
 
     What the model without a strong effect made up for can lead every start from its fit astray.
     """
-    assert bare.fitter is not None
     records = bare.fitter.records
 
     def anew(turned: Container[str] = ()) -> tuple[Fitter, WaveformFit]:
-        return agreed(*model_fit(plant, records, with_examples(model, [effect.name], catalogue, turned), catalogue))
+        return agreed(*model_fit(engine, records, with_examples(model, [effect.name], catalogue, turned), catalogue))
 
     if marks_show(effect, records):
         return anew()
-    found = agreed(*at_its_jumps(*_fit_with(plant, model, catalogue, effect, bare, say)))
+    found = agreed(*at_its_jumps(*_fit_with(engine, model, catalogue, effect, bare, progress)))
     before, (likelihood, left) = pooled(bare.errors), misfit(*found)
     doubtful = before[0] > ANCHOR * before[1] or at_a_bound(found[0].free, found[1].state.model)
     if left <= SOUND or not doubtful:
         return found
-    say(f"fitting with {effect.name} from the believed machine")
+    progress(f"fitting with {effect.name} from the believed machine")
     other = anew()
     if misfit(*other)[1] > SOUND and effect.other_side() is not None:
         other = min(other, anew([effect.name]), key=lambda one: misfit(*one)[0])
     return other if misfit(*other)[0] < likelihood else found
 
 
-def _fit_with(plant: Plant, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
-              say: Callable[[str], None]) -> tuple[Fitter, WaveformFit]:
+def _fit_with(engine: Engine, model: Model, catalogue: Mapping[str, Effect], effect: Effect, bare: Candidate,
+              progress: Callable[[str], None]) -> tuple[Fitter, WaveformFit]:
     """The fit with the effect; never worse than without, since at its neutral values it contains that."""
-    assert bare.fitter is not None and bare.fit is not None
     fitter, fit = bare.fitter, bare.fit
     error, noise = pooled(bare.errors)
-    origins = origins_of(plant, model, fitter, fit, anchored=error > ANCHOR * noise)
-    tried = with_effect(bare, effect.name, catalogue, origins, say)
-    wider = extended(fitter if tried.fitter is None else fitter.on(tried.fitter.records), effect)
-    if tried.fit is None or effect.name not in tried.fit.state.model.effects:
-        found = polish(wider, _with_neutral(fit.state, effect))
+    origins = origins_of(engine, model, fitter, fit, anchored=error > ANCHOR * noise)
+    tried = with_effect(bare, effect.name, catalogue, origins, progress)
+    wider = extended(fitter.on(tried.fitter.records), effect)
+    if effect.name not in tried.fit.state.model.effects:
+        found = alternate_fit_and_passes(wider, _with_neutral(fit.state, effect))
     else:
         found = tried.fit
     if found.cost > fit.cost and any(parameter.vanishes for parameter in effect.parameters):
-        nested = polish(wider, _with_neutral(fit.state, effect))
+        nested = alternate_fit_and_passes(wider, _with_neutral(fit.state, effect))
         found = min(found, nested, key=lambda one: one.cost)
     if has_kinks([*model.effects, effect.name], catalogue):
         return finely(wider, found, catalogue)
@@ -208,7 +208,7 @@ def _with_neutral(state: State, effect: Effect) -> State:
 def _warnings(result: Addition, fitter: Fitter, catalogue: Mapping[str, Effect]) -> list[str]:
     """What the data do not determine, in sentences."""
     said = []
-    before, after, noise = result.heard()
+    before, after, noise = result.in_fit()
     if names := result.unheard:
         said.append(f"{', '.join(names)}: not followed by a model that explains all other records down to their noise, and so "
                     "without a say in the fit (chaotic, disturbed, or alone in showing what else is missing); over the others "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.diagnosis import Diagnosis
 from testbed.machine import BASE_UNITS, Model, base_parameter
 
@@ -14,8 +15,8 @@ def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
     Without `held_out` every error is that in the fit. A candidate that was not `fitted` was ruled out by a first step: it
     carries the numbers of what it was to be added to.
     """
-    after = result.best.fit.state.model if result.best.fit is not None else before
-    units = {name: unit for name in (result.base.fit.names if result.base.fit else ())
+    after = result.best.fit.state.model if isinstance(result.best, Candidate) else before
+    units = {name: unit for name in (result.base.fit.names if isinstance(result.base, Candidate) else ())
              if (unit := BASE_UNITS.get(base_parameter(name) or "")) is not None}
     return {
         "verdict": result.verdict,
@@ -26,7 +27,7 @@ def as_json(result: Diagnosis, before: Model) -> dict[str, Any]:
         "candidates": [
             {
                 "effects": list(one.effects),
-                "fitted": one.fit is not None,
+                "fitted": isinstance(one, Candidate),
                 "parameters": dict(one.parameters),
                 "error_fit": one.error_fit,
                 "error_held_out": one.error_held_out,

@@ -13,22 +13,23 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbed.analysis.fit.basin_hopping import basin_hopping
 from testbed.analysis.fit.effect_start import Origin
 from testbed.analysis.fit.entry_passes import entries_together
 from testbed.analysis.fit.evidence import bic, effective_size
 from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.fractional_passes import with_parts_of_passes
 from testbed.analysis.fit.held_out import errors_in_fit, held_out_errors, pooled
 from testbed.analysis.fit.length_cut import asks_length, with_lengths_found
-from testbed.analysis.fit.parts_of_passes import with_parts_of_passes
 from testbed.analysis.fit.pass_count import cut_elsewhere, recounted
-from testbed.analysis.fit.scale_hops import hopped
-from testbed.analysis.fit.starts import at_a_bound, polish, rested
+from testbed.analysis.fit.starts import alternate_fit_and_passes, at_a_bound, rested
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.search.diagnosis import ADEQUATE, CERTAIN, COMPLETE, Candidate
-from testbed.analysis.search.first_looks import (
+from testbed.analysis.search.candidate import ADEQUATE, Candidate, Tried
+from testbed.analysis.search.diagnosis import CERTAIN, COMPLETE
+from testbed.analysis.search.score_test import (
     BEHIND,
     FAINT,
-    Entry,
+    ScreenedCandidate,
     begun,
     best_cost,
     first_steps,
@@ -66,14 +67,13 @@ def candidate_of(
         parameters |= {one.path: first.value(one.path) for one in fitter.shifting}
     gain = 0.0 if reference is None else bic(reference, size) - bic(fit, size)
     return Candidate(
-        effects, parameters, pooled(errors_in_fit(fitter, fit))[0], pooled(errors)[0], gain, fit.converged, fit, fitter,
-        tuple(errors),
+        effects=effects, parameters=parameters, error_fit=pooled(errors_in_fit(fitter, fit))[0],
+        error_held_out=pooled(errors)[0], delta_bic=gain, converged=fit.converged, errors=tuple(errors), fit=fit, fitter=fitter,
     )
 
 
 def by_noise(one: Candidate) -> Candidate:
     """A set of effects as it was fitted, with residuals and covariance in units of the noise again."""
-    assert one.fit is not None and one.fitter is not None
     if all(record.weight is None for record in one.fitter.records):
         return one
     records = [replace(record, weight=None) for record in one.fitter.records]
@@ -85,11 +85,11 @@ def try_candidates(
     current: Candidate,
     catalogue: Mapping[str, Effect],
     origins: Sequence[Origin],
-    say: Callable[[str], None],
+    progress: Callable[[str], None],
     last: bool = False,
     alone: Callable[[], Sequence[Candidate]] = tuple,
     of_other_law: Callable[[Candidate], bool] | None = None,
-) -> list[Candidate]:
+) -> list[Tried]:
     """Candidates that extend the current set by one effect, the one that foretells best first.
 
     last: no further round follows, so that only one which leaves hardly more than noise is of interest.
@@ -97,16 +97,15 @@ def try_candidates(
     the fit of the leader to no less than twice the noise. of_other_law: whether a law of no catalogue is what a set lacks;
     asked before that, and with it the round ends.
     """
-    assert current.fit is not None and current.fitter is not None
     noise = pooled(current.errors)[1]
     near = nothing_hidden(current, noise)
-    entries = first_steps(current, catalogue, origins, say, growing=not near)
+    entries = first_steps(current, catalogue, origins, progress, growing=not near)
     floor, over = _of_noise(current.fitter), _beyond_noise(current.fitter, current.fit)
     hopeful = current.fit.cost - HOPE * GAIN * over
     wanted = COMPLETE**2 * floor if last else math.inf
-    ruled_out: list[Candidate] = []
+    ruled_out: list[Tried] = []
     while entries and entries[0].cost <= hopeful:
-        entries[0].fitted = _refitted(current, entries[0], catalogue, say, goal=wanted, of_other_law=of_other_law)
+        entries[0].fitted = _refitted(current, entries[0], catalogue, progress, cost_limit=wanted, of_other_law=of_other_law)
         if not no_swing(entries[0].fitted, catalogue):
             break
         ruled_out.append(_not_fitted(current, entries.pop(0).name))
@@ -114,69 +113,67 @@ def try_candidates(
         leader = entries[0]
         assert leader.fitted is not None
         incomplete = leader.fitted.error_where_known > ADEQUATE * noise
-        assert leader.fitted.fit is not None
         little = leader.cost - floor <= MUCH * over or leader.fitted.fit.cost - floor <= LITTLE * over
         far = (incomplete and not little) or at_a_bound(leader.fitter.free, leader.fitted.fit.state.model)
         if far or leader.fitted.error_where_known > ROUGH * noise:
             if of_other_law is not None and of_other_law(leader.fitted):
                 return [leader.fitted, *ruled_out, *(_not_fitted(current, one.name) for one in entries[1:])]
             if not _put(current, entries, alone()) and far:
-                try_from_far(current, entries, catalogue, origins, say, BEHIND * best_cost(entries))
+                try_from_far(current, entries, catalogue, origins, progress, BEHIND * best_cost(entries))
         elif not incomplete and current.error_held_out < FAINT * noise and not near:
             stuck = [one for one in entries if one.fitted is None and one.cost > hopeful]
-            goal = _rivalling(current.fit.cost, best_cost(entries))
-            try_from_far(current, not_sudden(stuck, catalogue), catalogue, origins, say, goal, nearer=True)
+            cost_limit = _rivalling(current.fit.cost, best_cost(entries))
+            try_from_far(current, not_sudden(stuck, catalogue), catalogue, origins, progress, cost_limit, nearer=True)
             entries.sort(key=lambda entry: entry.reached)
         elif incomplete and "engagement" in catalogue[leader.name].hooks:  # its passes may be wrong in all records alike
             from_far(current, leader, catalogue[leader.name], origins)
     elif entries and not near and not _put(current, entries, alone()):
-        try_from_far(current, entries, catalogue, origins, say, math.inf)
-    found = ruled_out
+        try_from_far(current, entries, catalogue, origins, progress, math.inf)
+    found: list[Tried] = ruled_out
     complete = 0  # once a candidate explains everything, only a rival close to it can still matter
     for place, entry in enumerate(entries):
         if entry.fitted is None and (place >= LEADERS or complete > 1 or entry.cost > hopeful):
             found.append(_not_fitted(current, entry.name))
             continue
         best = best_cost(entries)
-        iterations, goal = (10, _rivalling(current.fit.cost, best)) if complete else (40, BEHIND * best)
-        fitted = entry.fitted = entry.fitted or _refitted(current, entry, catalogue, say, iterations, min(wanted, goal))
+        iterations, cost_limit = (10, _rivalling(current.fit.cost, best)) if complete else (40, BEHIND * best)
+        cost_limit = min(wanted, cost_limit)
+        fitted = entry.fitted = entry.fitted or _refitted(current, entry, catalogue, progress, iterations, cost_limit)
         if no_swing(fitted, catalogue):
             found.append(_not_fitted(current, entry.name))
             continue
         found.append(fitted)
         complete += int(complete > 0 or fitted.error_where_known <= ADEQUATE * noise)
     if not complete:
-        others = _others_in_time(current, entries, catalogue, say, hopeful, wanted)
+        others = _others_in_time(current, entries, catalogue, progress, hopeful, wanted)
         known = {one.effects for one in others}
         found = [*(one for one in found if one.effects not in known), *others]
     return sorted(found, key=lambda candidate: candidate.error_beside(noise))
 
 
-def _others_in_time(current: Candidate, entries: Sequence[Entry], catalogue: Mapping[str, Effect],
-                    say: Callable[[str], None], hopeful: float, wanted: float) -> list[Candidate]:  # fmt: skip
+def _others_in_time(current: Candidate, entries: Sequence[ScreenedCandidate], catalogue: Mapping[str, Effect],
+                    progress: Callable[[str], None], hopeful: float, wanted: float) -> list[Candidate]:  # fmt: skip
     """Where what shifts the record in time explains most, and not all, the others that do, fitted in full.
 
     Their first steps tell too little for a place among the leaders: own speeds and angles have made up for them.
     """
-    fitted = [entry for entry in entries if entry.fitted is not None and entry.fitted.fit is not None]
+    fitted = [entry for entry in entries if entry.fitted is not None]
     if not fitted or not shifts_in_time(catalogue[min(fitted, key=lambda entry: entry.reached).name]):
         return []
     found = []
     for entry in entries:
         if entry.fitted is None and entry.cost <= hopeful and shifts_in_time(catalogue[entry.name]):
-            entry.fitted = _refitted(current, entry, catalogue, say, goal=min(wanted, BEHIND * best_cost(entries)))
+            entry.fitted = _refitted(current, entry, catalogue, progress, cost_limit=min(wanted, BEHIND * best_cost(entries)))
             found += [] if no_swing(entry.fitted, catalogue) else [entry.fitted]
     return found
 
 
-def _put(current: Candidate, entries: list[Entry], found: Sequence[Candidate]) -> bool:
+def _put(current: Candidate, entries: list[ScreenedCandidate], found: Sequence[Candidate]) -> bool:
     """Put effects where they were found, in the round's own units; whether one of them leaves nothing to be looked for."""
-    assert current.fitter is not None
     weights = [record.weight for record in current.fitter.records]
     known = {entry.name: entry for entry in entries}
     found = [one for one in found if one.effects[-1] in known]
     for one in found:
-        assert one.fitter is not None and one.fit is not None
         entry = known[one.effects[-1]]
         records = [replace(record, weight=weight) for record, weight in zip(one.fitter.records, weights, strict=True)]
         entry.state, entry.fitter, entry.fitted = one.fit.state, one.fitter.on(records), None
@@ -187,9 +184,9 @@ def _put(current: Candidate, entries: list[Entry], found: Sequence[Candidate]) -
     return any(one.error_where_known <= ADEQUATE * pooled(current.errors)[1] for one in found)
 
 
-def _not_fitted(current: Candidate, name: str) -> Candidate:
+def _not_fitted(current: Candidate, name: str) -> Tried:
     """A candidate that is ruled out."""
-    return Candidate((*current.effects, name), {}, current.error_fit, current.error_held_out, 0.0, False)
+    return Tried((*current.effects, name), {}, current.error_fit, current.error_held_out, 0.0, False)
 
 
 def _rivalling(before: float, best: float) -> float:
@@ -201,17 +198,16 @@ def certain_candidates(
     current: Candidate,
     catalogue: Mapping[str, Effect],
     origins: Sequence[Origin],
-    say: Callable[[str], None],
+    progress: Callable[[str], None],
 ) -> list[Candidate]:
     """Candidates for a model that leaves but noise: those that many samples make certain all the same, most gain first."""
-    assert current.fit is not None and current.fitter is not None
     hopeful = current.fit.cost * math.exp(-HOPE * CERTAIN / effective_size(current.fit))
-    entries = first_steps(current, catalogue, origins, say, growing=False)
+    entries = first_steps(current, catalogue, origins, progress, growing=False)
     if not nothing_hidden(current, pooled(current.errors)[1]) and entries and entries[0].cost <= hopeful:
         behind = [one for place, one in enumerate(entries) if place >= LEADERS or one.cost > hopeful]  # no first step tells
-        try_from_far(current, not_sudden(behind, catalogue), catalogue, origins, say, math.inf, nearer=True)
+        try_from_far(current, not_sudden(behind, catalogue), catalogue, origins, progress, math.inf, nearer=True)
     leaders = sorted((one for one in entries if one.cost <= hopeful), key=lambda one: one.cost)[:LEADERS]
-    found = [_refitted(current, one, catalogue, say) for one in leaders]
+    found = [_refitted(current, one, catalogue, progress) for one in leaders]
     believable = (one for one in found if one.delta_bic > CERTAIN and not no_swing(one, catalogue))
     return sorted(believable, key=lambda one: -one.delta_bic)
 
@@ -221,48 +217,46 @@ def with_effect(
     name: str,
     catalogue: Mapping[str, Effect],
     origins: Sequence[Origin],
-    say: Callable[[str], None],
+    progress: Callable[[str], None],
 ) -> Candidate:
     """The current set and one effect more, fitted from every start that a round of a diagnosis knows."""
-    assert current.fit is not None and current.fitter is not None
     effect = catalogue[name]
     entry = begun(current, effect, origins)
     if name not in entry.state.model.effects:
         return current
-    found = entry.fitted = _refitted(current, entry, catalogue, say)
+    found = entry.fitted = _refitted(current, entry, catalogue, progress)
     if not shifts_in_time(effect) and found.error_held_out > ADEQUATE * pooled(current.errors)[1]:
-        say(f"trying {name} from far")
+        progress(f"trying {name} from far")
         from_far(current, entry, effect, origins)
-        found = entry.fitted or _refitted(current, entry, catalogue, say)
+        found = entry.fitted or _refitted(current, entry, catalogue, progress)
     return found
 
 
 def begun_and_fitted(
     current: Candidate, effect: Effect, catalogue: Mapping[str, Effect], origins: Sequence[Origin],
-    say: Callable[[str], None], *, hopeful: float, goal: float,
+    progress: Callable[[str], None], *, hopeful: float, cost_limit: float,
 ) -> Candidate | None:  # fmt: skip
-    """The current set and one effect more, as far as showed that it does not come to a cost of `goal`.
+    """The current set and one effect more, as far as showed that it does not come to a cost of `cost_limit`.
 
     None where its first step leaves more than the cost `hopeful`.
     """
     entry = begun(current, effect, origins)
     if effect.name not in entry.state.model.effects or entry.cost > hopeful:
         return None
-    return _refitted(current, entry, catalogue, say, goal=goal)
+    return _refitted(current, entry, catalogue, progress, cost_limit=cost_limit)
 
 
 def _refitted(
-    current: Candidate, entry: Entry, catalogue: Mapping[str, Effect], say: Callable[[str], None], iterations: int = 40,
-    goal: float = math.inf, of_other_law: Callable[[Candidate], bool] | None = None,
+    current: Candidate, entry: ScreenedCandidate, catalogue: Mapping[str, Effect], progress: Callable[[str], None],
+    iterations: int = 40, cost_limit: float = math.inf, of_other_law: Callable[[Candidate], bool] | None = None,
 ) -> Candidate:  # fmt: skip
-    """The entry fitted in full, or as far as showed that it will not come down to a cost of `goal`, or lacks another law."""
-    assert current.fit is not None and current.fitter is not None
-    say(f"refitting with {entry.name}")
+    """The entry fitted in full, or as far as showed that it will not come down to `cost_limit`, or lacks another law."""
+    progress(f"refitting with {entry.name}")
     smooth = catalogue[entry.name].smooth
     if not smooth:  # its valleys are narrow and bent: crept along after another scale is looked for
         iterations = min(iterations, CREEP)
-    fit = polish(entry.fitter, entry.state, rounds=3, iterations=iterations, goal=goal)
-    if fit.cost > goal:
+    fit = alternate_fit_and_passes(entry.fitter, entry.state, rounds=3, iterations=iterations, cost_limit=cost_limit)
+    if fit.cost > cost_limit:
         return _candidate(current, entry.fitter, fit, (*current.effects, entry.name))
     if entry.fitter.records is not current.fitter.records and asks_length([entry.name], catalogue):
         entry.fitter, fit = with_lengths_found(entry.fitter, fit)
@@ -280,7 +274,7 @@ def _refitted(
         fit = with_parts_of_passes(entry.fitter, fit)
     found = _candidate(current, entry.fitter, fit, effects)
     if fit.cost < HELPS * current.fit.cost:
-        deeper = hopped(entry.fitter, [catalogue[name] for name in effects], fit)
+        deeper = basin_hopping(entry.fitter, [catalogue[name] for name in effects], fit)
         other = found if deeper is fit else _candidate(current, entry.fitter, deeper, effects)
         if other.error_held_out <= found.error_held_out:  # a deeper valley that foretells less is one of this sample alone
             return other
@@ -304,6 +298,5 @@ def _of_noise(fitter: Fitter) -> float:
 
 
 def _candidate(current: Candidate, fitter: Fitter, fit: WaveformFit, effects: tuple[str, ...]) -> Candidate:
-    assert current.fit is not None
     size = effective_size(fit if fit.cost < 0.5 * current.fit.cost else current.fit)
     return candidate_of(fitter, fit, effects, current.fit, size)

@@ -17,20 +17,21 @@ import numpy as np
 
 from testbed.analysis.fit.effect_start import all_free
 from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
-from testbed.analysis.fit.fit_state import Free
+from testbed.analysis.fit.fit_state import FreeParameter
 from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.identifiable import identifiable_parameters
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import heard_in
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.plausible import unlike_a_machine
-from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.starts import glance, noise_of_openings
 from testbed.analysis.fit.structure_start import structure_start
-from testbed.analysis.fit.told import what_is_told
-from testbed.analysis.search.begun_anew import from_believed
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis
+from testbed.analysis.search.diagnosis import Diagnosis
 from testbed.analysis.search.planar_slips import planar_slips
+from testbed.analysis.search.refit_from_prior import from_believed
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -67,7 +68,7 @@ class Restated:
     records: Sequence[Observed]
     model: Model
     told: str
-    more: tuple[Free, ...] = ()
+    more: tuple[FreeParameter, ...] = ()
     said: Callable[[Model], str] | None = None
 
     @property
@@ -169,24 +170,23 @@ def _restated(record: Observed, condition: str, factor: float, flutes: int, feed
 
 
 def explained_otherwise(
-    base: Candidate, model: Model, catalogue: Mapping[str, Effect], say: Callable[[str], None] = lambda text: None
+    base: Candidate, model: Model, catalogue: Mapping[str, Effect], progress: Callable[[str], None] = lambda text: None
 ) -> tuple[Restated, Candidate] | None:
     """(the statement, its fit) by which the believed `model` leaves but noise of the records, the likeliest; None without one.
 
     base: the model fitted to the records as they are stated.
     """
-    assert base.fitter is not None and base.fit is not None
-    plant, records = base.fitter.plant, base.fitter.records
+    engine, records = base.fitter.engine, base.fitter.records
     if base.error_where_known <= ADEQUATE * pooled(base.errors)[1]:
         return None
-    say("looking at conditions that may have been written down wrongly")
+    progress("looking at conditions that may have been written down wrongly")
     places = range(len(records)) if not model.planar else _some(records)
     unknown = base.fitter.unknowns if model.planar else all_free(records, model, catalogue)
 
-    def opening(stated: Sequence[Observed], machine: Model, more: Sequence[Free] = ()) -> float:
+    def opening(stated: Sequence[Observed], machine: Model, more: Sequence[FreeParameter] = ()) -> float:
         """What a model leaves of the records' openings, as a cost: little work beside a whole fit."""
         asked = [stated[place] for place in places]
-        return glance(plant, asked, structure_start(asked, machine), [*unknown, *more])
+        return glance(engine, asked, structure_start(asked, machine), [*unknown, *more])
 
     stated = opening(records, model)
     costs = [(opening(one.records, one.model, one.more), number, one)
@@ -198,10 +198,10 @@ def explained_otherwise(
     for cost, _, one in sorted(costs)[:FITTED]:
         if cost > min(worth, NEAR_BEST * min(costs)[0]):
             break
-        say(f"fitting the model {one.told}")
-        goal = max(OFF_COURSE * 0.5 * sum(record.size for record in one.records), WORTH * base.fit.cost)
-        found = _fitted(plant, one, catalogue, goal)
-        if found.error_where_known <= ADEQUATE * pooled(found.errors)[1] and found.fit is not None \
+        progress(f"fitting the model {one.told}")
+        cost_limit = max(OFF_COURSE * 0.5 * sum(record.size for record in one.records), WORTH * base.fit.cost)
+        found = _fitted(engine, one, catalogue, cost_limit)
+        if found.error_where_known <= ADEQUATE * pooled(found.errors)[1] \
                 and not unlike_a_machine(found.fit.state.model):
             one = one if one.said is None else replace(one, told=one.said(found.fit.state.model))
             return _by_the_clock(one, found.fit.state.model, model), found
@@ -214,12 +214,12 @@ def _some(records: Sequence[Observed]) -> list[int]:
     return cuts[:: math.ceil(len(cuts) / GLANCED)]
 
 
-def _fitted(plant: Plant, one: Restated, catalogue: Mapping[str, Effect], goal: float) -> Candidate:
+def _fitted(engine: Engine, one: Restated, catalogue: Mapping[str, Effect], cost_limit: float) -> Candidate:
     """The model fitted to the records as they are stated otherwise."""
     if not one.more:
-        return from_believed(plant, one.records, one.model, (), catalogue, goal)
-    free = [*what_is_told(plant, one.records, one.model, catalogue, helps=False).free, *one.more]
-    return candidate_of(*model_fit(plant, one.records, one.model, catalogue, free, goal), (), None, 1.0)
+        return from_believed(engine, one.records, one.model, (), catalogue, cost_limit)
+    free = [*identifiable_parameters(engine, one.records, one.model, catalogue, helps=False).free, *one.more]
+    return candidate_of(*model_fit(engine, one.records, one.model, catalogue, free, cost_limit), (), None, 1.0)
 
 
 def _by_the_clock(found: Restated, fitted: Model, believed: Model) -> Restated:
@@ -247,8 +247,8 @@ def instead_of(found: Diagnosis, restated: tuple[Restated, Candidate] | None) ->
     if restated is None:
         return found
     statement, fitted = restated
-    size = 0.0 if found.best.fit is None else effective_size(found.best.fit)
-    if found.best.fit is not None and fitted.fit is not None:
+    if isinstance(found.best, Candidate):
+        size = effective_size(found.best.fit)
         allowed = DELTA_BIC if found.best.effects else -DELTA_BIC
         if bic(fitted.fit, size) > bic(found.best.fit, size) + allowed:
             return found

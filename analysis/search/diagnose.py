@@ -13,20 +13,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from testbed.analysis.fit.budget import BUDGET, Budgeted, BudgetSpent
+from testbed.analysis.fit.free_vibration_start import marks_show
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.spindle_speed import at_modelled_speed, rules_the_speed, speed_swing
-from testbed.analysis.fit.swing_start import marks_show
-from testbed.analysis.search.begun_anew import from_believed
-from testbed.analysis.search.believed_look import BelievedLook
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.candidate_round import by_noise, candidate_of
+from testbed.analysis.search.chaos_check import followed, irregular
 from testbed.analysis.search.common_factor import PLAINLY, explained_otherwise, instead_of, written_wrongly
-from testbed.analysis.search.diagnosis import COMPLETE, Candidate, Diagnosis, excess, never_nothing, told_of_base, verdict_of
-from testbed.analysis.search.forward_search import ROUGH, forward
+from testbed.analysis.search.diagnosis import COMPLETE, Diagnosis, excess, never_nothing, told_of_base, verdict_of
+from testbed.analysis.search.forward_search import forward
 from testbed.analysis.search.gates import against
-from testbed.analysis.search.irregular import followed, irregular
 from testbed.analysis.search.judged import as_far_as, foretells_little, of_a_machine, too_slow
 from testbed.analysis.search.law_form import with_form_asked, with_other_form
 from testbed.analysis.search.missing_mode import explains_more, missing_mode, with_mode
@@ -34,8 +33,11 @@ from testbed.analysis.search.misstated import contradicted
 from testbed.analysis.search.modes_told import with_modes_told
 from testbed.analysis.search.next_test import next_test
 from testbed.analysis.search.odd_records import with_odd_records
-from testbed.analysis.search.other_way import other_way
-from testbed.analysis.search.second_look import looked_again
+from testbed.analysis.search.prior_screening import PriorScreening
+from testbed.analysis.search.refit_from_prior import from_believed
+from testbed.analysis.search.restart import restarted
+from testbed.analysis.search.reweight import ROUGH
+from testbed.analysis.search.sign_check import other_way
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -47,13 +49,13 @@ CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth
 
 
 def diagnose(
-    plant: Plant,
+    engine: Engine,
     records: Sequence[Observed],
     model: Model,
     catalogue: Mapping[str, Effect],
     *,
     most: int = MOST_EFFECTS,
-    say: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = lambda text: None,
     budget: float = BUDGET,
 ) -> Diagnosis:
     """Name what the model lacks, `most` effects at the most. Deterministic: no random numbers are drawn.
@@ -65,40 +67,40 @@ def diagnose(
     else what the marks show is no fault of the model's, and it is searched at the speed measured.
     """
     records = at_modelled_speed(records, model.effects, catalogue)
-    counted = Budgeted(plant, records, budget, say)
+    counted = Budgeted(engine, records, budget, progress)
     try:
-        found = of_a_machine(_at_its_speed(counted, records, model, catalogue, most, say), model, catalogue)
+        found = of_a_machine(_at_its_speed(counted, records, model, catalogue, most, progress), model, catalogue)
         return with_modes_told(found, model)
     except BudgetSpent as spent:
-        return as_far_as(spent, counted, records, say)
+        return as_far_as(spent, counted, records, progress)
 
 
-def _at_its_speed(plant: Budgeted, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], most: int,
-                  say: Callable[[str], None]) -> Diagnosis:  # fmt: skip
+def _at_its_speed(engine: Budgeted, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], most: int,
+                  progress: Callable[[str], None]) -> Diagnosis:  # fmt: skip
     """The diagnosis at a constant speed, at the one that the marks show, or with an effect that rules it; see `diagnose`."""
     swing = speed_swing(records)
     if not swing:
-        return _diagnosed(plant, records, model, catalogue, most, say)
+        return _diagnosed(engine, records, model, catalogue, most, progress)
     steady = [record.at_constant_speed() for record in records]
     rulers = {name: one for name, one in catalogue.items() if rules_the_speed([name], catalogue)}
     others = {name: one for name, one in catalogue.items() if name not in rulers}
     as_measured = f"The speed, which varies by {swing:.2%}, is the tachometer's."
-    say("at the speed that the tachometer shows")
-    base = _as_believed(plant, records, model, catalogue, say)
-    plant.known = base
+    progress("at the speed that the tachometer shows")
+    base = _as_believed(engine, records, model, catalogue, progress)
+    engine.known = base
     measured, at_constant = base.error_where_known, None
     if measured <= COMPLETE * pooled(base.errors)[1]:
-        say("at a constant speed")
-        at_constant = _as_believed(plant, steady, model, catalogue, say)
-        if not _complete(_search(at_constant, plant, model, rulers, 1, say)):
-            found = _diagnosed(plant, records, model, others, most, say, base)
+        progress("at a constant speed")
+        at_constant = _as_believed(engine, steady, model, catalogue, progress)
+        if not _complete(_search(at_constant, engine, model, rulers, 1, progress)):
+            found = _diagnosed(engine, records, model, others, most, progress, base)
             return replace(found, sentence=f"{found.sentence} {as_measured}")
-    constant = _diagnosed(plant, steady, model, catalogue, most, say, at_constant)
+    constant = _diagnosed(engine, steady, model, catalogue, most, progress, at_constant)
     named = constant.verdict == "missing_effect" and rules_the_speed(constant.effects, catalogue)
     if named and (_complete(constant) or constant.best.error_where_known <= measured):
         return replace(constant, sentence=f"{constant.sentence} The tachometer, too, shows a speed that varies by {swing:.2%}.")
-    say("once more, at the speed that the tachometer shows")
-    found = _diagnosed(plant, records, model, others, most, say, base)
+    progress("once more, at the speed that the tachometer shows")
+    found = _diagnosed(engine, records, model, others, most, progress, base)
     return replace(found, sentence=f"{found.sentence} {as_measured}")
 
 
@@ -107,62 +109,61 @@ def _complete(found: Diagnosis) -> bool:
     return found.verdict == "missing_effect" and found.best.error_where_known <= COMPLETE * found.noise_floor
 
 
-def _diagnosed(plant: Budgeted, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], most: int,
-               say: Callable[[str], None], base: Candidate | None = None) -> Diagnosis:  # fmt: skip
+def _diagnosed(engine: Budgeted, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], most: int,
+               progress: Callable[[str], None], base: Candidate | None = None) -> Diagnosis:  # fmt: skip
     """The diagnosis of records as they are. base: the believed model fitted to them, where that is at hand."""
     parts = [record.loudest(LONG) for record in records]
     if all(part is record for part, record in zip(parts, records, strict=True)):
-        base = base or _as_believed(plant, records, model, catalogue, say)
-        plant.known = plant.known or base
+        base = base or _as_believed(engine, records, model, catalogue, progress)
+        engine.known = engine.known or base
         if foretells_little(base):
-            plant.allow(FEW)
+            engine.allow(FEW)
         noise = pooled(base.errors)[1]
         plain, clear = (base.error_where_known > times * noise for times in (PLAINLY, COMPLETE))
-        added = missing_mode(base, model, say)
+        added = missing_mode(base, model, progress)
         if added is not None and clear:  # it rings where nothing cuts, at a frequency of its own: no effect is like that
             return with_mode(verdict_of(base, base, [base], (), noise, ()), base, added, list(model.effects))
-        restated = None if added is not None else explained_otherwise(base, model, catalogue, say)
+        restated = None if added is not None else explained_otherwise(base, model, catalogue, progress)
         if restated is not None and (plain or clear and restated[0].of_kind):
             return written_wrongly(verdict_of(base, base, [base], (), noise, ()), restated[0])
-        found, first = _without_irregular(base, plant, model, catalogue, most, say)
+        found, first = _without_irregular(base, engine, model, catalogue, most, progress)
         if found is None:
-            found = _search(base, plant, model, catalogue, most, say, first)
-            found = _without_late(found, base, plant, model, catalogue, most, say)
+            found = _search(base, engine, model, catalogue, most, progress, first)
+            found = _without_late(found, base, engine, model, catalogue, most, progress)
         found = instead_of(found, restated)
         if added is not None and explains_more(added, found):
             found = with_mode(found, base, added, list(model.effects))
-        return told_of_base(with_odd_records(_with_next_test(found, plant, records, say), plant, model, catalogue, say))
-    found = _search(_as_believed(plant, parts, model, catalogue, say), plant, model, catalogue, most, say)
-    say("fitting the whole records")
-    steps = [_on_whole(step, records) for step in found.steps]
+        found = _with_next_test(found, engine, records, progress)
+        return told_of_base(with_odd_records(found, engine, model, catalogue, progress))
+    found = _search(_as_believed(engine, parts, model, catalogue, progress), engine, model, catalogue, most, progress)
+    progress("fitting the whole records")
+    steps = [_on_whole(step, records) for step in found.steps if isinstance(step, Candidate)]
     noise = pooled(steps[0].errors)[1]
     tied = found.effects if found.verdict == "undecided" else ()
     told = verdict_of(steps[0], steps[-1], steps, found.candidates, noise, tied)
     return told_of_base(with_other_form(told, found.form))
 
 
-def _without_irregular(base: Candidate, plant: Plant, model: Model, catalogue: Mapping[str, Effect], most: int,
-                       say: Callable[[str], None]) -> tuple[Diagnosis | None, Candidate | None]:  # fmt: skip
+def _without_irregular(base: Candidate, engine: Engine, model: Model, catalogue: Mapping[str, Effect], most: int,
+                       progress: Callable[[str], None]) -> tuple[Diagnosis | None, Candidate | None]:  # fmt: skip
     """(the diagnosis of the records whose motion repeats, a set of effects with which a search on all begins), where the others
     make the base fit a rough one; None for what there is not.
 
     The diagnosis stands where by what it found, too, motions part in those others that it does not foretell, and where that is
     a law of no catalogue; the set is had where it foretells them all.
     """
-    assert base.fitter is not None
     records = base.fitter.records
     places = irregular(records) if base.error_held_out > ROUGH * pooled(base.errors)[1] else []
     if not places:
         return None, None
     names = [records[place].name for place in places]
-    say(f"without {', '.join(names)}: no revolution is like the one before")
+    progress(f"without {', '.join(names)}: no revolution is like the one before")
     kept = [record for place, record in enumerate(records) if place not in places]
-    found = _search(_as_believed(plant, kept, model, catalogue, say), plant, model, catalogue, most, say)
+    found = _search(_as_believed(engine, kept, model, catalogue, progress), engine, model, catalogue, most, progress)
     if not _complete(found) and found.form is None:
         return None, None
-    best = by_noise(found.best) if found.form is None or found.form.fitted is None else found.form.fitted
-    assert best.fitter is not None and best.fit is not None
-    say(f"holding what was found against {', '.join(names)}")
+    best = by_noise(found.best_fit) if found.form is None or found.form.fitted is None else found.form.fitted
+    progress(f"holding what was found against {', '.join(names)}")
     seen = followed(best.fitter, best.fit.state, records, places)
     strange = [records[place].name for place in seen.strange]
     if strange and seen.parting == seen.strange:
@@ -172,13 +173,12 @@ def _without_irregular(base: Candidate, plant: Plant, model: Model, catalogue: M
     return None, None if strange else against(candidate_of(seen.fitter, seen.fitted(), best.effects, None, 1.0), base)
 
 
-def _without_late(found: Diagnosis, base: Candidate, plant: Plant, model: Model, catalogue: Mapping[str, Effect], most: int,
-                  say: Callable[[str], None]) -> Diagnosis:  # fmt: skip
+def _without_late(found: Diagnosis, base: Candidate, engine: Engine, model: Model, catalogue: Mapping[str, Effect], most: int,
+                  progress: Callable[[str], None]) -> Diagnosis:  # fmt: skip
     """The diagnosis begun with what those records say whose cutter's entry is seen, where the search on all leaves more.
 
     With which pass, and with what swing, the others began is unknown: a model that lacks much cannot tell, and is bent by them.
     """
-    assert base.fitter is not None
     records = base.fitter.records
     late = [place for place, record in enumerate(records) if record.starts_in_cut and not record.forces_only]
     kept = [record for place, record in enumerate(records) if place not in late]
@@ -186,20 +186,19 @@ def _without_late(found: Diagnosis, base: Candidate, plant: Plant, model: Model,
     if not searched or _complete(found) or not late or sum(record.cut is not None for record in kept) < FEWEST:
         return found
     names = ", ".join(records[place].name for place in late)
-    say(f"without {names}: entered before its first sample")
-    seen = _search(_as_believed(plant, kept, model, catalogue, say), plant, model, catalogue, most, say)
+    progress(f"without {names}: entered before its first sample")
+    seen = _search(_as_believed(engine, kept, model, catalogue, progress), engine, model, catalogue, most, progress)
     if not (_complete(seen) or seen.verdict == "adequate"):
         return found
-    best = by_noise(seen.best)
-    assert best.fitter is not None and best.fit is not None
-    say(f"holding what was found against {names}")
+    best = by_noise(seen.best_fit)
+    progress(f"holding what was found against {names}")
     whole = followed(best.fitter, best.fit.state, records, late)
     if whole.strange:
         return found
     begun = candidate_of(whole.fitter, whole.fitted(), best.effects, None, 1.0)
     if not best.effects:
-        return _search(begun, plant, model, catalogue, most, say)
-    return _search(base, plant, model, catalogue, most, say, against(begun, base))
+        return _search(begun, engine, model, catalogue, most, progress)
+    return _search(base, engine, model, catalogue, most, progress, against(begun, base))
 
 
 def _held_against(names: Sequence[str], strange: Sequence[str]) -> str:
@@ -218,7 +217,6 @@ def _left_out(names: Sequence[str]) -> str:
 
 def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:
     """A step of the search on parts of the records, fitted to the whole ones."""
-    assert step.fitter is not None and step.fit is not None
     kept = [whole.samples == seen.samples for whole, seen in zip(records, step.fitter.records, strict=True)]
     wider = [seen if as_it_was else whole for whole, seen, as_it_was in zip(records, step.fitter.records, kept, strict=True)]
     fitter = step.fitter.on(wider)
@@ -227,70 +225,68 @@ def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:
     return replace(candidate_of(fitter, fit, step.effects, None, 1.0), delta_bic=step.delta_bic)
 
 
-def _as_believed(plant: Plant, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
-                 say: Callable[[str], None]) -> Candidate:  # fmt: skip
+def _as_believed(engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
+                 progress: Callable[[str], None]) -> Candidate:  # fmt: skip
     """The believed model fitted to records."""
-    say("fitting the believed model")
-    return from_believed(plant, records, model, (), catalogue)
+    progress("fitting the believed model")
+    return from_believed(engine, records, model, (), catalogue)
 
 
 def _search(
     base: Candidate,
-    plant: Plant,
+    engine: Engine,
     model: Model,
     catalogue: Mapping[str, Effect],
     most: int,
-    say: Callable[[str], None],
+    progress: Callable[[str], None],
     first: Candidate | None = None,
 ) -> Diagnosis:
     """The rounds of candidates from the base fit and, where much is left, from another beginning. first: a set found before."""
     noise = pooled(base.errors)[1]
     if slow := too_slow(base):
         return replace(verdict_of(base, base, [base], (), noise, ()), verdict="undecided", sentence=slow)
-    if (told := contradicted(base, noise, say)) is not None:
+    if (told := contradicted(base, noise, progress)) is not None:
         return told
     if turned := other_way(base, model, catalogue):
         return replace(verdict_of(base, base, [base], (), noise, ()), verdict="unexplained", sentence=turned)
-    begun = [base, *([first] if first is not None else _swung(base, plant, model, catalogue, say))]
-    look = BelievedLook(base, model, catalogue, say)
-    path = looked_again(forward(begun, model, catalogue, most, say, look), look, noise, most)
-    seen = sorted(path.seen, key=lambda one: (one.fit is None, one.error_held_out, len(one.effects)))
+    begun = [base, *([first] if first is not None else _swung(base, engine, model, catalogue, progress))]
+    look = PriorScreening(base, model, catalogue, progress)
+    path = restarted(forward(begun, model, catalogue, most, progress, look), look, noise, most)
+    seen = sorted(path.seen, key=lambda one: (not isinstance(one, Candidate), one.error_held_out, len(one.effects)))
     found = verdict_of(path.steps[0], path.end, path.steps, tuple(seen), noise, path.tied)
-    found = with_other_form(found, path.form) if path.form is not None else with_form_asked(found, catalogue, say)
+    found = with_other_form(found, path.form) if path.form is not None else with_form_asked(found, catalogue, progress)
     return replace(found, sentence=f"{found.sentence} {path.hum}") if path.hum else never_nothing(found)
 
 
-def _swung(base: Candidate, plant: Plant, model: Model, catalogue: Mapping[str, Effect],
-           say: Callable[[str], None]) -> list[Candidate]:  # fmt: skip
+def _swung(base: Candidate, engine: Engine, model: Model, catalogue: Mapping[str, Effect],
+           progress: Callable[[str], None]) -> list[Candidate]:  # fmt: skip
     """The effect by which the speed swings as the marks show, if they show a swing, as the first step of the search."""
-    assert base.fitter is not None
     records = base.fitter.records
     shown = [name for name, one in catalogue.items() if name not in model.effects and marks_show(one, records)]
     if not shown:
         return []
-    say(f"fitting with {shown[0]}, as the tachometer shows it")
-    alone = against(from_believed(plant, records, model, shown[:1], catalogue), base)
+    progress(f"fitting with {shown[0]}, as the tachometer shows it")
+    alone = against(from_believed(engine, records, model, shown[:1], catalogue), base)
     return [alone] if alone.error_held_out < base.error_held_out else []
 
 
 def _with_next_test(
-    result: Diagnosis, plant: Plant, records: Sequence[Observed], say: Callable[[str], None]
+    result: Diagnosis, engine: Engine, records: Sequence[Observed], progress: Callable[[str], None]
 ) -> Diagnosis:
     """The diagnosis with the cut that separates the tied effects, or the named one from a runner-up that came close."""
     rivals = rivals_of(result)[:2]
     if len(rivals) < 2:
         return result
     first, other = rivals
-    assert first.fit is not None and other.fit is not None
-    say("looking for the cut that would tell more")
-    found = next_test(plant, records, first.fit.state.model, other.fit.state.model)
+    progress("looking for the cut that would tell more")
+    found = next_test(engine, records, first.fit.state.model, other.fit.state.model)
     return replace(result, next_test=found, separates=(first.effects[-1], other.effects[-1]) if found else ())
 
 
 def rivals_of(result: Diagnosis) -> list[Candidate]:
     """What the records leave open: the fits with each of the tied effects, or with the named one and with what came close, the
     best first; all with as many effects. Empty where there is no such answer."""
-    rivals = [one for one in result.candidates if one.fit is not None and len(one.effects) == len(result.best.effects)]
+    rivals = [one for one in result.fitted if len(one.effects) == len(result.best.effects)]
     if result.verdict not in ("undecided", "missing_effect") or not result.effects or not rivals:
         return []
     rivals.sort(key=lambda one: one.error_held_out)

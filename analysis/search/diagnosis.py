@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from testbed.analysis.fit.fit_state import WaveformFit
-from testbed.analysis.fit.held_out import RecordError, holds_out, pooled_doubt, pooled_where_known
-from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.fit.held_out import RecordError, pooled_doubt
+from testbed.analysis.search.candidate import ADEQUATE, Candidate, Tried
 from testbed.analysis.search.next_test import NextTest
 from testbed.machine import Model
 
-ADEQUATE = 1.02  # error over noise floor up to which nothing is looked for
 FAINT_REST = 1.05  # error over noise floor up to which what no effect lowers is no claim that something is missing
 SURE = 2.0  # standard errors of the noise floor by which that is widened: a floor from a short idle is a few per cent off
 CERTAIN = 100.0  # gain in BIC from which an effect is there although the error is that of the noise: no chance gives that
@@ -27,35 +25,6 @@ MANY = 3  # effects from which they must leave no more than ADEQUATE: a law of n
 NOTHING = 2.0  # error from which a prediction foretells nothing
 SILENT = 0.95  # noise over what was measured from which records say nothing
 PARTIAL = 0.5  # share of the excess from which effects are told although something of another kind remains
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A set of effects tried: what it was fitted to and how well it predicts what it was not fitted to."""
-
-    effects: tuple[str, ...]
-    parameters: Mapping[str, float]
-    error_fit: float
-    error_held_out: float
-    delta_bic: float
-    converged: bool
-    fit: WaveformFit | None = None
-    fitter: Fitter | None = None
-    errors: tuple[RecordError, ...] = ()
-
-    @property
-    def held_out(self) -> bool:
-        """Whether a condition could be left out of the fit; of one condition alone, error_held_out is that in the fit."""
-        return self.fitter is not None and holds_out(self.fitter.records)
-
-    @property
-    def error_where_known(self) -> float:
-        """The held-out error, but in the fit of a record that shows what no other does, where those others agree."""
-        return pooled_where_known(self.errors) if self.errors else self.error_held_out
-
-    def error_beside(self, noise: float) -> float:
-        """The error by which sets of effects are chosen among: held out, but of one that where known leaves noise alone."""
-        return self.error_where_known if self.error_where_known <= ADEQUATE * noise else self.error_held_out
 
 
 @dataclass(frozen=True)
@@ -106,10 +75,10 @@ class Diagnosis:
     baseline: float
     with_effects: float
     noise_floor: float
-    candidates: tuple[Candidate, ...]
-    base: Candidate
-    best: Candidate
-    steps: tuple[Candidate, ...] = field(default_factory=tuple)
+    candidates: tuple[Tried, ...]
+    base: Tried
+    best: Tried
+    steps: tuple[Tried, ...] = field(default_factory=tuple)
     next_test: NextTest | None = None
     separates: tuple[str, ...] = ()
     form: OtherForm | None = None
@@ -120,6 +89,25 @@ class Diagnosis:
     def held_out(self) -> bool:
         """Whether the errors are on records left out of the fit: not where there is one operating condition only."""
         return self.base.held_out
+
+    @property
+    def best_fit(self) -> Candidate:
+        """The best set, of a search that was made. RuntimeError where not even the believed model was fitted."""
+        if not isinstance(self.best, Candidate):
+            raise RuntimeError("no model was fitted")
+        return self.best
+
+    @property
+    def fitted(self) -> list[Candidate]:
+        """The sets that were fitted, in the order of `candidates`."""
+        return [one for one in self.candidates if isinstance(one, Candidate)]
+
+    @property
+    def ruled_out(self) -> list[str]:
+        """Names of the effects that a first step ruled out whenever they were tried, each once."""
+        last = {one.effects[-1] for one in self.fitted if one.effects}
+        names = dict.fromkeys(one.effects[-1] for one in self.candidates if one.effects)
+        return [name for name in names if name not in last]
 
 
 def judged_on(held_out: bool) -> str:
@@ -142,7 +130,7 @@ def highest_floor(noise: float, errors: Sequence[RecordError]) -> float:
     return noise * (1.0 + SURE * pooled_doubt(errors))
 
 
-def beyond_chance(one: Candidate, base: Candidate) -> bool:
+def beyond_chance(one: Tried, base: Tried) -> bool:
     """Whether a set is likelier than another beyond chance, and foretells no worse what was left out of the fit."""
     return one.delta_bic > CERTAIN and one.error_where_known < base.error_where_known
 
@@ -157,7 +145,7 @@ def verdict_of(
     base: Candidate,
     best: Candidate,
     steps: Sequence[Candidate],
-    tries: tuple[Candidate, ...],
+    tries: tuple[Tried, ...],
     noise: float,
     tied: tuple[str, ...],
 ) -> Diagnosis:
@@ -246,15 +234,15 @@ def _of_the_base(base: Candidate, noise: float) -> tuple[str, str] | None:
     if ratio <= ADEQUATE:
         return "adequate", (f"The model explains the records down to their noise (error {ratio:.3f} of the "
                             "noise floor): nothing is missing that these records could show.")
-    if base.fit is not None and not base.fit.converged:
+    if not base.converged:
         return "not_converged", ("The fit of the believed model did not settle, so nothing can be said of what "
                                  "it lacks: check the conditions and the starting values.")
     return None
 
 
-def noise_share(base: Candidate) -> float:
+def noise_share(base: Tried) -> float:
     """Noise over what was measured, rms, all records together, without what offset and drift explain; 0 without a fit."""
-    if base.fitter is None:
+    if not isinstance(base, Candidate):
         return 0.0
     records = base.fitter.records
     measured = sum(float(np.sum(one.project(one.data) ** 2)) for one in records)

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.special import betaincinv
 
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant, predict
+from testbed.analysis.fit.prediction import Engine, predict
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.diagnose import diagnose
-from testbed.analysis.search.diagnosis import Candidate
 from testbed.effect import Effect
 
 
@@ -36,32 +36,31 @@ class FalseAlarms:
 
 
 def false_alarms(
-    plant: Plant,
+    engine: Engine,
     base: Candidate,
     catalogue: Mapping[str, Effect],
     count: int,
     seed: int,
-    say: Callable[[str], None] = lambda text: None,
+    progress: Callable[[str], None] = lambda text: None,
 ) -> FalseAlarms:
     """Repeat the diagnosis on `count` campaigns drawn from the base fit. Reproducible from `seed`."""
-    assert base.fit is not None and base.fitter is not None
     state = base.fit.state
     named = []
     for number in range(count):
-        say(f"campaign {number + 1} of {count} without a hidden effect")
+        progress(f"campaign {number + 1} of {count} without a hidden effect")
         random = np.random.default_rng([seed, number])
         drawn = [
-            _drawn(plant, record, (state.model, state.angle, own), random)
+            _drawn(engine, record, (state.model, state.angle, own), random)
             for record, own in zip(base.fitter.records, state.nuisances, strict=True)
         ]
-        found = diagnose(plant, drawn, state.model, catalogue)
+        found = diagnose(engine, drawn, state.model, catalogue)
         if found.verdict in ("missing_effect", "undecided"):
             named.append(found.effects)
     return FalseAlarms(count, len(named), tuple(named))
 
 
-def _drawn(plant: Plant, record: Observed, variant: tuple, random: np.random.Generator) -> Observed:
+def _drawn(engine: Engine, record: Observed, variant: tuple, random: np.random.Generator) -> Observed:
     """The record as the model would have given it, with new noise; offset and drift stay as they were."""
-    clean = predict(plant, record, [variant])[0]
+    clean = predict(engine, record, [variant])[0]
     slow = ((record.data - clean) @ record.drift) @ record.drift.T
     return replace(record, data=clean + slow + record.noise[:, None] * random.standard_normal(record.data.shape))

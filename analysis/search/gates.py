@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
+from testbed.analysis.search.candidate import ADEQUATE, Candidate, Tried
 from testbed.analysis.search.candidate_round import GAIN
-from testbed.analysis.search.diagnosis import (
-    ADEQUATE,
-    CERTAIN,
-    COMPLETE,
-    MANY,
-    PARTIAL,
-    Candidate,
-    certain,
-    excess,
-    highest_floor,
-)
+from testbed.analysis.search.diagnosis import CERTAIN, COMPLETE, MANY, PARTIAL, certain, excess, highest_floor
 from testbed.effect import Effect
 
+Each = TypeVar("Each", bound=Tried)
 MATERIAL = 0.02  # share of the base model's excess from which a further effect is worth a name
 FAINT = 5e-3  # share of it below which what the found effects leave may be the form of their laws, not another effect,
 TAKEN = 0.6  # unless that takes away this share of what is left
@@ -30,24 +22,24 @@ GUESSED = 0.9  # error over noise floor below which a floor that no idling shows
 AS_LITTLE = 1.01  # times the error in the fit of another set, up to which a set explains as much
 
 
-def against(one: Candidate, reference: Candidate) -> Candidate:
+def against(one: Each, reference: Tried) -> Each:
     """A candidate's gain counted from a better reference."""
-    if one.fit is None or reference.fit is None:
+    if not isinstance(one, Candidate) or not isinstance(reference, Candidate):
         return one
     size = effective_size(one.fit)
     return replace(one, delta_bic=bic(reference.fit, size) - bic(one.fit, size))
 
 
-def passing_gates(tried: Sequence[Candidate], current: Candidate, base: Candidate, noise: float,
+def passing_gates(tried: Sequence[Tried], current: Candidate, base: Candidate, noise: float,
                   catalogue: Mapping[str, Effect]) -> list[Candidate]:  # fmt: skip
     """Those of a round's candidates that are worth naming, the likeliest first, the others as they foretell."""
-    worth = [one for one in tried if one.fit is not None and worth_naming(one, current, base, noise)
+    worth = [one for one in tried if isinstance(one, Candidate) and worth_naming(one, current, base, noise)
              and not vanishes(one, catalogue)]
     first = likeliest(worth, noise) if worth else None
     return sorted(worth, key=lambda one: one is not first)
 
 
-def worth_naming(candidate: Candidate, current: Candidate, base: Candidate, noise: float) -> bool:
+def worth_naming(candidate: Tried, current: Tried, base: Tried, noise: float) -> bool:
     """Whether an effect is worth naming: by BIC, by what it takes of the present excess, and by its share of the whole one.
 
     The last, so that where something unknown remains, no effect is named for nibbling at it; what completes the model passes,
@@ -76,12 +68,11 @@ def likeliest(passing: Sequence[Candidate], noise: float) -> Candidate:
     Between held-out errors of hardly more than noise chance decides, and a record that no other foretells.
     """
     first = passing[0]
-    rivals = [one for one in passing if one.fit is not None and _leaves_as_little(one, first, noise)]
-    if first not in rivals or first.fit is None:
+    rivals = [one for one in passing if _leaves_as_little(one, first, noise)]
+    if first not in rivals:
         return first
     size = effective_size(first.fit)
-    best = min(rivals, key=lambda one: math.inf if one.fit is None else bic(one.fit, size))
-    assert best.fit is not None
+    best = min(rivals, key=lambda one: bic(one.fit, size))
     return best if bic(best.fit, size) < bic(first.fit, size) - DELTA_BIC else first
 
 
@@ -92,7 +83,6 @@ def _leaves_as_little(one: Candidate, first: Candidate, noise: float) -> bool:
 
 def vanishes(one: Candidate, catalogue: Mapping[str, Effect]) -> bool:
     """Whether the last effect of a set ended where it does nothing: what it gained was a better place without it."""
-    assert one.fit is not None
     name = one.effects[-1]
     values = one.fit.state.model.effects.get(name, {})
     strengths = [each for each in catalogue[name].parameters if each.vanishes and each.name in values]
@@ -124,5 +114,4 @@ def below_a_guess(one: Candidate, noise: float) -> bool:
 
     What is left may then be noise or the last per cent of a law, and no gain in BIC tells which.
     """
-    assert one.fitter is not None
     return one.error_where_known < GUESSED * noise and all(record.noise_basis != "idle" for record in one.fitter.records)

@@ -13,8 +13,9 @@ from testbed.analysis.fit.held_out import pooled, pooled_doubt
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.plausible import BELOW, against_adequacy, said_against, unlike_a_machine
 from testbed.analysis.fit.starts import at_a_bound
+from testbed.analysis.search.candidate import Candidate, Tried
 from testbed.analysis.search.candidate_round import by_noise
-from testbed.analysis.search.diagnosis import Candidate, Diagnosis, told_of_base, verdict_of
+from testbed.analysis.search.diagnosis import Diagnosis, told_of_base, verdict_of
 from testbed.effect import Effect
 from testbed.machine import Model
 
@@ -25,9 +26,7 @@ def of_a_machine(found: Diagnosis, believed: Model, catalogue: Mapping[str, Effe
     """The diagnosis; where it is that nothing, or an effect, is missing, but by a machine that cannot be, that instead."""
     if found.verdict not in ("adequate", "missing_effect"):
         return found
-    best = by_noise(found.best)
-    if best.fit is None or best.fitter is None:
-        return found
+    best = by_noise(found.best_fit)
     ratio, doubt = best.error_where_known / found.noise_floor, pooled_doubt(best.errors)
     reasons = against_adequacy(best.fitter, best.fit, believed, catalogue, ratio, doubt)
     if not reasons:
@@ -43,23 +42,23 @@ def of_a_machine(found: Diagnosis, believed: Model, catalogue: Mapping[str, Effe
 
 def foretells_little(base: Candidate) -> bool:
     """Whether hardly a search is worth it: the base fit leaves most of the motion, or much by a machine that cannot be."""
-    if base.fit is None or base.fitter is None or base.error_fit > HOPELESS:
+    if base.error_fit > HOPELESS:
         return True
     machine = base.fit.state.model
     cannot_be = not base.fit.converged or at_a_bound(base.fitter.free, machine) or bool(unlike_a_machine(machine))
     return cannot_be and base.error_fit > POOR
 
 
-def as_far_as(spent: BudgetSpent, plant: Budgeted, records: Sequence[Observed], say: Callable[[str], None]) -> Diagnosis:
+def as_far_as(spent: BudgetSpent, engine: Budgeted, records: Sequence[Observed], progress: Callable[[str], None]) -> Diagnosis:
     """What is known when the budget is spent: the base fit, and the sets of effects that were tried in full by then."""
-    say("the budget is spent")
-    base: Candidate | None = plant.known
-    allowed = f"The budget ({plant.budget:,.0f} simulations of every record) was spent before"
+    progress("the budget is spent")
+    base: Candidate | None = engine.known
+    allowed = f"The budget ({engine.budget:,.0f} simulations of every record) was spent before"
     if base is None:
         return _without_a_fit(records, f"{allowed} the fit of the believed model ended: nothing can be said of what it lacks. "
                                        "Check the conditions and the starting values.")
     noise = pooled(base.errors)[1]
-    seen = sorted((one for one in spent.seen if one.fit is not None), key=lambda one: one.error_held_out)
+    seen = sorted((one for one in spent.seen if isinstance(one, Candidate)), key=lambda one: one.error_held_out)
     left = f"the believed model leaves {base.error_where_known / noise:.3g} times the noise floor"
     if foretells_little(base):
         left += (f", {base.error_fit:.0%} of the motion itself: it foretells little of these records, which may be of other "
@@ -76,7 +75,6 @@ def too_slow(base: Candidate) -> str:
 
     Of several modes the slowest decides: faster ones may hardly move.
     """
-    assert base.fitter is not None and base.fit is not None
     rings, _ = base.fit.state.model.structure.frequency_range
     slow = [one.name for one in base.fitter.records if one.rate < 2.0 * rings and not one.forces_only]
     return (f"{', '.join(slow)}: sampled less than twice in a period of the natural frequency, {rings:.4g} Hz; such records "
@@ -87,5 +85,5 @@ def _without_a_fit(records: Sequence[Observed], sentence: str) -> Diagnosis:
     """The diagnosis where not even the believed model was fitted."""
     measured = sum(float(np.sum((one.data - one.data.mean(axis=1, keepdims=True)) ** 2)) for one in records)
     noise = math.sqrt(sum(float(np.sum(one.noise**2)) * one.samples for one in records) / max(measured, 1e-300))
-    none = Candidate((), {}, math.nan, math.nan, 0.0, False)
+    none = Tried((), {}, math.nan, math.nan, 0.0, False)
     return Diagnosis("not_converged", (), sentence, math.nan, math.nan, noise, (), none, none, (none,))

@@ -16,13 +16,14 @@ import numpy as np
 from testbed.analysis.fit.effect_start import state_without
 from testbed.analysis.fit.estimates import Estimate, estimates
 from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
-from testbed.analysis.fit.fit_state import Free, State, WaveformFit
+from testbed.analysis.fit.fit_state import FreeParameter, State, WaveformFit
 from testbed.analysis.fit.held_out import errors_in_fit, pooled
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.starts import from_the_best_half
 from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.diagnosis import ADEQUATE, COMPLETE, Candidate, Diagnosis, OtherForm
+from testbed.analysis.search.diagnosis import COMPLETE, Diagnosis, OtherForm
 from testbed.effect import Effect, Parameter
 
 ANOTHER = 0.25  # difference of an exponent from the law's own, from which it is another law's
@@ -35,9 +36,9 @@ NEARLY = 1.5  # error over noise floor, of all records or of most, that may be l
 # own exponent only
 
 
-def with_form_asked(found: Diagnosis, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> Diagnosis:
+def with_form_asked(found: Diagnosis, catalogue: Mapping[str, Effect], progress: Callable[[str], None]) -> Diagnosis:
     """The diagnosis, unexplained where the law of an effect that it names, or that the model has, turns out to be another."""
-    return with_other_form(found, other_form(found.best, catalogue, say)) if found.verdict in DOUBTED else found
+    return with_other_form(found, other_form(found.best_fit, catalogue, progress)) if found.verdict in DOUBTED else found
 
 
 def with_other_form(found: Diagnosis, other: OtherForm | None) -> Diagnosis:
@@ -49,18 +50,17 @@ def with_other_form(found: Diagnosis, other: OtherForm | None) -> Diagnosis:
     return replace(found, verdict="unexplained", sentence=f"{first} {other.sentence}", form=other)
 
 
-def other_form(one: Candidate, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> OtherForm | None:
+def other_form(one: Candidate, catalogue: Mapping[str, Effect], progress: Callable[[str], None]) -> OtherForm | None:
     """The other exponent of a law in a fitted set of effects, or in its model; None where the laws hold, or cannot be asked.
 
     Where the model states an exponent, its owner has chosen it, and it is not asked.
     """
-    assert one.fit is not None and one.fitter is not None
     stated = one.fit.state.model.effects
     for name in dict.fromkeys((*one.effects, *stated)):
         exponent = _exponent(catalogue[name])
         if exponent is None or exponent.name in stated[name]:
             continue
-        say(f"is the exponent of {name} that of its law?")
+        progress(f"is the exponent of {name} that of its law?")
         others = tuple(other for other in one.effects if other != name)
         for needless in dict.fromkeys((others, ())):
             state, fitter = one.fit.state, one.fitter
@@ -74,32 +74,31 @@ def other_form(one: Candidate, catalogue: Mapping[str, Effect], say: Callable[[s
 
 
 def steeper_form(asked: Sequence[Candidate], tried: Sequence[Candidate], catalogue: Mapping[str, Effect],
-                 say: Callable[[str], None]) -> OtherForm | None:  # fmt: skip
+                 progress: Callable[[str], None]) -> OtherForm | None:  # fmt: skip
     """The clearly larger exponent of a law, by which one of the sets `asked` leaves but noise, and less than all those `tried`.
 
     With it a search may end: two effects of the catalogue do not make up a steeper law than either has. The records of all
     sets are weighed by their noise.
     """
-    return FormsAsked(catalogue, say).steeper(asked, tried)
+    return FormsAsked(catalogue, progress).steeper(asked, tried)
 
 
 class FormsAsked:
     """Other forms of the laws of fitted sets; no set is asked twice."""
 
-    def __init__(self, catalogue: Mapping[str, Effect], say: Callable[[str], None]) -> None:
-        self.catalogue, self.say = catalogue, say
+    def __init__(self, catalogue: Mapping[str, Effect], progress: Callable[[str], None]) -> None:
+        self.catalogue, self.say = catalogue, progress
         self._known: list[tuple[State, OtherForm | None]] = []
 
     def steeper(self, asked: Sequence[Candidate], tried: Sequence[Candidate]) -> OtherForm | None:
         """See `steeper_form`."""
-        for one in sorted((one for one in asked if one.fit is not None), key=lambda one: one.error_fit):
+        for one in sorted(asked, key=lambda one: one.error_fit):
             other = self._of(one)
             if other is not None and other.value >= other.stated + STEEPER and other.left <= ADEQUATE and _beats(other, tried):
                 return other
         return None
 
     def _of(self, one: Candidate) -> OtherForm | None:
-        assert one.fit is not None
         for state, form in self._known:
             if state is one.fit.state:
                 return form
@@ -110,9 +109,9 @@ class FormsAsked:
 
 def _beats(other: OtherForm, tried: Sequence[Candidate]) -> bool:
     """Whether BIC prefers a law of another form to every set of effects."""
-    assert other.fitted is not None and other.fitted.fit is not None
+    assert other.fitted is not None
     size = effective_size(other.fitted.fit)
-    return all(bic(other.fitted.fit, size) < bic(one.fit, size) - DELTA_BIC for one in tried if one.fit is not None)
+    return all(bic(other.fitted.fit, size) < bic(one.fit, size) - DELTA_BIC for one in tried)
 
 
 def _exponent(effect: Effect) -> Parameter | None:
@@ -131,8 +130,8 @@ def _freed(
     assert before is not None
     path = f"{name}.{exponent.name}"
     model = state.model.with_effect(name, exponent=exponent.neutral, **_references(catalogue[name], fitter))
-    free = Fitter(fitter.plant, fitter.records, [*fitter.unknowns, Free(path, STEP, exponent.bounds)])
-    fit = free.fit(replace(state, model=model), iterations=ITERATIONS, goal=before.cost)
+    free = Fitter(fitter.engine, fitter.records, [*fitter.unknowns, FreeParameter(path, STEP, exponent.bounds)])
+    fit = free.fit(replace(state, model=model), iterations=ITERATIONS, cost_limit=before.cost)
     told, left = _told(free, fit, path, catalogue)
     if left > ADEQUATE and not _is_another(exponent, before, fit, told):
         fit = _from_a_steeper_law(free, fit, path, exponent)
@@ -162,7 +161,7 @@ def _from_a_steeper_law(free: Fitter, fit: WaveformFit, path: str, exponent: Par
     """
     raised = min(exponent.neutral + 1.0, exponent.bounds[1])
     begun = replace(fit.state, model=fit.state.model.with_effect(path.partition(".")[0], exponent=raised))
-    held = Fitter(free.plant, free.records, [one for one in free.unknowns if one.path != path])
+    held = Fitter(free.engine, free.records, [one for one in free.unknowns if one.path != path])
     above = held.fit(begun, iterations=ITERATIONS)
     if not np.median(above.mean_squares) < np.median(fit.mean_squares):
         return fit
@@ -176,7 +175,7 @@ def _passes_alone(fit: WaveformFit, left: float) -> bool:
 
 def _anew(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> tuple[Fitter, WaveformFit]:
     """The machine as it was fitted, fitted again from no entry, exit or angle known: those were of the law's own exponent."""
-    return model_fit(fitter.plant, fitter.records, fit.state.model, catalogue, fitter.unknowns, goal=fit.cost)
+    return model_fit(fitter.engine, fitter.records, fit.state.model, catalogue, fitter.unknowns, cost_limit=fit.cost)
 
 
 def _told(fitter: Fitter, fit: WaveformFit, path: str, catalogue: Mapping[str, Effect]) -> tuple[Estimate, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from testbed.analysis.records.hum import MAINS
-from testbed.analysis.search.diagnosis import Candidate
+from testbed.analysis.search.candidate import Candidate
 from testbed.effect import Effect
 
 NEAR = 2e-3  # relative distance from a multiple of it within which a line is the mains': that wanders as far

@@ -18,11 +18,12 @@ from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.free_parameters import how_a_mode_rings, mass_of_a_mode
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.starts import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.records.lines import standing_out
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import by_noise, candidate_of
-from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, verdict_of
+from testbed.analysis.search.diagnosis import Diagnosis, verdict_of
 from testbed.analysis.search.gates import against
 from testbed.machine import CARRIERS, Mode, Model, Structure
 
@@ -60,26 +61,24 @@ class FoundMode:
                 f"explains the records down to their noise. Add to `modes` of the structure: {self.line}.")
 
 
-def missing_mode(base: Candidate, model: Model, say: Callable[[str], None]) -> FoundMode | None:
+def missing_mode(base: Candidate, model: Model, progress: Callable[[str], None]) -> FoundMode | None:
     """The mode with which the believed `model`, fitted as `base`, leaves but noise; None where none does, or all is along x."""
-    assert base.fitter is not None and base.fit is not None
     if not base.fit.state.model.structure.planar or base.error_where_known <= ADEQUATE * pooled(base.errors)[1]:
         return None
     whole = by_noise(base)
-    assert whole.fitter is not None and whole.fit is not None
     peaks = _lines(whole.fitter.records, whole.fit)
     if not peaks:
         return None
-    say("looking for a mode that the structure lacks")
+    progress("looking for a mode that the structure lacks")
     found = None
     for fitter, state in _begun(whole.fitter, whole.fit, peaks):
-        fit = polish(fitter, state, rounds=2)
+        fit = alternate_fit_and_passes(fitter, state, rounds=2)
         if found is None or fit.cost < found[1].cost:
             found = fitter, fit
     if found is None:
         return None
     one = candidate_of(*found, (), None, 1.0)
-    if one.error_where_known > ADEQUATE * pooled(one.errors)[1] or one.fit is None:
+    if one.error_where_known > ADEQUATE * pooled(one.errors)[1]:
         return None
     mode = _unbelieved(one.fit.state.model, model)
     return FoundMode(replace(mode, direction=mode.direction % math.pi), one)
@@ -96,17 +95,15 @@ def with_mode(found: Diagnosis, base: Candidate, added: FoundMode, beside: Seque
 
 def explains_more(added: FoundMode, found: Diagnosis) -> bool:
     """Whether the mode explains the records better than the effects that a search named, if it named any."""
-    best, fit = found.best.fit and by_noise(found.best).fit, added.fitted.fit
-    assert fit is not None
-    if best is None or found.verdict == "adequate":
+    if not isinstance(found.best, Candidate) or found.verdict == "adequate":
         return False
+    best, fit = by_noise(found.best).fit, added.fitted.fit
     size = effective_size(best)
     return found.verdict != "missing_effect" or bic(fit, size) < bic(best, size) - DELTA_BIC
 
 
 def _as_effect(name: str, base: Candidate, mode: Mode) -> dict[str, float]:
     """A mode in the parameters of the effect that stands for it."""
-    assert base.fit is not None
     own = {"mass_ratio": base.fit.state.model.structure.mass / mode.mass, "frequency": mode.natural_frequency,
            "damping_ratio": mode.damping_ratio, "direction": mode.direction,
            "participation": 1.0 if mode.on == "workpiece" else 0.0}
@@ -165,7 +162,7 @@ def _wider(base: Fitter, model: Model) -> Fitter:
     last = len(model.structure.modes) - 1
     records = [replace(record, modes=last + 1) for record in base.records]
     own = [*how_a_mode_rings(records, model, last), mass_of_a_mode(records, model, last)]
-    return Fitter(base.plant, records, [*base.unknowns, *own])
+    return Fitter(base.engine, records, [*base.unknowns, *own])
 
 
 def _unbelieved(model: Model, believed: Model) -> Mode:

@@ -20,9 +20,10 @@ from testbed.analysis.fit.held_out import own_refit
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.pass_search import place_entries, place_exits
 from testbed.analysis.fit.waveform import Fitter
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, Diagnosis, verdict_of
-from testbed.analysis.search.unheard import SOUND, agreed
+from testbed.analysis.search.diagnosis import Diagnosis, verdict_of
+from testbed.analysis.search.outlier_records import SOUND, agreed
 
 CONDITIONS = {"axial_depth_of_cut": "depth of cut", "feed_per_tooth": "feed per tooth"}
 WIDEST = 4.0  # times the stated value, or its inverse, that is looked at
@@ -49,20 +50,19 @@ class Misstated:
                 f"not {self.stated * 1e3:.3g} mm: check what was written down of it.")
 
 
-def contradicted(base: Candidate, noise: float, say: Callable[[str], None]) -> Diagnosis | None:
+def contradicted(base: Candidate, noise: float, progress: Callable[[str], None]) -> Diagnosis | None:
     """The diagnosis where one record alone contradicts the model, and would not had another condition been written down."""
-    assert base.fitter is not None and base.fit is not None
     if base.error_where_known <= ADEQUATE * noise:
         return None
     fitter, fit = agreed(base.fitter, base.fit)
     for suspect in base.fit.worst(SUSPECTS):  # the wrong one need not stand out: it has bent the fit to all others
-        if all(record.heard for record in fitter.records):
+        if all(record.in_fit for record in fitter.records):
             fitter, fit = agreed(base.fitter, base.fit, suspect)
-    strange = [place for place, record in enumerate(fitter.records) if not record.heard]
+    strange = [place for place, record in enumerate(fitter.records) if not record.in_fit]
     if len(strange) != 1:
         return None
     name = fitter.records[strange[0]].name
-    say(f"{name} alone contradicts the model: looking at its conditions")
+    progress(f"{name} alone contradicts the model: looking at its conditions")
     found = misstated(fitter, fit.state, strange[0])
     if found is None:
         return None
@@ -77,7 +77,7 @@ def misstated(fitter: Fitter, state: State, place: int) -> Misstated | None:
 
     Of several such, the one that leaves least. `state` is that of all records.
     """
-    record = replace(fitter.records[place], weight=None, heard=True)
+    record = replace(fitter.records[place], weight=None, in_fit=True)
     if record.cut is None:
         return None
     own, found = replace(state, nuisances=(state.nuisances[place],)), {}

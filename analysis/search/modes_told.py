@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.diagnosis import Diagnosis
 from testbed.analysis.search.missing_mode import NAMES
 from testbed.machine import Model
@@ -23,7 +24,7 @@ def with_modes_told(found: Diagnosis, believed: Model) -> Diagnosis:
 def _with_effects_as_modes(found: Diagnosis, believed: Model) -> Diagnosis:
     """The diagnosis with frequency, direction and carrier of every effect named that is a mode more."""
     named = [name for name in NAMES if name in found.effects]
-    if found.best.fit is None or not believed.structure.planar or found.mode or not named:
+    if not isinstance(found.best, Candidate) or not believed.structure.planar or found.mode or not named:
         return found
     effects, said = found.best.fit.state.model.effects, []
     for name in named:
@@ -37,9 +38,10 @@ def _with_effects_as_modes(found: Diagnosis, believed: Model) -> Diagnosis:
 
 def with_strayed_directions(found: Diagnosis, believed: Model) -> Diagnosis:
     """The diagnosis, where it explains the records, with the modes whose direction is far from the believed one."""
-    fit = found.best.fit
-    if fit is None or not believed.structure.planar or found.verdict not in ("adequate", "missing_effect") or found.mode:
+    named = found.verdict in ("adequate", "missing_effect") and not found.mode
+    if not isinstance(found.best, Candidate) or not believed.structure.planar or not named:
         return found
+    fit = found.best.fit
     errors = dict(zip(fit.names, np.sqrt(np.maximum(np.diag(fit.covariance), 0.0)), strict=True))
     said = []
     for place, mode in enumerate(believed.structure.modes):

@@ -14,7 +14,7 @@ import numpy as np
 
 from testbed.analysis.fit.drift import drift_basis
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.prediction import Plant
+from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.linear.planar_multipliers import cut_multipliers
 from testbed.cut import Cut, Sampling
 from testbed.machine import Model
@@ -37,14 +37,14 @@ class NextTest:
     difference: float
 
 
-def next_test(plant: Plant, records: Sequence[Observed], first: Model, other: Model) -> NextTest | None:
+def next_test(engine: Engine, records: Sequence[Observed], first: Model, other: Model) -> NextTest | None:
     """The cut within reach that separates two fitted models best; None where no record is a cut or none is stable."""
     cuts = [record for record in records if record.cut is not None]
     if not cuts or first.cutting is None:
         return None
     like = max(cuts, key=lambda record: record.samples)
     found = [
-        NextTest(speed, depth, _difference(plant, like, first, other, speed, depth))
+        NextTest(speed, depth, _difference(engine, like, first, other, speed, depth))
         for speed, depth in _grid(cuts)
         if max(_largest(model, like, speed, depth) for model in (first, other)) < STABLE
     ]
@@ -74,9 +74,9 @@ def _largest(model: Model, like: Observed, speed: float, depth: float) -> float:
         return math.inf
 
 
-def _difference(plant: Plant, like: Observed, first: Model, other: Model, speed: float, depth: float) -> float:
+def _difference(engine: Engine, like: Observed, first: Model, other: Model, speed: float, depth: float) -> float:
     """rms of the difference of two predictions over the noise, less what angle, offset and drift could absorb."""
-    found = seen(plant, like, (first, other), speed, depth)
+    found = seen(engine, like, (first, other), speed, depth)
     if found is None:
         return math.nan
     _, scaled, unknown = found
@@ -91,7 +91,7 @@ def proposed(like: Observed, speed: float, depth: float) -> Cut:
     return Cut(speed, depth, like.cut.feed_per_tooth, idle, turns, ringing)
 
 
-def seen(plant: Plant, like: Observed, models: Sequence[Model], speed: float, depth: float
+def seen(engine: Engine, like: Observed, models: Sequence[Model], speed: float, depth: float
          ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:  # fmt: skip
     """What a record's sensors would see of a cut by each of some models; None where a prediction diverged.
 
@@ -105,7 +105,7 @@ def seen(plant: Plant, like: Observed, models: Sequence[Model], speed: float, de
     moved = replace(cut, initial_displacement=SWING), replace(cut, initial_velocity=SWING * like.main_frequency)
     cuts = [cut] * (len(models) + 1) + [*moved, *([slipped] if like.first_mark is None else [])]
     starts = [start] * len(models) + [start + late] + [start] * (len(cuts) - len(models) - 1)
-    predicted = plant.predict_cuts([*models, *[models[0]] * (len(cuts) - len(models))], cuts,
+    predicted = engine.predict_cuts([*models, *[models[0]] * (len(cuts) - len(models))], cuts,
                                    [Sampling(like.rate, count, one) for one in starts], like.channels)
     if not np.isfinite(predicted).all():
         return None

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from testbed.analysis.fit.fit_state import Free
+from testbed.analysis.fit.fit_state import FreeParameter
 from testbed.analysis.fit.observed import Observed
 from testbed.machine import CARRIERS, DIRECTIONS, Mode, Model, Structure
 from testbed.recording import motion_channel, quantity_of, sensor_of
@@ -36,7 +36,7 @@ class Slip:
     records: Sequence[Observed]
     model: Model
     said: Callable[[Model], str]
-    more: tuple[Free, ...] = ()
+    more: tuple[FreeParameter, ...] = ()
 
 
 def planar_slips(records: Sequence[Observed], model: Model) -> Iterator[Slip]:
@@ -121,7 +121,8 @@ def _of_pitch(records: Sequence[Observed], model: Model) -> Slip:
         angles = ", ".join(_degrees(angle) for angle in fitted.cutter.pitches)  # type: ignore[union-attr]
         return f"if the pitches of the teeth are not {believed} but {angles}, one after the other (`pitch` of the cutter)"
 
-    return Slip("pitch", records, model.with_values(begun), said, tuple(Free(path, PITCH_STEP, bounds) for path in paths))
+    free = tuple(FreeParameter(path, PITCH_STEP, bounds) for path in paths)
+    return Slip("pitch", records, model.with_values(begun), said, free)
 
 
 def _with_mode(model: Model, place: int, mode: Mode) -> Model | None:

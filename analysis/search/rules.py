@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from testbed.analysis.fit.evidence import DELTA_BIC
 from testbed.analysis.fit.held_out import pooled_doubt
+from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import GAIN
 from testbed.analysis.search.diagnosis import (
-    ADEQUATE,
     CERTAIN,
     COMPLETE,
     EXPLAINED,
@@ -18,7 +18,6 @@ from testbed.analysis.search.diagnosis import (
     MOSTLY,
     SILENT,
     SURE,
-    Candidate,
     Diagnosis,
     beyond_chance,
     excess,
@@ -40,9 +39,9 @@ class Rule:
 
 def rules_of(found: Diagnosis) -> tuple[Rule, ...]:
     """All rules that a verdict of a search rests on, in the order in which they are asked; none where no fit was made."""
-    if found.base.fit is None:
+    if not isinstance(found.base, Candidate):
         return ()
-    singles = [one for one in found.candidates if one.fit is not None and len(one.effects) == 1]
+    singles = [one for one in found.fitted if len(one.effects) == 1]
     each = [rule for one in singles for rule in _of_one(one, found.base, found.noise_floor)]
     return (*_of_the_base(found.base, found.noise_floor), *each, *_of_the_best(found))
 

@@ -14,11 +14,11 @@ from collections.abc import Callable, Collection, Mapping
 import numpy as np
 
 from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.free_vibration_start import swings_the_speed
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.swing_start import swings_the_speed
 from testbed.analysis.records.spindle_clock import MARK_SHARE, clock_of, turns_of
-from testbed.analysis.search.diagnosis import Candidate
+from testbed.analysis.search.candidate import Candidate
 from testbed.effect import Effect
 
 RECURS = 0.25  # periods of a swing in the longest record, below which it is none
@@ -30,8 +30,6 @@ FEWEST = 500  # in a record at the least, between which the speed is a straight 
 
 def no_swing(one: Candidate, catalogue: Mapping[str, Effect]) -> bool:
     """Whether a fitted set has a swing of the speed that recurs in no record, or that the marks refute."""
-    if one.fit is None or one.fitter is None:
-        return False
     cuts = [(record, own) for record, own in zip(one.fitter.records, one.fit.state.nuisances, strict=True)
             if record.cut is not None]
     swings = [catalogue[name] for name in one.effects if swings_the_speed(catalogue[name])]

@@ -7,18 +7,19 @@ from dataclasses import replace
 
 from testbed.analysis.fit.effect_start import extended, is_required, state_without
 from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
-from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.analysis.search.candidate import ADEQUATE, Candidate, Tried
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.diagnosis import ADEQUATE, Candidate, excess
+from testbed.analysis.search.diagnosis import excess
 from testbed.effect import Effect
 
 ALIKE = 0.02  # share of what the better one gains that the other may lack
 NEAR = 3.0  # times DELTA_BIC that such a one may lie apart
 
 
-def tied_with(first: Candidate, other: Candidate, current: Candidate, noise: float) -> bool:
+def tied_with(first: Tried, other: Tried, current: Tried, noise: float) -> bool:
     """Whether the data cannot tell two candidates, both better than `current`, apart."""
-    if other.fit is None or first.fit is None:
+    if not isinstance(other, Candidate) or not isinstance(first, Candidate):
         return False
     size = effective_size(first.fit)
     apart = abs(bic(other.fit, size) - bic(first.fit, size))
@@ -30,7 +31,7 @@ def tied_with(first: Candidate, other: Candidate, current: Candidate, noise: flo
 
 def with_rivals(
     found: Candidate, rivals: Sequence[Candidate], base: Candidate, noise: float, catalogue: Mapping[str, Effect],
-    say: Callable[[str], None],
+    progress: Callable[[str], None],
 ) -> tuple[Candidate, tuple[str, ...]]:  # fmt: skip
     """The set of effects that a search found, or a better one with a rival in it; and what is tied, if anything.
 
@@ -43,18 +44,17 @@ def with_rivals(
             continue  # a third mode in place of the second is that one by another name
         other = rival
         if len(found.effects) > 1:
-            say(f"would {name} do in place of {first}?")
+            progress(f"would {name} do in place of {first}?")
             other = _in_place(found, first, rival, catalogue)
         if tied_with(found, other, base, noise):
             tied.append(name)
-        elif other.fit is not None and found.fit is not None and clearly_better(other, found, noise):
+        elif clearly_better(other, found, noise):
             found, first, tied = other, name, []
     return found, (first, *tied) if tied else ()
 
 
 def clearly_better(other: Candidate, found: Candidate, noise: float) -> bool:
     """Whether a set of effects explains more than the one found by BIC, and held out too, unless it leaves but noise."""
-    assert other.fit is not None and found.fit is not None
     size = effective_size(found.fit)
     foretold = other.error_where_known <= ADEQUATE * noise or other.error_held_out < found.error_held_out
     return foretold and bic(other.fit, size) < bic(found.fit, size) - DELTA_BIC
@@ -62,11 +62,10 @@ def clearly_better(other: Candidate, found: Candidate, noise: float) -> bool:
 
 def _in_place(found: Candidate, first: str, rival: Candidate, catalogue: Mapping[str, Effect]) -> Candidate:
     """The set found with another effect in the place of its first one, fitted from where both were."""
-    assert found.fit is not None and found.fitter is not None and rival.fit is not None
     effect = catalogue[rival.effects[-1]]
     fitter = extended(found.fitter.without(first), effect)
     state = state_without(found.fit.state, first, catalogue)
     state = replace(state, model=state.model.with_effect(effect.name, **rival.fit.state.model.effects[effect.name]))
-    fit = polish(fitter, state, rounds=2, iterations=20)
+    fit = alternate_fit_and_passes(fitter, state, rounds=2, iterations=20)
     effects = (effect.name, *(one for one in found.effects if one != first))
     return replace(candidate_of(fitter, fit, effects, None, 1.0), delta_bic=found.delta_bic)

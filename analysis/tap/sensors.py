@@ -50,12 +50,12 @@ def turned(responses: Sequence[FrequencyResponse], band: tuple[float, float], no
         if share < -_SURE_SIGN:
             found[place] = one.turned()
             against.add((one.on, one.sensed))
-            notes.append(f"{one.name}: the response moves against the force: its sensor was taken to be turned round")
+            notes.append(f"{one.name}: the response moves against the force. Its sensor was taken as turned round")
         elif share < _SURE_SIGN:
             notes.append(f"{one.name}: its modes answer now with the force, now against it: "
                                "force and sensor are not at one point, or not in one direction")
     for place, one in enumerate(found):
         if not one.drive_point and (one.on, one.sensed) in against:
             found[place] = one.turned()
-            notes.append(f"{one.name}: turned with the sensor that the drive point shows to be turned round")
+            notes.append(f"{one.name}: turned, too: the drive point shows that this sensor is turned round")
     return found

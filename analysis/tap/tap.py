@@ -51,8 +51,8 @@ def tap_test(taps: Any, most_modes: int | None = None) -> TapResult:
     free, struck = [tap for tap in taps.taps if tap.without_force], [tap for tap in taps.taps if not tap.without_force]
     decays, rung = decays_of(free, str(taps.file), noted.notes) if free else ([], [])
     if free:
-        noted.notes.append(f"{', '.join(dict.fromkeys(tap.name for tap in free))}: no force was measured: frequencies, damping "
-                           "ratios and shapes follow, no mass")
+        noted.notes.append(f"{', '.join(dict.fromkeys(tap.name for tap in free))}: no force was measured, so the blows tell "
+                           "frequencies, damping ratios and shapes, but no mass")
     unweighed = [FoundMode(mode.natural_frequency, mode.damping_ratio, UNKNOWN_MASS, mode.direction, mode.on) for mode in rung]
     if not struck:
         residual = math.sqrt(float(np.mean([one.ring.residual**2 for one in decays])))
@@ -61,8 +61,8 @@ def tap_test(taps: Any, most_modes: int | None = None) -> TapResult:
     masses: list[float] = []
     measured = _responses(taps, struck, masses, noted)
     if taps.band is None:
-        noted.notes += [f"{one.name}: rises towards 0 Hz as a sensor's drift does: nothing below {one.lowest:.4g} Hz is used "
-                        "(`band` gives the frequencies yourself)" for one in measured if one.lowest > 0.0]
+        noted.notes += [f"{one.name}: rises towards 0 Hz like a sensor's drift. Nothing below {one.lowest:.4g} Hz is used; "
+                        "to choose the frequencies yourself, give `band`" for one in measured if one.lowest > 0.0]
         measured = [one.from_lowest() for one in measured]
     responses = _as_they_are(measured, (low, high), noted)
     responses = [unloaded(one, mass, noted.notes) for one, mass in zip(responses, masses, strict=True)]
@@ -71,7 +71,7 @@ def tap_test(taps: Any, most_modes: int | None = None) -> TapResult:
         against = [f"{np.exp(row[0]) / (2.0 * np.pi):.5g} Hz"
                    for row, sign in zip(group.fit.parameters, group.fit.signs, strict=True) if sign < 0]
         if against:
-            noted.notes.append(f"{group.responses[0].name}: answers against the force, no mass follows: {', '.join(against)}")
+            noted.notes.append(f"{group.responses[0].name}: moves against the force, no mass is told: {', '.join(against)}")
     modes = sorted((mode for group in groups for mode in _modes(group)), key=lambda one: one.natural_frequency.value)
     free_alone = [one for one in unweighed if not any(_alike(one, mode) for mode in modes)]
     if free_alone:
@@ -108,7 +108,7 @@ def _responses(taps: Any, struck: Sequence[Any], masses: list[float], noted: _No
         stretches = [stretch for tap in same for stretch in _stretches(tap, str(taps.file), noted)]
         one = averaged(same[0].name, stretches, rate, quantity, along, sensed, on, window)
         if len(stretches) == 1:
-            noted.notes.append(f"{same[0].name}: one blow has no coherence: intervals are from its scatter over frequency")
+            noted.notes.append(f"{same[0].name}: one blow gives no coherence. Its scatter over frequency gives the intervals")
         found.append(one)
         masses.append(mass)
     return found
@@ -131,7 +131,7 @@ def _stretches(tap: Any, place: str, noted: _Noted) -> list[Stretch]:
         if not twice:
             raise InputProblem(place, f"tap '{tap.name}' has no blow of use: {blows[0].left_out}", "measure again")
         used = twice
-        noted.notes.append(f"{tap.name}: every blow hit twice; they were used all the same, lines without force left out")
+        noted.notes.append(f"{tap.name}: every blow hit twice. All were used, without the lines that have no force")
     noted.blows += [BlowSeen(tap.name, record.start + blow.peak / record.sampling_rate, blow.force, blow in used,
                              "" if blow in used else blow.left_out) for blow in blows]
     return [_stretch(force, response, blow) for blow in used]
@@ -151,8 +151,8 @@ def _as_they_are(responses: list[FrequencyResponse], band: tuple[float, float], 
     if all(one.drive_point for one in given):
         axes = {(one.on, _axis(one.along)) for one in given}
         apart = [on for on in dict.fromkeys(one.on for one in given) if sum(on == other for other, _ in axes) > 1]
-        notes += [f"no cross response joins x and y of the {on}: that axes were exchanged would not show, and modes lie along "
-                  "the axes as stated" for on in apart]
+        notes += [f"no cross response joins x and y of the {on}: exchanged axes would not show, and modes lie along the axes "
+                  "as stated" for on in apart]
         noted.notes += notes
         return given
     other_notes: list[str] = []
@@ -160,7 +160,7 @@ def _as_they_are(responses: list[FrequencyResponse], band: tuple[float, float], 
     if _misfit(other, band) > _EXCHANGED * _misfit(given, band):
         noted.notes += notes
         return given
-    noted.notes += ["the sensors' x and y are exchanged: only so do the responses fit together, and they were taken so",
+    noted.notes += ["x and y of the sensors are exchanged: only then do the responses fit together. They were exchanged back",
                     *other_notes]
     return other
 

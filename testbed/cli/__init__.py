@@ -18,14 +18,15 @@ from typing import Any, NoReturn
 
 import click
 
+from testbed.api.working import home_for_pictures, one_thread_from_the_start
 from testbed.files.door import is_shortage
 from testbed.problem import InputProblem, InputWarning, shortened
 from testbed.system.interruption import INTERRUPTED, interrupted, leave, listen, say_interrupted
 
 FOLDER = Path(__file__).parent
 # The order of `testbed --help`, along a user's way; a command not named here comes after, by the alphabet.
-ORDER = ("demo", "init", "tap", "run", "identify", "score", "export", "chart", "multipliers", "inspect", "verify", "compare",
-         "diagnose", "add", "plan", "effects", "paper", "view", "doctor")
+ORDER = ("demo", "init", "tap", "run", "identify", "score", "benchmark", "export", "chart", "multipliers", "inspect", "verify",
+         "compare", "diagnose", "add", "plan", "effects", "paper", "view", "doctor")
 
 
 _OUT_OF_MEMORY = "out of memory: close other programs, or give less at once, such as part of a record by from and to"
@@ -97,12 +98,8 @@ def main(arguments: list[str] | None = None) -> NoReturn:
 
     arguments: without them, those that were typed, of a process whose end this is.
     """
-    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # results would change with the number of BLAS threads
-    if not os.access(os.path.expanduser("~"), os.W_OK):
-        from testbed.system.kernel_cache import lodge_matplotlib
-
-        lodge_matplotlib()
+    one_thread_from_the_start()
+    home_for_pictures()
     restore = listen()
     try:
         code = _code(arguments)

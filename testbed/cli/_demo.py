@@ -12,6 +12,8 @@ from typing import Any
 NOISE = "displacement"
 SPEED_CELLS, DEPTH_CELLS = 401, 201
 PAPER_START = {"natural_frequency": 930.0 / (2.0 * math.pi), "damping_ratio": 0.0064}  # Mann and Young (2006)
+BLOW_SECONDS, BLOW_RATE, BLOW_START, BLOW_WIDTH = 6.0, 3200.0, 0.2, 2e-3  # s, Hz, s, s: a soft tip on a soft flexure
+BLOW_FORCE, BLOW_FORCE_NOISE, BLOW_NOISE = 200.0, 0.02, 0.02  # N, N, m/s^2
 PAPER_GAMMA, NORMAL_SHARE = 5.0e8, 0.3  # tangential coefficient over mass, N m^-2 kg^-1; normal over tangential
 
 
@@ -87,8 +89,8 @@ class Scored:
 def identified(path: Path, show: Callable[[int, int], None]) -> Scored:
     """The paper's identification of each repeat of a data set's three tests, from the paper's starting guess."""
     from testbed.analysis.multipliers.score import score
-    from testbed.cli._identification import identify_by_multipliers
-    from testbed.cli._records import records_of
+    from testbed.api.identification import identify_by_multipliers
+    from testbed.api.records import records_of
     from testbed.store.data_set import read_data_set
 
     data = read_data_set(path)
@@ -152,6 +154,30 @@ def hammer_test(folder: Path) -> dict[str, dict[str, Any]]:
                    "modal_mass": mode.modal_mass, "misfit": mode.misfit} for name, mode in modes.items()}
 
 
+def struck_rig(path: Path) -> dict[str, dict[str, Any]]:
+    """First mode of the machine that a data set was cut on, struck in simulation; and as it is, which has no misfit."""
+    import numpy as np
+
+    from testbed.analysis.multipliers.ring_down import fit_receptance, receptance
+    from testbed.engines.predict import predict_driven
+    from testbed.store.data_set import read_data_set
+
+    mode = read_data_set(path).true_model().structure.modes[0]
+    model = replace(read_data_set(path).true_model(), effects={})
+    time = np.arange(round(BLOW_SECONDS * BLOW_RATE)) / BLOW_RATE
+    blow = np.where((time > BLOW_START) & (time < BLOW_START + BLOW_WIDTH),
+                    BLOW_FORCE * np.sin(np.pi * (time - BLOW_START) / BLOW_WIDTH) ** 2, 0.0)
+    answer = predict_driven([model], [(0.0, 0.0)], blow, BLOW_RATE, ("acceleration",))[0, 0]
+    random = np.random.default_rng(0)
+    force, acceleration = (values + noise * random.standard_normal(time.size)
+                           for values, noise in ((blow, BLOW_FORCE_NOISE), (answer, BLOW_NOISE)))
+    found = fit_receptance(*receptance(force, acceleration, BLOW_RATE))
+    return {name: {"natural_frequency": one.natural_frequency, "damping_ratio": one.damping_ratio, "modal_mass": mass,
+                   "misfit": misfit}
+            for name, one, mass, misfit in (("simulated blow", found, found.modal_mass, found.misfit),
+                                            ("truth", mode, mode.mass, None))}
+
+
 def draw_rig(path: Path) -> str | None:
     """Render the rig into a PNG file; returns why it could not be drawn, or None."""
     from testbed.view import render_rig
@@ -161,3 +187,20 @@ def draw_rig(path: Path) -> str | None:
     except RuntimeError as problem:
         return str(problem)
     return None
+
+
+def score_row(one: Any, estimate: Any) -> tuple[str, ...]:
+    """One parameter's scores as a row: truth, first estimate, its interval, bias, rms error."""
+    from testbed.api.words import shown
+
+    unit = estimate.unit
+    return (one.parameter, *(shown(value, unit, 6) for value in (one.truth, estimate.value)),
+            f"{shown(estimate.low, unit)} to {shown(estimate.high, unit)}",
+            f"{one.bias / one.truth:+.3%}", f"{one.rms / one.truth:.3%}")
+
+
+def plain(cut: Any) -> dict[str, Any]:
+    """A cut observed, for JSON."""
+    return {"name": cut.name, "spindle_speed": cut.spindle_speed, "axial_depth_of_cut": cut.axial_depth_of_cut,
+            "published": cut.published, "multiplier": cut.multiplier, "linear": cut.linear,
+            "simulated": cut.simulated, "reason": cut.reason, "agree": cut.agrees}

@@ -124,7 +124,7 @@ class Loop:
         return {"before": self.additions[0].before, "after": last.after, "noise_floor": last.noise_floor}
 
 
-def run_loop(sealed: Sealed, say: Callable[[str], None] = lambda text: None) -> Loop:
+def run_loop(sealed: Sealed, progress: Callable[[str], None] = lambda text: None) -> Loop:
     """What `testbed diagnose` and `testbed add` do, on the workshop's files. Deterministic.
 
     Tied effects: the first of them is added. Nothing named: nothing is added.
@@ -132,17 +132,17 @@ def run_loop(sealed: Sealed, say: Callable[[str], None] = lambda text: None) -> 
     from testbed.analysis.search.add_effect import add_effect
     from testbed.analysis.search.answer import as_json
     from testbed.analysis.search.diagnose import diagnose
+    from testbed.api.fitting import channel_units, engine_of, read_both
     from testbed.catalogue import catalogue
-    from testbed.cli._fitting import channel_units, plant_of, read_both
     from testbed.files.model_file import read_model, write_model
 
     effects = catalogue()
     model, records, read = read_both(str(sealed.campaign), str(sealed.model), effects)
-    plant = plant_of(effects)
-    found = diagnose(plant, records, model, effects, say=say)
+    engine = engine_of(effects)
+    found = diagnose(engine, records, model, effects, progress=progress)
     added, current, written = [], model, None
     for name in found.effects[:1] if found.verdict == "undecided" else found.effects:
-        added.append(add_effect(plant, records, current, effects[name], effects, say))
+        added.append(add_effect(engine, records, current, effects[name], effects, progress))
         written = sealed.campaign.with_name("better.yaml")
         write_model(added[-1].model, written, effects)
         current = read_model(written, effects)

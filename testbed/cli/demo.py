@@ -10,7 +10,8 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, progress, shown
+from testbed.api.words import shown
+from testbed.cli._answer import Answer, progress
 from testbed.cli._options import shared
 from testbed.cli._places import output_folder
 
@@ -25,7 +26,7 @@ SPAN, DEEPEST = (2500.0, 4500.0), 4.0  # of the chart: rpm, mm
 @shared
 def command(output: str, json_file: str | None, seed: int | None, quiet: bool) -> None:
     """The five published experiments, a sweep over speed and depth, identification scored against the known truth, and a
-    measured hammer test; then a workshop's campaign with a hidden effect, drawn by --seed: diagnosed, added, revealed.
+    hammer test; then a workshop's campaign with a hidden effect, drawn by --seed: diagnosed, added, revealed.
     """
     from testbed.cli._demo_loop import workshop_folder
     from testbed.cli._demo_page import Page
@@ -82,9 +83,9 @@ class _Demo:
     def _picture(self, figure: Any, name: str, says: str) -> None:
         from testbed.analysis.linear.chart_plot import save
 
-        path = save(figure, self.folder / name)[0]
-        self.pictures.append(path)
-        self.page.picture(path, says)
+        raster, drawing = save(figure, self.folder / name)
+        self.pictures.append(raster)
+        self.page.picture(drawing, says)
 
     def _simulate(self, name: str) -> Path:
         from testbed.cli._demo import data_set
@@ -102,7 +103,7 @@ class _Demo:
         """The five published experiments."""
         from testbed.analysis.linear.published import PUBLISHED
         from testbed.analysis.multipliers.published_plot import plot_samples
-        from testbed.cli._demo import observe
+        from testbed.cli._demo import observe, plain
 
         self._begin("Five published experiments: observed, by multipliers, and by simulation with loss of contact")
         path = self._simulate("rig_published")
@@ -114,11 +115,11 @@ class _Demo:
                   "alternate between two, Neimark-Sacker run round a closed curve")
         self._picture(plot_samples({f"{test.name}: {_name(test.simulated)}": test.samples for test in self.tests}),
                       "published_tests", "once-per-tooth samples of the five tests")
-        self.result["published"] = [_plain(test) for test in self.tests]
+        self.result["published"] = [plain(test) for test in self.tests]
 
     def sweep(self) -> None:
         """Speeds by depths, each cut judged from its samples and by its multipliers."""
-        from testbed.cli._demo import observe
+        from testbed.cli._demo import observe, plain
 
         self._begin("A sweep over spindle speed and depth of cut")
         self.cuts = observe(self._simulate("rig_sweep"))
@@ -130,7 +131,7 @@ class _Demo:
             if not cut.agrees:
                 self._say(f"{_point(cut)}: multipliers say {_name(cut.linear)} (|mu| = {abs(cut.multiplier):.3f}), "
                           f"samples {_name(cut.simulated)} ({cut.reason})")
-        self.result["sweep"] = [_plain(cut) for cut in self.cuts]
+        self.result["sweep"] = [plain(cut) for cut in self.cuts]
 
     def chart(self) -> None:
         """The stability chart with all tests on it."""
@@ -150,14 +151,14 @@ class _Demo:
     def identification(self) -> None:
         """The paper's identification on three stable cuts, scored."""
         from testbed.analysis.linear.chart_plot import plot_multipliers
-        from testbed.cli._demo import identified
+        from testbed.cli._demo import identified, score_row
 
         self._begin("The paper's identification from three stable cuts, scored against the known truth")
         path = self._simulate("rig_identification")
         with progress("identifying", self.quiet) as show:
             found = identified(path, show)
         self._table(("parameter", "truth", "first estimate", "95 % interval", "bias", "rms error"),
-                    [_score_row(one, found.first.parameters[one.parameter]) for one in found.scores])
+                    [score_row(one, found.first.parameters[one.parameter]) for one in found.scores])
         one = found.scores[0]
         self._say(f"{one.count - one.failures} of {one.count} campaigns identified, noise {one.noise * 1e6:g} um, "
                   "started from the paper's guess (930 rad/s, Gamma1 5.0e8) by way of the ring-down")
@@ -167,25 +168,26 @@ class _Demo:
                                          "scores": found.scores, **found.first.quality}
 
     def hammer(self) -> None:
-        """The measured hammer test, where it is there."""
-        from testbed.cli._demo import hammer_test, tap_test_folder
+        """A hammer test: of a measured tool where the files are there, else of the rig, struck in simulation."""
+        from testbed.cli._demo import hammer_test, struck_rig, tap_test_folder
 
-        self._begin("A measured hammer test: a milling tool in its holder")
         folder = tap_test_folder()
-        if folder is None:
-            self._say("absent here: set TESTBED_MEASUREMENTS to the folder that holds tap_test")
-            self.result["hammer_test"] = None
-            return
-        found = hammer_test(folder)
+        self._begin("A hammer test: " + ("the rig, struck in simulation" if folder is None else "a milling tool in its holder"))
+        found = struck_rig(self.data[0]) if folder is None else hammer_test(folder)
+        self.result["hammer_test"] = found
         self._table(("first mode from", "frequency", "damping ratio", "modal mass", "misfit"),
-                    [(name, shown(mode["natural_frequency"], "Hz"), f"{mode['damping_ratio']:.4f}",
-                      shown(mode["modal_mass"], "kg", 3), f"{mode['misfit']:.1%}") for name, mode in found.items()])
+                    [(name, shown(mode["natural_frequency"], "Hz", 6), f"{mode['damping_ratio']:.5f}",
+                      shown(mode["modal_mass"], "kg", 4), "-" if mode["misfit"] is None else f"{mode['misfit']:.1%}")
+                     for name, mode in found.items()])
+        if folder is None:
+            self._say("one blow tells frequency, damping and, since its force is measured, the modal mass; "
+                      "testbed tap does it with your own blows, in x and y")
+            return
         own, other = found.values()
         off = own["natural_frequency"] - other["natural_frequency"]
         self._say(f"{off:+.2f} Hz and {own['damping_ratio'] / other['damping_ratio'] - 1:+.1%} in damping from the "
                   f"receptance file of the same point; the rest, {own['misfit']:.0%} of the response, belongs to "
                   "neighbouring modes, which one mode and two residual terms do not describe")
-        self.result["hammer_test"] = found
 
     def rig(self) -> None:
         """A picture of the rig, where this computer can draw one."""
@@ -204,7 +206,6 @@ class _Demo:
     def missing_effect(self) -> None:
         """A hidden effect diagnosed from a workshop's files, added, and revealed; the truth is opened last."""
         from testbed.cli._demo_loop import add_story, make, open_truth, run_loop
-        from testbed.cli._fitting import sign_of_life
 
         self._begin("Which effect is missing? A workshop's campaign, one effect hidden")
         began = time.perf_counter()
@@ -217,7 +218,7 @@ class _Demo:
         self._say(f"the truth is sealed in {sealed.truth}, SHA-256 {sealed.digest}")
         self._code(f"testbed diagnose {sealed.campaign} -m {sealed.model}")
         began = time.perf_counter()
-        with sign_of_life("fitting the believed model to all records", self.quiet) as say:
+        with self.answer.watch.busy("fitting the believed model to all records") as say:
             loop = run_loop(sealed, say)
         self._say(loop.diagnosis.sentence)
         for number, added in enumerate(loop.additions):
@@ -230,14 +231,37 @@ class _Demo:
         self._say(f"error on cuts left out of the fit: {error['before']:.4f} before, {error['after']:.4f} after, noise floor "
                   f"{error['noise_floor']:.4f}; diagnosed and added in {time.perf_counter() - began:.0f} s")
         add_story(self.page, loop)
+        self.result["outlook"] = self._outlook(sealed, loop)
         self.result["workshop"] = self._reveal(open_truth(sealed, loop), sealed, loop, error)
+
+    def _outlook(self, sealed: Any, loop: Any) -> dict[str, Any] | None:
+        """The chance of stability once the effect is added, beside the limit before, and the next cuts; None without."""
+        from testbed.analysis.probable.plot import plot_chance
+        from testbed.cli._demo_outlook import CELLS, RISK, cuts_table, outlook, said
+
+        self.page.heading("How sure, and what next?")
+        with self.answer.watch.busy("drawing machines"):
+            found = outlook(sealed, loop)
+        if found is None:
+            self._say("no effect was added, and no chance is given for a machine that the records do not explain")
+            return None
+        self._code(f"testbed chart {loop.written} --campaign {sealed.campaign} {CELLS}")
+        for line in said(found):
+            self._say(line)
+        if found.sure.chance is not None:
+            drawn = plot_chance(found.sure.chance, found.sure.chance.limits[1], found.sure.recommended, RISK, found.before)
+            self._picture(drawn, "probable_stability", "the chance of stability, and the limit before the effect was added")
+            self._code(f"testbed plan {sealed.campaign} -m {loop.written} {CELLS} --vibration 0.5mm")
+            self._table(*cuts_table(found))
+        return found.as_json()
 
     def _reveal(self, revealed: Any, sealed: Any, loop: Any, error: dict[str, float]) -> dict[str, Any]:
         """Say what the sealed file holds; returns the step's part of the JSON."""
         from testbed.analysis.search.add_effect import as_json
+        from testbed.catalogue import catalogue, titled
 
         self.page.heading("What was hidden?")
-        self._say(f"the seal of {sealed.truth} is whole; hidden was {revealed.truth['effect']}: "
+        self._say(f"the seal of {sealed.truth} is whole; hidden was {titled([revealed.truth['effect']], catalogue())}: "
                   + ("named right" if revealed.named_right else f"the verdict was {loop.diagnosis.verdict}"))
         self._table(("parameter", "believed", "found", "95 % interval", "truth"), [_truth_row(row) for row in revealed.rows])
         return {"campaign": sealed.campaign, "model": sealed.model, "written": loop.written, "truth_file": sealed.truth,
@@ -274,16 +298,3 @@ def _published_row(test: Any) -> tuple[str, ...]:
     shown_value = f"{value.real:+.3f}" if abs(value.imag) < 1e-9 else f"{value.real:+.3f} +- {abs(value.imag):.3f}i"
     return (test.name, _rpm(test.spindle_speed), f"{test.axial_depth_of_cut * 1e3:.1f} mm", _name(test.published),
             shown_value, _name(test.linear), _name(test.simulated), "yes" if test.agrees else "no")
-
-
-def _score_row(one: Any, estimate: Any) -> tuple[str, ...]:
-    unit = estimate.unit
-    return (one.parameter, *(shown(value, unit, 6) for value in (one.truth, estimate.value)),
-            f"{shown(estimate.low, unit)} to {shown(estimate.high, unit)}",
-            f"{one.bias / one.truth:+.3%}", f"{one.rms / one.truth:.3%}")
-
-
-def _plain(cut: Any) -> dict[str, Any]:
-    return {"name": cut.name, "spindle_speed": cut.spindle_speed, "axial_depth_of_cut": cut.axial_depth_of_cut,
-            "published": cut.published, "multiplier": cut.multiplier, "linear": cut.linear,
-            "simulated": cut.simulated, "reason": cut.reason, "agree": cut.agrees}

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-import os
-import shlex
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from testbed.analysis.fit.budget import BUDGET
-from testbed.cli._answer import Answer, shown
-from testbed.cli._options import catalogue_of, effects_option, model_option, shared
+from testbed.api.defaults import MANY
+from testbed.api.words import shown
+from testbed.cli._answer import Answer
+from testbed.cli._options import effects_option, model_option, shared
 from testbed.cli._places import output_folder
-from testbed.problem import InputProblem
 
-_EXPLAINS = ("adequate", "missing_effect")  # verdicts by which the best model leaves no physics out
-MANY = 6  # effects that --until-adequate adds at the most
+if TYPE_CHECKING:
+    from testbed.api.diagnose import Diagnosis
 
 
 @click.command(short_help="Say which physical effect is missing, or none, or none of those known.",
@@ -43,173 +42,64 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 
     An honest "these records cannot tell" is an answer too. Only --false-alarms draws random numbers, from --seed.
     """
-    from testbed.analysis.search.answer import as_json
-    from testbed.analysis.search.diagnose import diagnose
-    from testbed.analysis.search.diagnosis import unaided
-    from testbed.analysis.search.other_way import other_way_note
-    from testbed.analysis.search.rules import rules_of
-    from testbed.catalogue import DECOYS
-    from testbed.cli._fitting import channel_units, notes_on, of_what_is_held, plant_of, read_both, sign_of_life
+    from testbed.api.diagnose import check_proposal, diagnose
+    from testbed.api.next_command import next_command
     from testbed.files.model_file import effect_text
 
     answer = Answer(json_file, quiet)
     folder = output_folder(output) if output else None
     if propose:
         output_folder(propose)
-    catalogue = catalogue_of((*folders, str(DECOYS)) if decoys else folders)
-    model, records, read = read_both(campaign, model_file, catalogue, planar=not propose)  # a missing force is along x so far
-    with sign_of_life("fitting the believed model to all records", quiet) as say:
-        found = diagnose(plant_of(catalogue), records, model, catalogue, say=say, budget=budget,
-                         **({"most": MANY} if until_adequate else {}))
-        turned = []
-        if found.candidates and not model.structure.planar:  # else no search was made, for what was found before it
-            turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
-    stuck, guesses, of_the_fit, tapped = _of_the_best_fit(found, records, model, catalogue)
-    notes = [*notes_on(read, model), *of_what_is_held(records, model, catalogue), *turned, *of_the_fit]
-    for note in notes:
+        check_proposal(model_file, folders)
+    found = diagnose(campaign, model_file, until_adequate=until_adequate, decoys=decoys, budget=budget, effects=folders,
+                     progress=answer.watch)
+    for note in found.notes:
         answer.say(note)
-    said = as_json(found, model) | {"rules": rules_of(found), "at_bound": list(stuck), "tap": tapped, "notes": notes}
-    for name, one in said["base_parameters"].items():
-        one["determined"] = name not in guesses
-    next_step = "" if found.mode else next_command(found, campaign, model_file, bool(propose) or model.planar, folders)
-    _say(answer, found, said, unaided(model))
-    if found.form is not None:
-        answer.say(f"with that law, model.yaml has: {effect_text(catalogue[found.form.effect], found.form.parameters)}")
+    catalogue, detail, said = found.known.known, found.detail, dict(found.said)
+    next_step = next_command(detail, campaign, model_file, bool(propose) or found.believed.planar, folders)
+    _say(answer, detail, said, found.first, catalogue)
+    if detail.form is not None:
+        answer.say(f"with that law, model.yaml has: {effect_text(catalogue[detail.form.effect], detail.form.parameters)}")
     if next_step:
         answer.say(f"next: {next_step}")
     if decoys:
-        said["decoys"] = _decoys(answer, found, catalogue)
-    explanation = None
-    if propose:
-        explanation = _propose(answer, found, records, model, catalogue, propose, campaign, model_file, folders)
+        _decoys(answer, said["decoys"])
+    explanation = _propose(answer, found, propose) if propose else None
     if explanation is not None:
         said["proposal"] = explanation
     if alarms:
-        said["false_alarms"] = _false_alarms(answer, found, catalogue, alarms, seed or 0)
+        said["false_alarms"] = _false_alarms(answer, found, alarms, seed or 0)
     if folder is not None:
-        from testbed.analysis.report.story_page import diagnosis_page
-
-        page = diagnosis_page(found, said, model, catalogue, channel_units(read),
-                              notes=[f"{campaign} against {model_file}", *notes],
-                              next_step=next_step, force_maps=_force_maps(found, catalogue))
-        answer.say(f"open {page.write(folder / 'report.html')}")
+        answer.say(f"open {found.report(folder, said=said, next_step=next_step)}")
     answer.finish(said)
 
 
-def _of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
-                     ) -> tuple[tuple[str, ...], tuple[str, ...], list[str], list[dict[str, Any]]]:  # fmt: skip
-    """(parameters at a bound, those not determined, notes, rows beside the tap) of the fit of the best set of effects."""
-    from testbed.analysis.comparison.tapped import beside_the_tap, said_of_the_tap
-    from testbed.analysis.fit.estimates import (
-        at_bound,
-        clock_note,
-        estimates,
-        not_determined,
-        said_at_bound,
-        said_not_determined,
-    )
-    from testbed.analysis.fit.plausible import remarks_on
-    from testbed.analysis.fit.taken import taken_notes
-    from testbed.analysis.search.diagnosis import ADEQUATE
-    from testbed.analysis.search.mark_delay import delay_note
-
-    fitter, fit = found.best.fitter, found.best.fit
-    if fitter is None or fit is None:
-        return (), (), [], []
-    told = estimates(fitter, fit, catalogue)
-    stuck, guesses = at_bound(fitter.free, told), not_determined(told)
-    notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit), *clock_note(fitter, fit),
-             *(note for note in remarks_on(model, fit.state.model) if note.partition(":")[0] not in found.sentence)]
-    notes += [said_not_determined(guesses)] if guesses else []
-    explained = fit.converged and found.best.error_held_out <= ADEQUATE * found.noise_floor and found.verdict in _EXPLAINS
-    tapped = beside_the_tap(model, told, explained)
-    notes += [*([said_at_bound(stuck)] if stuck else []),
-              *said_of_the_tap(tapped, any(one.kind == "cut" for one in fitter.records))]
-    return stuck, guesses, notes, [one.as_json() for one in tapped]
-
-
-def _force_maps(found: Any, catalogue: Any) -> list[Any]:
-    """Force-state maps of what the best model still lacks; none where that is but noise."""
-    from testbed.analysis.force.force_state import force_states
-    from testbed.analysis.search.diagnosis import ADEQUATE
-    from testbed.cli._fitting import plant_of
-
-    best = found.best
-    if best.fit is None or best.fit.state.model.planar or best.error_held_out <= ADEQUATE * found.noise_floor:
-        return []
-    states = force_states(plant_of(catalogue), best.fitter, best.fit, best.errors, catalogue)
-    return [(one.name, one.x, one.v, one.force) for one in states]
-
-
-def _propose(answer: Answer, found: Any, records: Any, model: Any, catalogue: Any, folder: str, campaign: str,
-             model_file: str, folders: tuple[str, ...]) -> Any:
-    """Estimate what force is missing, say what it depends on, and write it as an effect; None where nothing is left."""
-    from testbed.analysis.force.explain_force import as_json, left_unexplained, write_effect
-    from testbed.analysis.force.formula_trial import Jury
-    from testbed.cli._fitting import plant_of, sign_of_life
-    from testbed.trial.proposal import free_name
-
-    try:
-        with sign_of_life("estimating the missing force", answer.quiet) as say:
-            told = left_unexplained(plant_of(catalogue), records, found, catalogue, say)
-            explanation = Jury(plant_of, model, catalogue, say).likeliest(told) if told else None
-    except ValueError as problem:
-        raise InputProblem(campaign, f"the missing force cannot be estimated: {problem}", "record more cuts") from None
-    if explanation is None:
-        answer.say("nothing beyond the noise is left to propose an effect for")
+def _propose(answer: Answer, found: Diagnosis, folder: str) -> Any:
+    """What force is missing, what it depends on, and where it was written as an effect; None where nothing is left."""
+    proposal = found.propose(folder, progress=answer.watch)
+    if proposal is None:
+        answer.say("only noise is left: there is nothing to propose an effect for")
         return None
     answer.say()
-    answer.say(explanation.sentence)
-    result = as_json(explanation)
-    if explanation.formula:
-        path = write_effect(explanation, folder, free_name(folder, "proposal"))
-        result["file"] = str(path)
-        every = {os.path.realpath(one): one for one in (*folders, folder)}  # none is named twice
-        answer.say(f"next: {_add((path.stem,), campaign, model_file, tuple(every.values()))}")
-    return result
+    answer.say(proposal.sentence)
+    if proposal.next_step:
+        answer.say(f"next: {proposal.next_step}")
+    return proposal.to_dict()
 
 
-def _decoys(answer: Answer, found: Any, catalogue: Any) -> dict[str, Any]:
-    from testbed.catalogue import DECOYS
-
-    offered = [name for name, effect in catalogue.items() if effect.path is not None and effect.path.parent == DECOYS]
-    named = [name for name in found.effects if name in offered]
-    answer.say(f"{', '.join(named)} is a law that no machine has: what this campaign seems to show is not to be trusted"
-               if named else f"of {len(offered)} laws that no machine has, offered beside the real ones, none was named")
-    return {"offered": offered, "named": named}
+def _decoys(answer: Answer, told: Any) -> None:
+    named = told["named"]
+    count = len(told["offered"])
+    answer.say(f"{', '.join(named)} is a law that no machine has: do not trust what this campaign seems to show"
+               if named else f"{count} laws that no machine has were offered beside the real ones; none was named")
 
 
-def _false_alarms(answer: Answer, found: Any, catalogue: Any, count: int, seed: int) -> dict[str, Any]:
-    from testbed.analysis.search.false_alarms import false_alarms
-    from testbed.cli._fitting import plant_of, sign_of_life
-
-    with sign_of_life("diagnosing campaigns without a hidden effect", answer.quiet) as say:
-        told = false_alarms(plant_of(catalogue), found.base, catalogue, count, seed, say)
+def _false_alarms(answer: Answer, found: Diagnosis, count: int, seed: int) -> Any:
+    told = found.false_alarms(count, seed, progress=answer.watch)
     low, high = told.interval
-    answer.say(f"of {count} campaigns simulated without a hidden effect at these conditions and noise, {told.alarms} had one "
-               f"named: a false-alarm rate between {low:.1%} and {high:.1%} (95 %)")
-    return {"campaigns": count, "alarms": told.alarms, "rate_low": low, "rate_high": high,
-            "named": [list(names) for names in told.named]}
-
-
-def next_command(found: Any, campaign: str, model_file: str, proposed: bool, folders: tuple[str, ...] = ()) -> str:
-    """The command to go on with; empty where there is none, or where it is told with what was proposed.
-
-    folders: of the user's own effects, which the command will know no more than this one did without them.
-    """
-    if found.verdict == "missing_effect":
-        return _add(found.effects, campaign, model_file, folders)
-    if found.verdict == "unexplained" and found.candidates and not proposed:  # without candidates no effect was looked for
-        return shlex.join(["testbed", "diagnose", campaign, "-m", model_file, *_own(folders), "--propose", "DIR"])
-    return ""
-
-
-def _add(effects: tuple[str, ...], campaign: str, model_file: str, folders: tuple[str, ...]) -> str:
-    return shlex.join(["testbed", "add", *effects, "-m", model_file, "-c", campaign, *_own(folders), "-o", "NEW.yaml"])
-
-
-def _own(folders: tuple[str, ...]) -> list[str]:
-    return [word for folder in folders for word in ("--effects", folder)]
+    answer.say(f"{count} campaigns were simulated at these conditions and noise with nothing hidden; in {told.alarms} an "
+               f"effect was named: a false-alarm rate of {low:.1%} to {high:.1%} (95 %)")
+    return told.to_dict()
 
 
 def _without(before: Any, step: Any) -> str:
@@ -218,26 +108,26 @@ def _without(before: Any, step: Any) -> str:
     return f" (no longer {', '.join(dropped)})" if dropped else ""
 
 
-def _say(answer: Answer, found: Any, said: Any, first: str) -> None:
+def _say(answer: Answer, found: Any, said: Any, first: str, catalogue: Any) -> None:
     """first: what the step before anything is added is called."""
-    answer.say(f"{found.verdict.replace('_', ' ')}: {', '.join(found.effects)}" if found.effects
-               else found.verdict.replace("_", " "))
+    from testbed.catalogue import titled
+
+    answer.say(found.verdict.replace("_", " ") + (f": {titled(found.effects, catalogue)}" if found.effects else ""))
     answer.say(found.sentence)
     held = ("held out",) if found.held_out else ()
     rows = [(" + ".join(one.effects), f"{one.error_fit:.4f}", *(f"{one.error_held_out:.4f}" for _ in held),
-             f"{one.delta_bic:.1f}", "yes" if one.converged else "no") for one in found.candidates if one.fit is not None]
+             f"{one.delta_bic:.1f}", "yes" if one.converged else "no", catalogue[one.effects[-1]].title)
+            for one in found.fitted]
     if rows:
         answer.say()
-        answer.table(("tried", "error in the fit", *held, "gain in BIC", "converged"), rows)
-        fitted = {one.effects[-1] for one in found.candidates if one.fit is not None}
-        others = dict.fromkeys(one.effects[-1] for one in found.candidates if one.fit is None)  # once, of however many rounds
-        if never := [name for name in others if name not in fitted]:
-            answer.say(f"ruled out by a first step: {', '.join(never)}")
+        answer.table(("tried", "error in the fit", *held, "gain in BIC", "converged", "what it is"), rows)
+        if found.ruled_out:
+            answer.say(f"ruled out by a first step: {titled(found.ruled_out, catalogue)}")
     answer.say()
     error = "error, held out" if found.held_out else "error, in the fit"
     answer.table((error, "value"), [(name.replace("_", " "), f"{value:.4f}") for name, value in said["error"].items()])
     if not found.held_out:
-        answer.say("one operating condition only, so nothing was held out")
+        answer.say("nothing was held out, for there is only one operating condition")
     answer.say()
     answer.table(("parameter", "believed", "refitted"),
                  [(name, shown(one["before"], one["unit"]), shown(one["after"], one["unit"]))
@@ -251,4 +141,4 @@ def _say(answer: Answer, found: Any, said: Any, first: str) -> None:
     if found.next_test is not None:
         test = found.next_test
         answer.say(f"a cut at {test.spindle_speed * 30 / math.pi:.0f} rpm, {test.depth_of_cut * 1e3:.2f} mm would tell "
-                   f"{' from '.join(found.separates)} best: they differ there by {test.difference:.1f} times the noise")
+                   f"{' from '.join(found.separates)} best: there they differ by {test.difference:.1f} times the noise")

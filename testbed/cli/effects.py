@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
+from testbed.api.places import check_place
 from testbed.cli._answer import Answer
 from testbed.cli._options import catalogue_of, effects_option, shared
-from testbed.cli._places import check_place
 from testbed.problem import InputProblem
 
 
@@ -44,7 +44,7 @@ def _list_effects(catalogue: Any, answer: Answer) -> None:
 
 
 def _show(name: str, catalogue: Any, answer: Answer, drawn: bool) -> None:
-    from testbed.catalogue import unknown_effect
+    from testbed.catalogue import titled, unknown_effect
     from testbed.files.model_file import effect_text
 
     if name not in catalogue:
@@ -54,20 +54,20 @@ def _show(name: str, catalogue: Any, answer: Answer, drawn: bool) -> None:
     for title in ("law", "source", "validity", "leaves"):
         answer.say(f"  {title}: {getattr(effect, title)}")
     for other, test in effect.confused_with:
-        answer.say(f"  confused with {other}; what separates them: {test}")
+        answer.say(f"  confused with {titled([other], catalogue)}; what separates them: {test}")
     if effect.requires:
-        answer.say(f"  a search proposes it only for a model that has {', '.join(effect.requires)}")
+        answer.say(f"  a search proposes it only for a model that has {titled(effect.requires, catalogue)}")
     rows = [(f"  {one.name}", one.symbol, one.unit, f"{one.neutral:g}", f"{one.bounds[0]:g} to {one.bounds[1]:g}",
              f"{one.example:g}", one.meaning) for one in effect.parameters]
     if rows:
         answer.table(("  parameter", "symbol", "unit", "neutral", "bounds", "example", "what it is"), rows)
     for one in effect.parameters:
         if one.channels:
-            answer.say(f"  {one.name}: shown by {' and '.join(one.channels)} alone; a model file may leave it out")
+            answer.say(f"  {one.name}: only {' and '.join(one.channels)} shows it, so a model file may leave it out")
     for one in effect.form:
         unit = "" if one.unit == "1" else f" {one.unit}"
-        answer.say(f"  {one.name}: {one.meaning}, {one.neutral:g}{unit}; a model file may say another; no fit changes it, but "
-                   "a diagnosis asks the records for it, unless the model file says it")
+        answer.say(f"  {one.name}: {one.meaning}, {one.neutral:g}{unit}; a model file may say another. No fit changes it. A "
+                   "diagnosis asks the records for it, unless the model file says it")
     answer.say("  in model.yaml: " + effect_text(effect, effect.example()))
     if drawn:
         _draw(effect, catalogue, answer)
@@ -76,9 +76,11 @@ def _show(name: str, catalogue: Any, answer: Answer, drawn: bool) -> None:
 
 def _draw(effect: Any, catalogue: Any, answer: Answer) -> None:
     from testbed.cli._fingerprint import fingerprint, picture
-    from testbed.cli._fitting import sign_of_life
+    from testbed.engines.compose import composed_before
 
-    with sign_of_life("compiling, once per version of the file", answer.quiet):
+    if not composed_before(catalogue):
+        answer.say("  it is compiled first: some ten seconds, once for each version of its file")
+    with answer.watch.busy("compiling"):
         found = fingerprint(effect, catalogue)
     answer.say(f"  at its example values, in {found.story}:")
     for title, values in (("displacement", found.with_effect), ("change by the effect", found.change)):

@@ -8,51 +8,68 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, plain, progress
-from testbed.cli._options import catalogue_of, effects_option, shared
+from testbed.api.result import plain
+from testbed.cli._answer import Answer, progress
+from testbed.cli._options import RATE, catalogue_of, effects_option, shared
 from testbed.problem import InputProblem
 
 LICENCES = {"CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/", "CC0-1.0":
             "https://creativecommons.org/publicdomain/zero/1.0/", "MIT": "https://opensource.org/license/mit"}
-MOST_LABELS = 4096  # machines and conditions whose multipliers are remembered
+SPLIT_BY = ("condition", "machine")
 
 
 @click.command(short_help="A training set for others: Parquet with a card, splits, labels and baseline scores.",
                epilog="Example: testbed export sweep.h5 -o training_set")
 @click.argument("data", metavar="DATA.h5")
 @click.option("-o", "--output", required=True, metavar="FOLDER", help="The folder to write; it must not exist yet.")
+@click.option("--window", type=click.IntRange(8), metavar="SAMPLES",
+              help="Rows are windows of this length, with a label each; by default a row is a run.")
+@click.option("--step", type=click.IntRange(1), metavar="SAMPLES",
+              help="From one window's start to the next one's; by default the length: no overlap.")
+@click.option("--rate", type=RATE, metavar="RATE",
+              help="A lower sampling rate for the signals, such as 10kHz; they are filtered.")
 @click.option("--split", "split_text", default="70,15,15", show_default=True, metavar="A,B,C",
-              help="Shares of train, validation and test, by operating condition.")
+              help="Shares of train, validation and test.")
+@click.option("--split-by", type=click.Choice(SPLIT_BY), default="condition", show_default=True,
+              help="What lies in one split as a whole: an operating condition, or a machine.")
 @click.option("--licence", type=click.Choice(list(LICENCES)), default="CC-BY-4.0", show_default=True,
               help="Under which you give it away.")
 @click.option("--description", default="", metavar="TEXT", help="What the card says first; by default the scenario's.")
 @effects_option
 @shared
-def command(data: str, output: str, split_text: str, licence: str, description: str, folders: tuple[str, ...],
-            json_file: str | None, seed: int | None, quiet: bool) -> None:
+def command(data: str, output: str, window: int | None, step: int | None, rate: float | None, split_text: str, split_by: str,
+            licence: str, description: str, folders: tuple[str, ...], json_file: str | None, seed: int | None,
+            quiet: bool) -> None:
     """Write DATA.h5 as Parquet files with a dataset card, a Croissant description and a datasheet.
 
-    Splits hold whole operating conditions, chosen by a hash of the condition, so that they stay when runs are added; --seed
-    gives another division. The card holds the scores of two simple methods on the conditions held out.
+    Splits hold whole operating conditions (or machines), chosen by a hash of these, so that they stay when runs are added;
+    --seed gives another division. With --window a row is a window of a run, labelled stable, neimark_sacker, flip, no_cut or
+    unknown, with a chatter flag. The card holds the scores of simple methods on what is held out.
     """
-    from testbed.export.writing import new_folder, plan, write_shards
+    from testbed.cli._training import Notes
+    from testbed.export.windows import Windowing
+    from testbed.export.writing import Order, new_folder, plan, write_shards
     from testbed.store.data_set import read_data_set
 
+    if step is not None and window is None:
+        raise click.UsageError("--step goes with --window")
     answer = Answer(json_file, quiet)
-    shares = _shares(split_text)
+    windows = None if window is None else Windowing(window, step or window)
+    order = Order(_shares(split_text), seed or 0, split_by, windows, rate)
     _require_pyarrow()
     catalogue = catalogue_of(folders)
     source = read_data_set(data)
-    planned = plan(source, catalogue, shares, seed or 0)
-    notes = _Notes(source, planned, catalogue)
+    planned = plan(source, catalogue, order)
+    notes = Notes(source, planned, catalogue)
     with new_folder(output) as folder:
         with progress("exporting", quiet) as show:
-            written = write_shards(source, folder, planned, notes.of_run, show)
+            written = write_shards(source, folder, planned, notes.of_run, show, notes.of_row)
         content = _documents(folder, source, planned, written, notes,
                              {"licence": licence, "licence_url": LICENCES[licence], "description": description})
     _say(answer, output, content)
     answer.finish(plain({"folder": output, **{key: content[key] for key in (
-        "runs", "splits", "shards", "classes", "behaviours", "contact_losses", "contact_unknown", "outcomes", "baseline")}}))
+        "runs", "splits", "shards", "classes", "labels", "behaviours", "contact_losses", "contact_unknown", "outcomes",
+        "baseline")}}))
 
 
 def _shares(text: str) -> tuple[float, ...]:
@@ -72,97 +89,7 @@ def _require_pyarrow() -> None:
         raise InputProblem("testbed export", "needs pyarrow to write Parquet", "pip install 'machining-testbed[formats]'")
 
 
-class _Notes:
-    """Labels of every run, and what is gathered along the way: counts, and features for the baseline."""
-
-    def __init__(self, source: Any, planned: Any, catalogue: Any) -> None:
-        self.source, self.planned, self.catalogue = source, planned, catalogue
-        self.model = source.true_model(catalogue)
-        self.paths = [path for path in source.truth if path != "mark_angle"]
-        self.classes: dict[str, Counter[str]] = {}
-        self.contact_losses: Counter[str] = Counter()
-        self.contact_unknown: Counter[str] = Counter()  # runs whose records do not tell: neither with nor without
-        self.behaviours: dict[str, Counter[str]] = {}
-        self.known: dict[Any, Any] = {}
-        self.features: list[Any] = []
-        self.rows: list[int] = []
-        self.stability: list[str | None] = []
-        self.modulus: list[float] = []
-        from testbed.analysis.multipliers.baseline_scores import MOST_TRAINED
-
-        self.every = max(1, -(-len(source) // (2 * MOST_TRAINED)))  # of many runs the baseline sees an even share
-
-    def of_run(self, index: int, recording: Any) -> Mapping[str, Any]:
-        """The label columns of a run."""
-        from testbed.analysis.multipliers.baseline_scores import features
-        from testbed.analysis.multipliers.run_labels import labels
-
-        model = self._model(index)
-        linear = self._linear(model, index)
-        noise = {name: float(values[index]) for name, values in self.source.noise.items()}
-        found = labels(recording, linear, model, noise)
-        split = self.planned.split[index]
-        self.classes.setdefault(split, Counter())[found["stability"] or "none"] += 1
-        self.contact_losses[split] += bool(found["contact_loss"])
-        self.contact_unknown[split] += found["contact_loss"] is None
-        self.behaviours.setdefault(split, Counter())[found["behaviour"]] += 1
-        if index % self.every == 0:
-            self.rows.append(index)
-            self.features.append(features(recording))
-            self.stability.append(linear.stability)
-            self.modulus.append(float("nan") if linear.modulus is None else linear.modulus)
-        return found
-
-    def _model(self, index: int) -> Any:
-        """The machine of one run: the data set's, with the run's own true values; a neutral effect is left out."""
-        values = {path: float(self.source.truth[path][index]) for path in self.paths}
-        model = self.model
-        for effect in list(model.effects):
-            own = [(value, path.partition(".")[2]) for path, value in values.items() if path.startswith(f"{effect}.")]
-            if own and all(value == self.catalogue[effect].parameter(name).neutral for value, name in own):
-                model = model.without_effect(effect)
-        here = {path: value for path, value in values.items() if "." not in path or path.partition(".")[0] in model.effects
-                or path in model.base_parameters}
-        return model if all(model.value(path) == value for path, value in here.items()) else model.with_values(here)
-
-    def _linear(self, model: Any, index: int) -> Any:
-        from testbed.analysis.multipliers.run_labels import NO_CLASS, class_of_linear, linear_class
-        from testbed.cli.multipliers import multipliers
-        from testbed.cut import Cut
-
-        given = self.source.conditions
-        speed, depth, feed = (float(given[name][index]) for name in ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth"))
-        cut = Cut(speed, depth, feed)
-        if set(model.effects) == {"contact_loss"}:  # a periodic motion of even teeth never leaves the work
-            model = model.without_effect("contact_loss")
-        if (model, cut) not in self.known:
-            if len(self.known) >= MOST_LABELS:
-                self.known.clear()
-            try:
-                if not model.effects:
-                    self.known[model, cut] = class_of_linear(model, cut)
-                    return self.known[model, cut]
-                found = multipliers(model, cut, self.catalogue, "label")
-                self.known[model, cut] = linear_class(found["multipliers"], found["period_passes"])
-            except InputProblem:
-                self.known[model, cut] = NO_CLASS
-        return self.known[model, cut]
-
-    def baseline(self) -> dict[str, Any]:
-        """The two simple methods, trained and scored."""
-        import numpy as np
-
-        from testbed.analysis.multipliers.baseline_scores import as_json, baseline
-        from testbed.export.schema import truth_column
-
-        rows = np.array(self.rows)
-        parameters = {truth_column(path): self.source.truth[path][rows] for path in self.paths}
-        parameters["largest_multiplier_modulus"] = np.array(self.modulus)
-        return as_json(baseline(np.array(self.features), [self.planned.split[row] for row in rows],
-                                [self.planned.group[row] for row in rows], self.stability, parameters))
-
-
-def _documents(folder: Any, source: Any, planned: Any, written: Any, notes: _Notes, said: dict[str, str]) -> dict[str, Any]:
+def _documents(folder: Any, source: Any, planned: Any, written: Any, notes: Any, said: dict[str, str]) -> dict[str, Any]:
     """Everything beside the shards; returns the content of `export.json`."""
     import json
 
@@ -174,8 +101,8 @@ def _documents(folder: Any, source: Any, planned: Any, written: Any, notes: _Not
     description = said["description"] or f"Simulated milling cuts of the scenario {source.name}, with every run's truth."
     content = write_manifest(folder, planned, written, {
         **said, "description": " ".join(description.split()), "runs": len(source), "classes": notes.classes,
-        "behaviours": notes.behaviours, "contact_losses": notes.contact_losses, "contact_unknown": notes.contact_unknown,
-        "outcomes": Counter(source.outcome.tolist()), "baseline": notes.baseline()})
+        "labels": notes.labels, "behaviours": notes.behaviours, "contact_losses": notes.contact_losses,
+        "contact_unknown": notes.contact_unknown, "outcomes": Counter(source.outcome.tolist()), "baseline": notes.baseline()})
     (folder / "README.md").write_text(card(content, planned.columns), encoding="utf-8")
     (folder / "DATASHEET.md").write_text(datasheet(content, source.scenario_text, source.model_text), encoding="utf-8")
     (folder / "croissant.json").write_text(json.dumps(croissant(content, planned.columns), indent=2) + "\n", encoding="utf-8")
@@ -183,18 +110,27 @@ def _documents(folder: Any, source: Any, planned: Any, written: Any, notes: _Not
 
 
 def _say(answer: Answer, output: str, content: Mapping[str, Any]) -> None:
-    from testbed.export.card import contact_counts
+    from testbed.export.card import GROUPS, contact_counts
 
     size = sum(one["bytes"] for one in content["shards"].values())
-    answer.say(f"{output}: {content['runs']} runs, {len(content['shards'])} Parquet files, {size / 1e6:.1f} MB")
+    rows = sum(one["rows"] for one in content["shards"].values())
+    windows = "window" in content["about"]
+    groups = GROUPS[content["about"].get("split_by", "condition")]  # older exports do not say
+    what = f"{rows} windows of {content['runs']} runs" if windows else f"{content['runs']} runs"
+    answer.say(f"{output}: {what}, {len(content['shards'])} Parquet files, {size / 1e6:.1f} MB")
     classes = sorted({name for counts in content["classes"].values() for name in counts})
-    answer.table(("split", "conditions", "runs", *classes, "contact loss", "not known"), [
+    answer.table(("split", groups, "runs", *classes, "contact loss", "not known"), [
         (name, one["groups"], one["runs"], *(content["classes"].get(name, {}).get(each, 0) for each in classes),
          *contact_counts(content, name)) for name, one in content["splits"].items()])
+    if windows:
+        labels = sorted({name for counts in content["labels"].values() for name in counts})
+        answer.table(("split", "windows", *labels), [
+            (name, one["rows"], *(content["labels"].get(name, {}).get(each, 0) for each in labels))
+            for name, one in content["splits"].items()])
     scores = content["baseline"]
     for one in scores["classifier"]:
         if one["split"] == "test":
-            answer.say(f"baseline on {one['groups']} conditions held out: accuracy {one['accuracy']:.3f} (naive "
+            answer.say(f"baseline on {one['groups']} {groups} held out: accuracy {one['accuracy']:.3f} (naive "
                        f"{one['naive_accuracy']:.3f}), mean recall {one['recall']:.3f} (naive {one['naive_recall']:.3f})")
     for one in scores["regressor"]:
         if one["split"] == "test":
@@ -215,7 +151,8 @@ def describe_export(place: str, answer: Answer) -> None:
                f"{about['engine']} engine; content of the data set {about['source_content_hash'][:16]}")
     answer.say("signals: " + ", ".join(signals))
     if found["kind"] == "exported_shard":
-        answer.say(f"one file of the split {found['split']}: {found['runs']} runs, {len(found['columns'])} columns")
+        rows = "windows" if "window" in about else "runs"
+        answer.say(f"one file of the split {found['split']}: {found['runs']} {rows}, {len(found['columns'])} columns")
     else:
         _say(answer, place, found)
         answer.say(f"licence: {found['licence']}; every file has the hash that was written with it")

@@ -11,13 +11,17 @@ from testbed.cli._answer import Answer
 from testbed.cli._places import output_folder
 from testbed.problem import InputProblem
 
+PUBLISHED = ("silverbox", "milling-force", "tap-test", "milling-chatter", "titanium-milling", "plate-hammer")
+
 
 @click.command(short_help="Write a model, a campaign and a scenario to start from.",
                epilog="Example: testbed init cut_3810rpm_2.9mm.csv tap_1.csv -o my-rig")
 @click.argument("files", metavar="[FILE...]", nargs=-1)
 @click.option("-o", "--output", default=".", show_default=True, metavar="DIR", help="The folder to write them into.")
+@click.option("--set", "published", type=click.Choice(PUBLISHED), metavar="NAME",
+              help=f"The files are a published set's: {', '.join(PUBLISHED)}. Only campaign.yaml is written.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
-def command(files: tuple[str, ...], output: str, quiet: bool) -> None:
+def command(files: tuple[str, ...], output: str, published: str | None, quiet: bool) -> None:
     """Write model.yaml, campaign.yaml and scenario.yaml to start from; none that is there already is touched.
 
     FILE: measured files. The campaign names them, with the columns, units and sampling rates found in them, and with speeds and
@@ -28,9 +32,15 @@ def command(files: tuple[str, ...], output: str, quiet: bool) -> None:
 
     answer = Answer(None, quiet)
     folder = output_folder(output)
-    found = [_look(file) for file in files]
-    text, left = campaign_text(found, folder)
-    for name, content in (("model.yaml", MODEL), ("campaign.yaml", text), ("scenario.yaml", SCENARIO)):
+    if published:
+        found: list[Any] = []
+        left: list[str] = []
+        contents = {"campaign.yaml": _campaign_of(published, files, folder)}
+    else:
+        found = [_look(file) for file in files]
+        text, left = campaign_text(found, folder)
+        contents = {"model.yaml": MODEL, "campaign.yaml": text, "scenario.yaml": SCENARIO}
+    for name, content in contents.items():
         place = folder / name
         if place.exists():
             answer.say(f"{place} is there already and stays as it is")
@@ -46,6 +56,14 @@ def command(files: tuple[str, ...], output: str, quiet: bool) -> None:
         answer.say(line)
     if left:
         answer.say(f"to be filled in, in {folder / 'campaign.yaml'}: {', '.join(left)}")
+
+
+def _campaign_of(published: str, files: tuple[str, ...], folder: Path) -> str:
+    from testbed.files.published_sets import published_campaign
+
+    if not files:
+        raise InputProblem(f"--set {published}", "names a set, but no file", "name the files that you downloaded")
+    return published_campaign(published, files, folder)
 
 
 def _look(file: str) -> Any:

@@ -157,11 +157,22 @@ def _composed(effects: Mapping[str, Effect], kernels: tuple[str, ...], planar: b
     known = _modules.get((id(effects), kernels, planar))
     if known is not None and known[0] is effects:  # by another thread, while this one waited
         return known[1]
+    module = _compose(*_keyed(effects, kernels, planar), effects)
+    _modules[id(effects), kernels, planar] = (effects, module)
+    return module
+
+
+def _keyed(effects: Mapping[str, Effect], kernels: tuple[str, ...], planar: bool) -> tuple[str, str]:
+    """(a hash of all that compiled code depends on, the text of the module)."""
     layout = Layout(effects, planar)
     text, by_name = _module_text(layout, kernels), layout.effects.values()
     sources = "".join(effect.path.read_text() for effect in by_name if effect.path)
     modules = " ".join(hook.__module__ for effect in by_name for hook in effect.hooks.values())  # kept in code
     stamp = "|".join([text, sources, modules, version("numba"), version("numpy"), sys.version])
-    module = _compose(sha256(stamp.encode()).hexdigest()[:16], text, effects)
-    _modules[id(effects), kernels, planar] = (effects, module)
-    return module
+    return sha256(stamp.encode()).hexdigest()[:16], text
+
+
+def composed_before(effects: Mapping[str, Effect], kernels: tuple[str, ...] = FAST) -> bool:
+    """Whether this process or an earlier one has had the kernels of one mode over these effects: else they compile first."""
+    name = f"testbed_kernels_{_keyed(effects, kernels, False)[0]}"
+    return name in sys.modules or read(f"{name}.code") is not None

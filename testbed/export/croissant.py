@@ -32,7 +32,7 @@ def croissant(content: Mapping[str, Any], listed: Sequence[Column]) -> dict[str,
     about = content["about"]
     files = [{"@type": "cr:FileObject", "@id": name, "name": name, "contentUrl": name, "encodingFormat": PARQUET,
               "contentSize": f"{one['bytes']} B", "sha256": one["sha256"]} for name, one in content["shards"].items()]
-    present = [name for name, one in content["splits"].items() if one["runs"]]
+    present = [name for name, one in content["splits"].items() if one["rows"]]
     sets = [{"@type": "cr:FileSet", "@id": f"{split}-files", "name": f"{split}-files", "encodingFormat": PARQUET,
              "includes": f"data/{split}-*.parquet"} for split in present]
     return {"@context": _CONTEXT, "@type": "sc:Dataset", "conformsTo": "http://mlcommons.org/croissant/1.0",

@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from testbed.export.card import GROUPS
+
 _TEXT = """# Datasheet: {name}
 
 ## Why
@@ -17,8 +19,8 @@ the truth is known for every run.
 
 ## What is in it
 
-{runs} simulated cuts, one a row; {outcomes}. Signals are what a simulated sensor gave: {channels}, at {rate:g} Hz,
-with the sensor's own noise. Nothing is measured. No person appears in it. Runs that ended early are kept, with
+{runs} simulated cuts, {a_row}; {outcomes}. Signals are what a simulated sensor gave: {channels}, at {rate:g} Hz,
+with the sensor's own noise{filtered}. Nothing is measured. No person appears in it. Runs that ended early are kept, with
 their outcome; leave them out by `outcome == "ok"`.
 
 ## How it was made
@@ -31,6 +33,9 @@ linearised about its periodic motion; `behaviour` from the recorded once-per-too
 it was not recorded, of the velocity, the acceleration or a force, the part that changes most from tooth to tooth). The two can
 differ: near the border a short cut has not made up its mind, a loud sensor hides a small motion, and a large motion is not
 linear.
+`label` is that class, and `chatter` says whether it is neimark_sacker or flip, where `behaviour` does not show the
+contrary; else the label is unknown and `chatter` null. It says what the cut does in the end: soon after the entry of an
+unstable cut chatter is still small, and a stable cut still swings from its entry, which is no chatter.{windows}
 `contact_loss` is found from the recorded displacement and the surface that earlier teeth left, the nominal edges taken
 (runout is not followed, and the believed immersion is taken). A gap smaller than six rms of the noise is not seen. Without a
 recorded displacement it is null: not known, which is not "no".
@@ -42,7 +47,7 @@ label marks where the simulation ceases to be physical.
 - To vouch for a real machine's safety, or as the only ground of a stability limit on a shop floor: every run comes from one
   family of models (the modes of the model below, linear force law, plus the effects listed), and real machines have more.
 - To claim accuracy on measured data. Sensors, clamping, material and wear of a real rig are not in it.
-- To score a method on rows drawn at random: use the splits, which hold out whole conditions.
+- To score a method on rows drawn at random: use the splits, which hold out whole {groups}.
 - With `truth`, `simulation` or label columns as inputs: `pass_times` and `noise_*` are not known of a real cut.
 - To learn absolute rates of chatter: the conditions were chosen by whoever wrote the scenario.
 
@@ -62,6 +67,11 @@ label marks where the simulation ceases to be physical.
 {model}
 ```
 """
+_A_ROW = "in windows of {length} samples, one a row, each {step} samples after the one before"
+_WINDOWS = """
+A window wholly in the cut has its run's label. Before the entry and after the exit it is `no_cut`, without chatter; across
+them it is unknown for runs of every class, so that no class loses more windows than another. Windows with a sample that is
+no number are left out."""
 
 
 def datasheet(content: Mapping[str, Any], scenario: str, model: str) -> str:
@@ -69,8 +79,11 @@ def datasheet(content: Mapping[str, Any], scenario: str, model: str) -> str:
     about = content["about"]
     outcomes = ", ".join(f"{count} ended {name}" for name, count in sorted(content["outcomes"].items()))
     signals = [f"{column['name']} ({column['unit']})" for column in content["columns"] if column["kind"] == "float32 list"]
-    return _TEXT.format(name=about["name"], runs=content["runs"], outcomes=outcomes, channels=", ".join(signals),
-                        rate=about["sampling_rate"], engine=about["engine"], seed=about["seed"],
+    window, recorded = about.get("window"), about.get("recorded_at")
+    return _TEXT.format(name=about["name"], runs=content["runs"], outcomes=outcomes, groups=GROUPS[about["split_by"]],
+                        a_row=_A_ROW.format(**window) if window else "one a row", windows=_WINDOWS if window else "",
+                        filtered=f", low-passed from {recorded:g} Hz (`noise_*` is the rms before)" if recorded else "",
+                        channels=", ".join(signals), rate=about["sampling_rate"], engine=about["engine"], seed=about["seed"],
                         content_hash=about["source_content_hash"], licence=content["licence"],
                         versions=", ".join(f"{name} {version}" for name, version in sorted(about["versions"].items())),
                         scenario=scenario.strip(), model=model.strip())

@@ -22,14 +22,12 @@ def shard_name(split: str, number: int, count: int) -> str:
 
 
 class ShardWriter:
-    """One split's files. count: rows to come; row_bytes: bytes of the longest row's signals."""
+    """One split's files; they have their names once it is closed. row_bytes: bytes of the longest row's signals."""
 
-    def __init__(self, folder: Path, split: str, listed: tuple[Column, ...], schema: Any, count: int,
-                 row_bytes: int) -> None:
+    def __init__(self, folder: Path, split: str, listed: tuple[Column, ...], schema: Any, row_bytes: int) -> None:
         self.folder, self.split, self.listed, self.schema = folder, split, listed, schema
         self.group_rows = max(1, ROW_GROUP_BYTES // max(1, row_bytes))
         self.shard_rows = max(self.group_rows, SHARD_BYTES // max(1, row_bytes))
-        self.count = max(1, -(-count // self.shard_rows))
         self.rows: list[Mapping[str, Any]] = []
         self.written: dict[str, int] = {}
         self.name, self._file = "", cast(Any, None)
@@ -42,10 +40,14 @@ class ShardWriter:
             self._flush()
 
     def close(self) -> None:
-        """Write what is held back and end the last file."""
+        """Write what is held back, end the last file, and name all of them by how many they are."""
         if self.rows:
             self._flush()
         self._end()
+        names = {part: shard_name(self.split, number, len(self.written)) for number, part in enumerate(self.written)}
+        for part, name in names.items():
+            os.rename(self.folder / part, self.folder / name)
+        self.written = {names[part]: rows for part, rows in self.written.items()}
 
     def abandon(self) -> None:
         """Let go of an open file without finishing it."""
@@ -62,7 +64,7 @@ class ShardWriter:
         import pyarrow.parquet as pq
 
         if self._file is None:
-            self.name = shard_name(self.split, len(self.written), self.count)
+            self.name = f"{self.split}-{len(self.written):05d}.part"
             self.written[self.name] = 0
             signals = [f"{each.name}.list.element" for each in self.listed if each.kind == "float32 list"]
             words = [each.name for each in self.listed if each.kind == "text"]

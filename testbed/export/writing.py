@@ -7,19 +7,19 @@ import math
 import os
 import shutil
 import tempfile
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from testbed.export.groups import SPLITS, groups_of, split_of
+from testbed.export.groups import SPLITS, groups_of, machines_of, split_of
 from testbed.export.schema import FORMAT, Column, arrow_schema, columns, truth_column
 from testbed.export.shards import ShardWriter
+from testbed.export.windows import Windowing, labelled, ratio_of, resampled, windows_of
 from testbed.problem import InputProblem
 from testbed.recording import CHANNEL_UNITS, Recording
 from testbed.store.store import truth_units
@@ -27,16 +27,32 @@ from testbed.store.store import truth_units
 MANIFEST = "export.json"
 DATA = "data"
 Labelled = Callable[[int, Recording], Mapping[str, Any]]
+SPLIT_BY = ("condition", "machine")
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is asked for. shares: of train, validation, test; seed: of the division; by: what a split keeps together, one of
+    SPLIT_BY; windows: a row is one, None: a run; rate: of the signals (Hz), None: as they were recorded."""
+
+    shares: Sequence[float]
+    seed: int = 0
+    by: str = "condition"
+    windows: Windowing | None = None
+    rate: float | None = None
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What goes where: group and split of every run (runs,), the columns, and what is told of the source."""
+    """What goes where: condition, machine, group and split of every run (runs,), the columns, what is told of the source."""
 
+    condition: list[str]
+    machine: list[str]
     group: list[str]
     split: list[str]
     columns: tuple[Column, ...]
     about: Mapping[str, Any]
+    order: Order
 
     def counts(self) -> dict[str, dict[str, int]]:
         """Runs and groups of each split, in order."""
@@ -45,18 +61,45 @@ class Plan:
                 for name in SPLITS}
 
 
-def plan(source: Any, catalogue: Mapping[str, Any], shares: Sequence[float], seed: int) -> Plan:
-    """Divide a DataSet by operating condition. catalogue: the effects, for the units of their parameters."""
-    group = groups_of(source.conditions, source.flutes)
-    place = {name: split_of(name, shares, seed) for name in set(group)}
+def plan(source: Any, catalogue: Mapping[str, Any], order: Order) -> Plan:
+    """Divide a DataSet. catalogue: the effects, for the units of their parameters. InputProblem where it cannot be done."""
+    condition = groups_of(source.conditions, source.flutes)
+    machine = machines_of(source.truth, _of_record(catalogue), source.flutes)
+    group = {"condition": condition, "machine": machine}[order.by]
+    if len(set(group)) == 1 and len(group) > 1:
+        raise InputProblem(source.path, f"all its runs are of one {order.by}: there is nothing to hold out",
+                           f"split by {SPLIT_BY[1 - SPLIT_BY.index(order.by)]}")
+    rate = order.rate or source.sampling_rate
+    _feasible(source, order, rate)
+    place = {name: split_of(name, order.shares, order.seed) for name in set(group)}
     units = {"mark_angle": "rad", **truth_units(source.true_model(catalogue), catalogue)}
     units = {path: units[path] for path in source.truth}
-    listed = columns({name: CHANNEL_UNITS[name] for name in source.channels}, units)
-    about = {"name": source.name, "sampling_rate": source.sampling_rate, "sampling_rate_unit": "Hz",
+    listed = columns({name: CHANNEL_UNITS[name] for name in source.channels}, units, order.windows is not None)
+    about = {"name": source.name, "sampling_rate": rate, "sampling_rate_unit": "Hz",
              "units": {each.name: each.unit for each in listed}, "engine": source.engine, "seed": source.seed,
-             "source_content_hash": source.content_hash, "origin": "synthetic", "split_seed": seed,
-             "shares": dict(zip(SPLITS, map(float, shares), strict=True)), "versions": dict(source.versions)}
-    return Plan(group, [place[name] for name in group], listed, about)
+             "source_content_hash": source.content_hash, "origin": "synthetic", "split_seed": order.seed, "split_by": order.by,
+             "shares": dict(zip(SPLITS, map(float, order.shares), strict=True)), "versions": dict(source.versions)}
+    if order.windows is not None:
+        about["window"] = vars(order.windows)
+    if rate != source.sampling_rate:
+        about["recorded_at"] = source.sampling_rate
+    return Plan(condition, machine, group, [place[name] for name in group], listed, about, order)
+
+
+def _of_record(catalogue: Mapping[str, Any]) -> list[str]:
+    """Paths of true values that are a record's own and say nothing of its machine: the tachometer's mark, an effect's phase."""
+    return ["mark_angle", *(f"{name}.{one.name}" for name, effect in catalogue.items() for one in effect.parameters
+                            if one.each_record)]
+
+
+def _feasible(source: Any, order: Order, rate: float) -> None:
+    if ratio_of(rate, source.sampling_rate) is None:
+        raise InputProblem(source.path, f"was sampled at {source.sampling_rate:g} Hz and is not brought to {rate:g} Hz",
+                           "give a lower --rate that is to it as two whole numbers up to 1000")
+    most = longest(source, rate)
+    if order.windows is not None and order.windows.length > most:
+        raise InputProblem(source.path, f"its longest run has {most} samples, too few for a window of "
+                           f"{order.windows.length}", "give a shorter --window")
 
 
 @contextmanager
@@ -82,23 +125,29 @@ def new_folder(path: str | Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def write_shards(source: Any, folder: Path, planned: Plan, labelled: Labelled,
-                 progress: Callable[[int, int], None] | None = None) -> dict[str, dict[str, int]]:
-    """Write every run into `folder`/data; returns split -> file name -> rows.
+def write_shards(source: Any, folder: Path, planned: Plan, labels_of: Labelled,
+                 progress: Callable[[int, int], None] | None = None,
+                 seen: Callable[[int, Mapping[str, Any]], None] | None = None) -> dict[str, dict[str, int]]:
+    """Write every run, or every window of it, into `folder`/data; returns split -> file name -> rows.
 
-    labelled(index, recording): the `label` columns of a run.
+    labels_of(index, recording): the `label` columns of a run. seen(index, row): is shown every row as it is written.
     """
     target = folder / DATA
     target.mkdir()
     schema = arrow_schema(planned.columns, planned.about)
-    longest = _longest(source)
-    totals = Counter(planned.split)
-    writers = {name: ShardWriter(target, name, planned.columns, schema, totals[name], longest * 4 * len(source.channels))
-               for name in SPLITS if totals[name]}
+    windows, rate = planned.order.windows, planned.about["sampling_rate"]
+    most = windows.length if windows else longest(source, rate)
+    writers = {name: ShardWriter(target, name, planned.columns, schema, most * 4 * len(source.channels))
+               for name in SPLITS if name in planned.split}
     try:
         for index, recording in enumerate(source):
-            row = _row(source, planned, index, recording)
-            writers[planned.split[index]].add(row | dict(labelled(index, recording)))
+            run = dict(labels_of(index, recording))
+            run = _of_run(source, planned, index, recording) | run
+            writer = writers[planned.split[index]]
+            for row in _rows(run, resampled(recording, rate), windows):
+                writer.add(row)
+                if seen:
+                    seen(index, row)
             if progress:
                 progress(index + 1, len(source))
         for writer in writers.values():
@@ -106,22 +155,35 @@ def write_shards(source: Any, folder: Path, planned: Plan, labelled: Labelled,
     finally:
         for writer in writers.values():
             writer.abandon()
-    return {name: writer.written for name, writer in writers.items()}
+    written = {name: writer.written for name, writer in writers.items()}
+    if not any(written.values()):
+        raise InputProblem(source.path, "holds no whole window", "give a shorter --window")
+    return written
 
 
-def _longest(source: Any) -> int:
-    """Samples of the longest run, from the conditions."""
+def _rows(run: Mapping[str, Any], recording: Recording, windows: Windowing | None) -> Iterator[dict[str, Any]]:
+    """The row of a run, or those of its windows. run: the columns that all of them share."""
+    kept = {name: np.asarray(values, np.float32) for name, values in recording.channels.items()}
+    recording = replace(recording, channels=kept)
+    if windows is None:
+        yield {**run, **kept, "start": recording.start, "sampling_rate": recording.sampling_rate}
+        return
+    for own in windows_of(recording, windows):
+        yield {**run, **own, **labelled(run, own["segment"]), "sampling_rate": recording.sampling_rate}
+
+
+def longest(source: Any, rate: float) -> int:
+    """Samples of the longest run at a rate (Hz), from the conditions."""
     speeds = np.asarray(source.conditions["spindle_speed"], float)
     passes = sum(np.asarray(source.conditions[name], float) for name in ("idle_passes", "passes", "ring_down_passes"))
-    return math.ceil(float(np.max(passes * 2 * math.pi / (source.flutes * speeds))) * source.sampling_rate) + 1
+    return math.ceil(float(np.max(passes * 2 * math.pi / (source.flutes * speeds))) * rate) + 1
 
 
-def _row(source: Any, planned: Plan, index: int, recording: Recording) -> dict[str, Any]:
-    row: dict[str, Any] = {"run": int(source.scenario_run[index]), "group": planned.group[index]}
+def _of_run(source: Any, planned: Plan, index: int, recording: Recording) -> dict[str, Any]:
+    row: dict[str, Any] = {"run": int(source.scenario_run[index]), "group": planned.group[index],
+                           "condition_id": planned.condition[index], "machine_id": planned.machine[index]}
     row |= {name: values[index].item() for name, values in source.conditions.items()}
-    row |= {"flutes": source.flutes, "sampling_rate": recording.sampling_rate, "start": recording.start}
-    row |= {name: np.asarray(values, np.float32) for name, values in recording.channels.items()}
-    row |= {"marks": recording.marks, "pass_times": recording.pass_times}
+    row |= {"flutes": source.flutes, "marks": recording.marks, "pass_times": recording.pass_times}
     row |= {truth_column(path): given(values[index]) for path, values in source.truth.items()}
     row |= {f"noise_{name}": given(source.noise[name][index]) if name in source.noise else None
             for name in source.channels}
@@ -140,7 +202,9 @@ def write_manifest(folder: Path, planned: Plan, written: Mapping[str, Mapping[st
     shards = {f"{DATA}/{name}": {"split": split, "rows": rows, "bytes": (folder / DATA / name).stat().st_size,
                                  "sha256": file_hash(folder / DATA / name)}
               for split, files in written.items() for name, rows in files.items()}
-    content = {"format": FORMAT, "about": dict(planned.about), "splits": planned.counts(), "shards": shards,
+    rows = {split: sum(files.values()) for split, files in written.items()}
+    splits = {split: {**counts, "rows": rows.get(split, 0)} for split, counts in planned.counts().items()}
+    content = {"format": FORMAT, "about": dict(planned.about), "splits": splits, "shards": shards,
                "columns": [vars(each) for each in planned.columns], **more}
     content["hash"] = manifest_hash(content)
     (folder / MANIFEST).write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")

@@ -90,20 +90,21 @@ def channels_of(found: Found) -> dict[str, tuple[str, str]]:
     return channels
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
+    """A text as YAML takes it, in quotes where it needs them."""
     return text if re.fullmatch(r"[A-Za-z][\w./-]*", text) else '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def _channel(channel: str, column: str, unit: str) -> str:
     pulses = ", pulses_per_revolution: 1" if channel == "tachometer" else ""
-    return f"{channel}: {{column: {_quoted(column)}, unit: {_quoted(unit) if unit else FILL_IN}{pulses}}}"
+    return f"{channel}: {{column: {quoted(column)}, unit: {quoted(unit) if unit else FILL_IN}{pulses}}}"
 
 
 def _record(found: Found, folder: Path) -> dict[str, str]:
     """What a record says of itself: its file, its kind and, of a cut, its conditions as the file's name tells them."""
     path, name = found.path.resolve(), found.path.stem.casefold()
     inside = path.is_relative_to(folder.resolve())
-    said = {"file": _quoted((path.relative_to(folder.resolve()) if inside else path).as_posix())}
+    said = {"file": quoted((path.relative_to(folder.resolve()) if inside else path).as_posix())}
     if any(word in name for word in _TAPPED):
         return said | {"kind": "excited" if "force" in channels_of(found) else "ring-down"}
     speed, depth = _SPEED.search(found.path.stem), _DEPTH.search(found.path.stem)

@@ -6,14 +6,14 @@ import pytest
 
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.add_effect import add_effect, add_effects, as_json
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign
 
 KNOWN = catalogue()
-PLANT = plant_of(KNOWN)
+ENGINE = engine_of(KNOWN)
 PAIR = ("edge_force", "quadratic_damping")
 TRUTH = {"edge_force.tangential": 9e3, "edge_force.normal": 6e3, "quadratic_damping.coefficient": 60.0}
 
@@ -28,7 +28,7 @@ def records():
 
 @pytest.fixture(scope="module")
 def together(records):
-    return add_effects(PLANT, records, BELIEVED, [KNOWN[name] for name in PAIR], KNOWN)
+    return add_effects(ENGINE, records, BELIEVED, [KNOWN[name] for name in PAIR], KNOWN)
 
 
 @pytest.mark.long
@@ -42,7 +42,7 @@ def test_the_error_falls_to_the_noise_and_every_parameter_is_found(together):
 
 
 def test_it_is_told_from_the_fit_without_either(records, together):
-    one = add_effect(PLANT, records, BELIEVED, KNOWN[PAIR[0]], KNOWN)
+    one = add_effect(ENGINE, records, BELIEVED, KNOWN[PAIR[0]], KNOWN)
     assert together.before == pytest.approx(one.before, rel=1e-6) and together.after < 0.9 * one.after
     said = as_json(together)
     assert said["effect"] == "edge_force + quadratic_damping" and said["effects"] == list(PAIR)
@@ -51,5 +51,5 @@ def test_it_is_told_from_the_fit_without_either(records, together):
 
 def test_of_one_it_is_the_same(records):
     some = records[:1]
-    alone = add_effects(PLANT, some, BELIEVED, [KNOWN["edge_force"]], KNOWN)
-    assert as_json(alone) == as_json(add_effect(PLANT, some, BELIEVED, KNOWN["edge_force"], KNOWN))
+    alone = add_effects(ENGINE, some, BELIEVED, [KNOWN["edge_force"]], KNOWN)
+    assert as_json(alone) == as_json(add_effect(ENGINE, some, BELIEVED, KNOWN["edge_force"], KNOWN))

@@ -1,17 +1,16 @@
 """The believed model refitted to campaigns whose entries, exits, angles and speeds nobody tells."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from testbed.analysis.fit import starts
-from testbed.analysis.fit.fit_state import Linearised
+from testbed.analysis.fit.fit_state import Jacobian
+from testbed.analysis.fit.least_squares import covariance, too_slow
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.pass_search import place_entries
 from testbed.analysis.fit.starts import base_fit
-from testbed.analysis.fit.waveform import Fitter, too_slow
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.validation.blind.draw import draw
@@ -68,15 +67,14 @@ def test_marks_of_an_uneven_spindle_carry_the_prediction(monkeypatch):
 def test_an_unknown_that_a_records_own_make_up_for_has_a_large_variance_and_no_nan():
     """Rounding may leave less than nothing of its slopes, once what the record's own unknowns explain is taken away."""
     random = np.random.default_rng(0)
-    alone = SimpleNamespace(names=("copied", "seen"), steps=np.ones(2))
     negative = 0
     for _ in range(40):
         own = 1e9 * random.standard_normal((300, 2))
         shared = np.stack([own @ random.standard_normal(2), random.standard_normal(300)], axis=1)
-        part = Linearised(np.zeros(300), shared, own)
+        part = Jacobian(np.zeros(300), shared, own)
         cross = own.T @ shared
         negative += (shared.T @ shared - cross.T @ np.linalg.pinv(own.T @ own) @ cross)[0, 0] < 0.0
-        variance = np.diag(Fitter.covariance(alone, [part]))
+        variance = np.diag(covariance([part], np.ones(2)))
         assert np.isfinite(variance).all() and variance[1] == pytest.approx(1 / 300, rel=0.3)
     assert negative > 3
 
@@ -84,14 +82,13 @@ def test_an_unknown_that_a_records_own_make_up_for_has_a_large_variance_and_no_n
 def test_a_combination_that_nothing_tells_is_unknown_however_strong_its_unknowns_are():
     """As offset and angle of a runout of two teeth; what has no part in it is told as well as ever."""
     random = np.random.default_rng(1)
-    alone = SimpleNamespace(names=("offset", "angle", "seen"), steps=np.ones(3))
     one, seen = 1e6 * random.standard_normal((2, 300))
-    part = Linearised(np.zeros(300), np.stack([one, 3.0 * one, seen], axis=1), np.empty((300, 0)))
-    errors = np.sqrt(np.diag(Fitter.covariance(alone, [part])))
+    part = Jacobian(np.zeros(300), np.stack([one, 3.0 * one, seen], axis=1), np.empty((300, 0)))
+    errors = np.sqrt(np.diag(covariance([part], np.ones(3))))
     assert errors[:2].min() > 1e6 and errors[2] == pytest.approx(1e-6 / np.sqrt(300), rel=0.2)
 
 
-@pytest.mark.parametrize(("costs", "goal", "given_up"), [
+@pytest.mark.parametrize(("costs", "cost_limit", "given_up"), [
     ([100.0, 90.0, 80.0, 70.0, 60.0], 50.0, False),  # ten a step, thirty-six steps left
     ([100.0, 99.9, 99.8, 99.7, 99.6], 50.0, True),
     ([100.0, 99.9, 99.8, 99.7], 50.0, False),  # too early to say
@@ -99,8 +96,8 @@ def test_a_combination_that_nothing_tells_is_unknown_however_strong_its_unknowns
     ([100.0, 60.0, 60.0, 60.0, 60.0, 60.0], 50.0, True),  # so many in a row are not
     ([100.0, 99.9, 99.8, 99.7, 99.6], np.inf, False),
 ])
-def test_a_descent_is_given_up_once_its_pace_would_not_lead_to_its_goal(costs, goal, given_up):
-    assert too_slow(costs, 40, goal) is given_up
+def test_a_descent_is_given_up_once_its_pace_would_not_lead_to_its_goal(costs, cost_limit, given_up):
+    assert too_slow(costs, 40, cost_limit) is given_up
 
 
 def test_a_descent_that_comes_to_its_goal_is_the_one_without(monkeypatch):
@@ -109,7 +106,7 @@ def test_a_descent_that_comes_to_its_goal_is_the_one_without(monkeypatch):
     observed = [observe(record, truth.believed) for record in records_of(truth, KNOWN)[:3]]
     fitter, fit = base_fit(predict, observed, truth.believed)
     away = fit.state.with_value("natural_frequency", 1.0005 * fit.state.model.value("natural_frequency"))
-    free, bound = fitter.descend(away), fitter.descend(away, goal=2.0 * fit.cost)
+    free, bound = fitter.descend(away), fitter.descend(away, cost_limit=2.0 * fit.cost)
     assert bound.cost == free.cost and bound.state == free.state and free.cost < 1.01 * fit.cost
 
 

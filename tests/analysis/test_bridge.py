@@ -8,8 +8,8 @@ import pytest
 
 from testbed.analysis.comparison.compare import compare
 from testbed.analysis.fit.observe import observe
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from testbed.readers.assemble import Source, assemble
 from testbed.readers.bridge import bridged, unmeasured
@@ -105,7 +105,7 @@ def test_what_was_put_in_weighs_nothing_in_a_fit():
     sound = synthetic_campaign(fast.simulate, TRUE, tests=TWO, rate=6400.0, course=(12, 45, 20))
     records = [observe(spoilt(sound[0]), BELIEVED), observe(sound[1], BELIEVED)]
     assert records[0].count == records[0].samples - 1 and records[1].count == records[1].samples
-    found = compare(plant_of(catalogue()), records, BELIEVED, catalogue())
+    found = compare(engine_of(catalogue()), records, BELIEVED, catalogue())
     assert found.error == pytest.approx(found.noise_floor, rel=0.02)
     assert found.parameters["natural_frequency"].value == pytest.approx(TRUE.structure.natural_frequency, rel=3e-4)
     part = records[0].part(PLACE - 10, 64)

@@ -15,7 +15,7 @@ from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign
 
 KNOWN = catalogue()
-PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
+ENGINE = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
                         predict_driven=partial(predict.predict_driven, catalogue=KNOWN))
 
 
@@ -27,7 +27,7 @@ def fitted(off, seed):
         was = record.recording
         marks = was.start + (was.marks - was.start) / off
         wrong.append(replace(record, recording=replace(was, sampling_rate=was.sampling_rate * off, marks=marks)))
-    return model_fit(PLANT, [observe(record, BELIEVED) for record in wrong], BELIEVED, KNOWN)
+    return model_fit(ENGINE, [observe(record, BELIEVED) for record in wrong], BELIEVED, KNOWN)
 
 
 @pytest.mark.parametrize(("off", "seed"), [(1.005, 1), (0.995, 2)])

@@ -13,7 +13,7 @@ from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.starts import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
@@ -21,7 +21,7 @@ from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import MARK_ANGLE, synthetic_record
 
 CATALOGUE = catalogue()
-PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=CATALOGUE),
+ENGINE = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=CATALOGUE),
                         predict_driven=partial(predict.predict_driven, catalogue=CATALOGUE))
 
 
@@ -76,7 +76,7 @@ def test_nothing_is_called_constant_whose_intervals_exclude_each_other():
         found, estimates = judged(tests), [test.parameters["tangential_coefficient"] for test in tests]
         apart = max(one.low for one in estimates) > min(one.high for one in estimates)
         verdict, short = found.verdict("tangential_coefficient"), found.short("tangential_coefficient")
-        assert not (apart and ("is constant" in verdict or "no more than its intervals" in verdict or short == "constant"))
+        assert not (apart and ("is constant" in verdict or "not differ beyond its intervals" in verdict or short == "constant"))
         said.add(short)
     assert {"constant", "scatters", "differs as chance may have it"} <= said
 
@@ -96,9 +96,9 @@ def campaign(true):
     made = [synthetic_record(partial(fast.simulate, steps=37), true, 4300, 1.5e-3, 50 + place, feed=feed)
             for place, feed in enumerate(FEEDS)]
     records = [observe(replace(record, name=f"feed {feed}"), BELIEVED) for record, feed in zip(made, FEEDS, strict=True)]
-    fitter = Fitter(PLANT, records, free_parameters(records, TRUE))
+    fitter = Fitter(ENGINE, records, free_parameters(records, TRUE))
     state = State(TRUE, MARK_ANGLE, tuple(first_nuisances(record, MARK_ANGLE) for record in records))
-    return constancy(fitter, polish(fitter, state, rounds=2, iterations=8), CATALOGUE)
+    return constancy(fitter, alternate_fit_and_passes(fitter, state, rounds=2, iterations=8), CATALOGUE)
 
 
 def test_a_complete_model_has_constant_constants():

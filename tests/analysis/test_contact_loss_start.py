@@ -9,8 +9,8 @@ from testbed.analysis.fit.effect_start import Origin, switched_on
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.candidate_round import candidate_of, with_effect
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from testbed.machine import Cutter, Cutting, Model, Structure
 from tests.support.synthetic_campaign import synthetic_record
@@ -30,7 +30,7 @@ def test_the_effect_is_found_behind_a_fit_that_has_made_up_for_it():
                                         feed=8e-5, rate=20000.0, course=(8, 40, 12)), BELIEVED)
                for number, (rpm, depth) in enumerate(TESTS)]
     known = catalogue()
-    fitter, fit = model_fit(plant_of(known), records, BELIEVED, known)
+    fitter, fit = model_fit(engine_of(known), records, BELIEVED, known)
     assert fit.mean_squares.max() > 20.0
     origins = [Origin(fit.state, fit.parts)]
     cost, state, _ = switched_on(fitter, known["contact_loss"], origins)

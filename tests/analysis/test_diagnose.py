@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 
 from testbed.analysis.fit.effect_start import all_free
-from testbed.analysis.fit.fit_state import Free
+from testbed.analysis.fit.fit_state import FreeParameter
 from testbed.analysis.fit.held_out import RecordError, pooled
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.starts import at_a_bound, base_fit
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.answer import as_json
-from testbed.analysis.search.begun_anew import begun_anew
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.candidate_round import candidate_of
 from testbed.analysis.search.diagnose import diagnose
-from testbed.analysis.search.diagnosis import Candidate, never_nothing, told_of_base, verdict_of
+from testbed.analysis.search.diagnosis import never_nothing, told_of_base, verdict_of
 from testbed.analysis.search.gates import below_a_guess, certain_ones, likeliest, vanishes, worth_naming
+from testbed.analysis.search.refit_from_prior import refit_from_prior
 from testbed.analysis.search.rules import rules_of
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
@@ -28,13 +29,13 @@ from tests.support.synthetic_campaign import synthetic_campaign
 
 TRUE = Model(Structure(2.573, 146.42, 0.0032), Cutter(), Cutting())
 CANDIDATES = {name: catalogue()[name] for name in ("process_damping", "edge_force", "tool_wear")}
-PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
+ENGINE = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
                         predict_driven=partial(predict.predict_driven, catalogue=catalogue()))
 
 
 def verdict(true):
     records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=4, rate=6400.0)
-    return diagnose(PLANT, [observe(record, BELIEVED) for record in records[:5]], BELIEVED, CANDIDATES)
+    return diagnose(ENGINE, [observe(record, BELIEVED) for record in records[:5]], BELIEVED, CANDIDATES)
 
 
 def test_nothing_hidden_is_called_adequate():
@@ -73,17 +74,17 @@ def test_an_effect_led_astray_by_what_the_base_model_made_up_for_is_fitted_anew(
     records = synthetic_campaign(partial(fast.simulate, steps=37), TRUE.with_effect(name, error=0.45), seed=6,
                                  tests=((3500, 0.8), (2850, 2.9), (3900, 2.2)), course=(10, 30, 10), rate=6400.0)
     observed = [observe(record, BELIEVED) for record in records]
-    _, base = base_fit(PLANT, observed, BELIEVED)
-    fitter = Fitter(PLANT, observed, all_free(observed, BELIEVED.with_effect(name, error=0.1), known))
+    _, base = base_fit(ENGINE, observed, BELIEVED)
+    fitter = Fitter(ENGINE, observed, all_free(observed, BELIEVED.with_effect(name, error=0.1), known))
     fit = fitter.fit(replace(base.state, model=base.state.model.with_effect(name, error=0.1)))
     astray = candidate_of(fitter, fit, (name,), None, 1.0)
     noise = pooled(astray.errors)[1]
     assert astray.error_held_out > 5 * noise
 
-    found = begun_anew(astray, BELIEVED, known, noise, lambda line: None)
+    found = refit_from_prior(astray, BELIEVED, known, noise, lambda line: None)
     assert found.error_held_out < 1.05 * noise
     assert found.fit.state.model.value(f"{name}.error") == pytest.approx(0.45, abs=0.005)
-    assert begun_anew(found, BELIEVED, known, found.error_held_out, pytest.fail) is found  # noise alone is left
+    assert refit_from_prior(found, BELIEVED, known, found.error_held_out, pytest.fail) is found  # noise alone is left
 
 
 @pytest.mark.parametrize(("names", "left", "verdict"), [
@@ -206,6 +207,6 @@ def test_a_weak_effect_that_is_certain_is_never_called_nothing(doubt, verdict):
 
 @pytest.mark.parametrize(("value", "bound"), [(5.5e8, False), (5.5e5, True)])
 def test_a_machine_at_the_bound_of_what_is_searched_is_noticed(value, bound):
-    free = [Free("tangential_coefficient", 1e7, (5.5e5, 5.5e11)), Free("edge_force.normal", 1e4, (0.0, 1e6))]
+    free = [FreeParameter("tangential_coefficient", 1e7, (5.5e5, 5.5e11)), FreeParameter("edge_force.normal", 1e4, (0.0, 1e6))]
     model = TRUE.with_values({"tangential_coefficient": value}).with_effect("edge_force", tangential=1e4, normal=0.0)
     assert at_a_bound(free, model) is bound

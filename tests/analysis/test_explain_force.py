@@ -12,7 +12,7 @@ from testbed.analysis.force.explain_force import as_json, explain, explanations_
 from testbed.analysis.force.latent_force import by_the_marks, missing_force
 from testbed.analysis.force.ranking import explained, rank
 from testbed.catalogue import read_effect
-from tests.analysis.test_latent_force import PLANT, cut_state
+from tests.analysis.test_latent_force import ENGINE, cut_state
 from tests.support.plain_cut import MARK, RELEASED, TRUE, free_decays, record
 
 WRONG = TRUE.with_values({"natural_frequency": 146.7, "damping_ratio": 0.0045})
@@ -21,7 +21,7 @@ WRONG = TRUE.with_values({"natural_frequency": 146.7, "damping_ratio": 0.0045})
 def decays(structure_law):
     """What a wrong model lacks in free decays from several displacements."""
     state = State(WRONG, 0.0, tuple(Nuisances(displacement=amplitude) for amplitude in RELEASED))
-    return missing_force(PLANT, free_decays(structure_law), state, {})
+    return missing_force(ENGINE, free_decays(structure_law), state, {})
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_a_record_that_a_fit_has_turned_from_its_marks_is_read_by_the_marks(cuts
     assert by_the_marks(cuts, astray) == state
     assert by_the_marks([replace(one, clock_error=None) for one in cuts], astray) is None  # no marks: any angle may be
     names = [[one.term.name for one in found.formula]
-             for found in (explain(missing_force(PLANT, cuts, astray, {})), explanations_from(PLANT, cuts, astray, {})[0])]
+             for found in (explain(missing_force(ENGINE, cuts, astray, {})), explanations_from(ENGINE, cuts, astray, {})[0])]
     assert names[0] != ["square_n"] and names[1] == ["square_n"]
 
 
@@ -104,7 +104,7 @@ def test_a_law_of_the_chip_is_read_off_cuts_and_written(cuts, tmp_path):
     records, law = cuts, CHIP_LAW
     bent = TRUE.with_values({"tangential_coefficient": 4.5e8, "normal_coefficient": 5.0e8, "damping_ratio": 0.0034})
     state = replace(cut_state(records, bent), angle=MARK - 0.03)
-    found = explain(missing_force(PLANT, records, state, {}))
+    found = explain(missing_force(ENGINE, records, state, {}))
     assert [one.term.name for one in found.formula] == ["square_n"]
     assert found.formula[0].value == pytest.approx(law, rel=0.05)
     assert found.state.angle == pytest.approx(MARK, abs=0.01)

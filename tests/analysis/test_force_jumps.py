@@ -11,8 +11,8 @@ from testbed.analysis.fit.force_jumps import BESIDE
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.add_effect import add_effect
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
 from testbed.engines import fast
 from testbed.workshop import RPM, Measurement, measured_cut
@@ -25,7 +25,7 @@ WHOLE = ((0.0, 0.0),) * 3
 NOISE = 0.05  # m/s^2
 FINER = 4  # fine samples in half a measured one
 HOW = Measurement(noise=NOISE, mark_angle=MARK_ANGLE, count=1e-6)
-FITTED = partial(model_fit, plant_of(catalogue()), catalogue=catalogue())
+FITTED = partial(model_fit, engine_of(catalogue()), catalogue=catalogue())
 
 
 def sensed(model, cut, sampling):
@@ -79,7 +79,7 @@ def test_what_the_jumps_show_bends_nothing(records, monkeypatch):
 
 @pytest.mark.long
 def test_the_jumps_are_where_the_model_with_the_effect_places_them(records):
-    found = add_effect(plant_of(catalogue()), records, BELIEVED, catalogue()["edge_force"], catalogue())
+    found = add_effect(engine_of(catalogue()), records, BELIEVED, catalogue()["edge_force"], catalogue())
     assert found.after < 1.03 * found.noise_floor < 0.5 * found.before
     assert found.parameters["edge_force.normal"].value == pytest.approx(EDGE["normal"], rel=1e-3)
 

@@ -6,8 +6,8 @@ from scipy import signal
 from testbed.analysis.fit.force_window import windowed
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.files.campaign import Record
 from testbed.machine import Model, Structure
 from testbed.recording import Recording
@@ -59,6 +59,6 @@ def test_modal_mass_from_a_noisy_hammer_and_a_drifting_response() -> None:
         records.append(Record(f"tap_{seed}", "excited", recording))
     believed = Model(Structure(0.92, 326.0, 0.011))
     known = catalogue()
-    _, fit = model_fit(plant_of(known), [observe(one, believed) for one in records], believed, known)
+    _, fit = model_fit(engine_of(known), [observe(one, believed) for one in records], believed, known)
     assert abs(fit.state.model.structure.mass / MASS - 1.0) < 2e-3
     assert all(square < 1.05 for square in fit.mean_squares)

@@ -7,15 +7,15 @@ import pytest
 
 from testbed.analysis.fit.held_out import NOTABLE, SUSPECT, pooled
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.search.begun_anew import from_believed
 from testbed.analysis.search.diagnosis import verdict_of
+from testbed.analysis.search.refit_from_prior import from_believed
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_record
 
 KNOWN = catalogue()
-PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
+ENGINE = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
                         predict_driven=partial(predict.predict_driven, catalogue=KNOWN))
 LAW = "cubic_stiffness"
 
@@ -35,7 +35,7 @@ def observed():
 
 
 def fitted(observed, *names):
-    return from_believed(PLANT, observed, BELIEVED, names, KNOWN)
+    return from_believed(ENGINE, observed, BELIEVED, names, KNOWN)
 
 
 @pytest.mark.long

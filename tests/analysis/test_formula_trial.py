@@ -8,8 +8,8 @@ from testbed.analysis.fit.effect_start import effect_parameters
 from testbed.analysis.force.explain_force import explanations
 from testbed.analysis.force.formula_trial import Jury, _Trial
 from testbed.analysis.force.trial_law import NAME, trial_law
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from tests.analysis.test_explain_force import WRONG, decays
 
 STRENGTH = 4e20
@@ -29,7 +29,7 @@ def test_what_a_wrong_formula_has_led_nearer_to_the_truth_shows_the_right_one(mi
     assert names(told[0]) == ["stiffness_5"] and len(told) > 1
     wrong = next(one for one in told if names(one) == ["stiffness_3"])
     said = []
-    jury = Jury(plant_of, WRONG, catalogue(), said.append)
+    jury = Jury(engine_of, WRONG, catalogue(), said.append)
     best = jury.likeliest([wrong])
     assert names(best) == ["stiffness_5"]
     assert best.formula[0].value == pytest.approx(STRENGTH, rel=0.05)
@@ -43,7 +43,7 @@ def test_a_term_that_the_fit_does_not_need_is_left_out(missing, monkeypatch):
     left = {1: 1.0, 2: 1.0}  # by the number of terms: what their fits leave
     monkeypatch.setattr(Jury, "_trial", lambda self, one: _Trial(one, 0.0, left[len(one.formula)], right.state))
     monkeypatch.setattr(Jury, "_from", lambda self, trial: [both, right])
-    jury = Jury(plant_of, WRONG, {})
+    jury = Jury(engine_of, WRONG, {})
     assert names(jury.likeliest([both])) == ["stiffness_5"]
     left[1] = 2.0
     assert len(names(jury.likeliest([both]))) == 2  # the shorter one leaves more than noise
@@ -51,9 +51,9 @@ def test_a_term_that_the_fit_does_not_need_is_left_out(missing, monkeypatch):
 
 def test_without_a_formula_nothing_is_fitted():
     with pytest.raises(ValueError, match="no explanation"):
-        Jury(plant_of, WRONG, {}).likeliest([])
+        Jury(engine_of, WRONG, {}).likeliest([])
     nothing = explanations(decays(lambda x, v: 0.0))
-    assert Jury(plant_of, WRONG, {}).likeliest(nothing) is nothing[0]
+    assert Jury(engine_of, WRONG, {}).likeliest(nothing) is nothing[0]
 
 
 def test_formulas_on_trial_share_one_engine_and_free_their_own_terms_alone(missing, tmp_path):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from testbed.analysis.fit import scale_profile
+from testbed.analysis.fit.basin_hopping import basin_hopping
 from testbed.analysis.fit.effect_start import effect_parameters, far_step
 from testbed.analysis.fit.estimates import estimates
 from testbed.analysis.fit.fine_steps import fine, finely, has_kinks, times_finer
@@ -16,13 +17,13 @@ from testbed.analysis.fit.held_out import RecordError, pooled_doubt
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.pass_search import begun_otherwise
-from testbed.analysis.fit.scale_hops import hopped
 from testbed.analysis.fit.scale_profile import ALIKE, SAME, along_scales
 from testbed.analysis.fit.starts import base_fit, rested
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.search.begun_anew import begun_anew
+from testbed.analysis.search.candidate import Tried
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.diagnosis import Candidate, verdict_of
+from testbed.analysis.search.diagnosis import verdict_of
+from testbed.analysis.search.refit_from_prior import refit_from_prior
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
 from testbed.engines import fast, predict
@@ -30,7 +31,7 @@ from testbed.workshop import RPM
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign
 
-PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+ENGINE = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 RUBBING = TRUE.with_effect("dry_friction", force=1.0, presliding_displacement=2e-7)
 
 
@@ -40,9 +41,9 @@ def rubbing():
     simulate = partial(fast.simulate, steps=400)
     records = synthetic_campaign(simulate, RUBBING, seed=2, noise=5e-7, tests=((3500, 0.8), (2600, 1.5)))
     observed = [observe(record, BELIEVED) for record in records]
-    fitter, fit = base_fit(PLANT, observed, RUBBING, free=[])
+    fitter, fit = base_fit(ENGINE, observed, RUBBING, free=[])
     free = [*free_parameters(observed, RUBBING), *effect_parameters(catalogue()["dry_friction"], observed)]
-    wider = Fitter(PLANT, observed, free)
+    wider = Fitter(ENGINE, observed, free)
     return wider, wider.fit(fit.state, iterations=15)
 
 
@@ -51,7 +52,7 @@ def test_finer_steps_predict_a_law_with_a_kink_closer():
     sampling = Sampling(12800.0, 12000)
     true = fast.simulate(RUBBING, cut, sampling, steps=3200).channels["displacement"]
     coarse, finer, finest = (one.predict_cuts([RUBBING], [cut], [sampling], ("displacement",))[0, 0]
-                             for one in (PLANT, fine(PLANT, 2), fine(PLANT)))
+                             for one in (ENGINE, fine(ENGINE, 2), fine(ENGINE)))
     assert np.std(finest - true) < 0.15 * np.std(coarse - true)
     assert np.std(finer - true) < 0.4 * np.std(coarse - true)
 
@@ -69,7 +70,12 @@ def test_from_far_only_a_law_with_a_kink_is_given_up_before_its_last_step(rubbin
     fitter, fit = rubbing
     goals = []
     descend = Fitter.descend
-    monkeypatch.setattr(Fitter, "descend", lambda *given, **more: goals.append(more.get("goal")) or descend(*given, **more))
+
+    def noted(*given, **more):
+        goals.append(more.get("cost_limit"))
+        return descend(*given, **more)
+
+    monkeypatch.setattr(Fitter, "descend", noted)
     for name in ("sensor_lag", "quadratic_damping"):
         far_step(fitter, catalogue()[name], fit, 0.1)
     assert goals == [None, 0.1]
@@ -93,11 +99,11 @@ def test_a_cut_bent_by_what_the_base_model_lacked_is_looked_for_anew_from_what_i
     assert bent.cost > 1.01 * right.cost  # on its way back, and slow
     named = candidate_of(fitter, bent, ("dry_friction",), None, 1.0)
     said = []
-    found = begun_anew(named, BELIEVED, catalogue(), named.error_held_out / 1.2, said.append)
+    found = refit_from_prior(named, BELIEVED, catalogue(), named.error_held_out / 1.2, said.append)
     assert found.fit.cost < 1.02 * right.cost and found.fit.state.angle == pytest.approx(right.state.angle, abs=2e-3)
     assert said == ["fitting dry_friction anew with the cutting coefficients as believed"]
     clean = candidate_of(fitter, right, ("dry_friction",), None, 1.0)
-    assert begun_anew(clean, BELIEVED, catalogue(), clean.error_held_out, pytest.fail) is clean
+    assert refit_from_prior(clean, BELIEVED, catalogue(), clean.error_held_out, pytest.fail) is clean
 
 
 def test_a_scale_that_other_values_explain_as_well_has_an_interval_that_holds_them(rubbing, monkeypatch):
@@ -140,7 +146,7 @@ def test_in_another_valley_the_exits_are_looked_for_anew(rubbing):
     model = fit.state.model.with_values({"dry_friction.presliding_displacement": 8e-7})
     astray = fitter.fit(replace(fit.state, model=model, nuisances=early), iterations=8)
     assert astray.cost > 1.5 * fit.cost
-    found = hopped(fitter, [catalogue()["dry_friction"]], astray)
+    found = basin_hopping(fitter, [catalogue()["dry_friction"]], astray)
     assert [one.exit for one in found.state.nuisances] == true
     assert found.cost < 1.05 * fit.cost
 
@@ -149,7 +155,7 @@ def test_a_model_with_friction_is_fitted_from_far_as_well_as_from_the_truth(rubb
     """From a friction a third of the true one that breaks away four times as late: no descent from there finds the scale."""
     fitter, fit = rubbing
     believed = BELIEVED.with_effect("dry_friction", force=0.3, presliding_displacement=8e-7)
-    _, found = model_fit(PLANT, fitter.records, believed, catalogue())
+    _, found = model_fit(ENGINE, fitter.records, believed, catalogue())
     assert found.cost < 1.02 * fit.cost
     assert found.state.model.value("dry_friction.force") == pytest.approx(1.0, rel=0.02)
 
@@ -192,7 +198,7 @@ def _error(doubt):
 
 @pytest.mark.parametrize(("doubt", "verdict"), [(0.0, "unexplained"), (0.02, "adequate")])
 def test_a_noise_floor_of_few_samples_widens_the_verdict(doubt, verdict):
-    base = Candidate((), {}, 0.107, 0.107, 0.0, True, errors=(_error(doubt),))
+    base = Tried((), {}, 0.107, 0.107, 0.0, True, errors=(_error(doubt),))
     assert verdict_of(base, base, [base], (), 0.1, ()).verdict == verdict
 
 

@@ -40,7 +40,7 @@ def predict_driven(models, states, force, rate, channels):
     return np.stack(rows)
 
 
-PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict_driven)
+ENGINE = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict_driven)
 
 
 def excited(data, force, name="one"):
@@ -83,7 +83,7 @@ def test_a_known_missing_force_is_recovered_within_its_deviation():
     missing = 20.0 * np.sin(2 * np.pi * 90.0 * time) * np.exp(-(((time - 0.25) / 0.08) ** 2))
     x, _ = linear(STRUCTURE, drive + missing, (0.0, 0.0))
     one = excited(x + NOISE * random.standard_normal(len(x)), drive)
-    found = missing_force(PLANT, [one], State(STRUCTURE, 0.0, (Nuisances(),)), {}).records[0]
+    found = missing_force(ENGINE, [one], State(STRUCTURE, 0.0, (Nuisances(),)), {}).records[0]
     inner = slice(100, -100)
     error = (found.force - missing)[inner]
     assert np.std(error) < 0.15 * np.std(missing[inner])
@@ -96,7 +96,7 @@ def test_a_complete_model_leaves_no_force():
     drive = 20.0 * random.standard_normal(4000)
     x, _ = linear(STRUCTURE, drive, (0.0, 0.0))
     one = excited(x + NOISE * random.standard_normal(len(x)), drive)
-    found = missing_force(PLANT, [one], State(STRUCTURE, 0.0, (Nuisances(),)), {}).records[0]
+    found = missing_force(ENGINE, [one], State(STRUCTURE, 0.0, (Nuisances(),)), {}).records[0]
     assert np.std(found.force) < 0.05 * np.std(drive)
     assert np.abs(found.force).max() < 6.0 * found.deviation.max()
 
@@ -124,7 +124,7 @@ def square_law():
         for seed, rpm in enumerate((3500.0, 4200.0))
     ]
     records = [observe(one, TRUE) for one in made]
-    return law, missing_force(PLANT, records, cut_state(records), {})
+    return law, missing_force(ENGINE, records, cut_state(records), {})
 
 
 def test_the_force_in_the_cut_is_that_of_the_hidden_law(square_law):
@@ -146,7 +146,7 @@ def test_a_wrong_base_model_is_taken_off_exactly(square_law):
     """The same records under a wrong model, then told the right one: the same force as with the right one at once."""
     _, right = square_law
     values = {"natural_frequency": 147.0, "damping_ratio": 0.005, "tangential_coefficient": 6.2e8}
-    wrong = missing_force(PLANT, right.observed, cut_state(right.observed, TRUE.with_values(values)), {})
+    wrong = missing_force(ENGINE, right.observed, cut_state(right.observed, TRUE.with_values(values)), {})
     told = with_force(wrong, cut_state(right.observed))
     for one, other, bad in zip(told.records, right.records, wrong.records, strict=True):
         inside = (other.time > 0.2) & (other.time < 0.5)
@@ -182,8 +182,8 @@ def test_a_prediction_that_diverged_does_no_harm():
 
     x, _ = linear(STRUCTURE, np.zeros(3000), (1e-4, 0.0))
     one = replace(excited(x, np.zeros(3000)), kind="ring-down")
-    plant = SimpleNamespace(predict_driven=diverged)
-    found = missing_force(plant, [one], State(STRUCTURE, 0.0, (Nuisances(),)), {}).records[0]
+    engine = SimpleNamespace(predict_driven=diverged)
+    found = missing_force(engine, [one], State(STRUCTURE, 0.0, (Nuisances(),)), {}).records[0]
     assert np.isfinite(found.force).all() and np.abs(found.displacement - x).max() < 1e-5
 
 

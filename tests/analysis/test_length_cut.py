@@ -11,14 +11,14 @@ from testbed.analysis.fit.estimates import estimates
 from testbed.analysis.fit.length_cut import asks_length, carried_on, length_note, moved_by_lengths
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.information import Z_95
-from testbed.analysis.search.begun_anew import from_believed
+from testbed.analysis.search.refit_from_prior import from_believed
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import begun_later, synthetic_record
 
 KNOWN = catalogue()
-PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
+ENGINE = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
                         predict_driven=partial(predict.predict_driven, catalogue=KNOWN))
 RATE = 20.0  # 1/m
 CUTS = ((3500, 0.8), (2850, 2.9), (3900, 2.2))
@@ -43,7 +43,7 @@ def campaign(one_tool, early_exit=0.0):
 @pytest.mark.parametrize("one_tool", [True, False])
 def test_the_rate_of_wear_is_found_whether_or_not_the_tool_was_changed(one_tool):
     records = campaign(one_tool)
-    found = from_believed(PLANT, records, BELIEVED, ["tool_wear"], KNOWN)
+    found = from_believed(ENGINE, records, BELIEVED, ["tool_wear"], KNOWN)
     assert found.parameters["tool_wear.rate"] == pytest.approx(RATE, rel=0.03)
     assert bool(length_note(records, found.fitter.records)) is one_tool
     lengths = [record.cut.length_cut_before for record in found.fitter.records]
@@ -51,7 +51,7 @@ def test_the_rate_of_wear_is_found_whether_or_not_the_tool_was_changed(one_tool)
 
 
 def test_a_cut_that_ends_within_an_arc_is_as_long_as_that_says():
-    found = from_believed(PLANT, campaign(True, early_exit=0.93), BELIEVED, ["tool_wear"], KNOWN)
+    found = from_believed(ENGINE, campaign(True, early_exit=0.93), BELIEVED, ["tool_wear"], KNOWN)
     records, own = found.fitter.records, found.fit.state.nuisances
     assert [one.early_exit for one in own] == pytest.approx([0.93] * len(CUTS), abs=0.01)
     idle = 1.0 - found.fit.state.share_in_arc(records[0])
@@ -62,7 +62,7 @@ def test_a_cut_that_ends_within_an_arc_is_as_long_as_that_says():
 
 def test_what_no_record_shows_of_the_lengths_widens_the_interval_by_what_it_moves():
     """Against fits with cuts longer by that, all alike or each alone: where one ends between two teeth shows nowhere."""
-    found = from_believed(PLANT, campaign(True), BELIEVED, ["tool_wear"], KNOWN)
+    found = from_believed(ENGINE, campaign(True), BELIEVED, ["tool_wear"], KNOWN)
     fitter, fit = found.fitter, found.fit
     place = fit.names.index("tool_wear.rate")
     unseen = (1.0 - fit.state.share_in_arc(fitter.records[0])) * (2.0 / 12.0) ** 0.5 * FEED
@@ -94,7 +94,7 @@ def test_what_was_cut_before_a_record_that_begins_in_the_cut_is_its_own_unknown(
     (rpm, depth), worn = CUTS[-1], TRUE.with_effect("tool_wear", rate=RATE)
     last = synthetic_record(simulate, worn, rpm, depth * 1e-3, 42, course=(8, PASSES, 12))
     records = [*campaign(False)[:2], observe(begun_later(last, 20), BELIEVED)]
-    found = from_believed(PLANT, records, BELIEVED, ["tool_wear"], KNOWN)
+    found = from_believed(ENGINE, records, BELIEVED, ["tool_wear"], KNOWN)
     own = found.fit.state.nuisances
     assert [record.begins_cutting(one) for record, one in zip(records, own, strict=True)] == [False, False, True]
     assert [one.length == 0.0 for one in own] == [True, True, False]

@@ -7,11 +7,11 @@ import pytest
 
 from testbed.analysis.fit import waveform
 from testbed.analysis.fit.effect_start import extended
+from testbed.analysis.fit.fractional_passes import with_parts_of_passes
 from testbed.analysis.fit.model_fit import model_fit
-from testbed.analysis.fit.parts_of_passes import with_parts_of_passes
-from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.api.fitting import engine_of, read_both
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of, read_both
 from tests.validation.outside.files import write
 from tests.validation.outside.plan import draw
 
@@ -31,7 +31,7 @@ def fit_of(seed, folder, known=False, guessed=()):
         model = model.with_effect(name, **values)
     for name in guessed:
         model = model.with_effect(name, **KNOWN[name].example())
-    return plan, *model_fit(plant_of(KNOWN), records, model, KNOWN)
+    return plan, *model_fit(engine_of(KNOWN), records, model, KNOWN)
 
 
 def within(fit, true, sigmas):
@@ -58,8 +58,8 @@ def test_parts_of_passes_that_made_up_for_an_effect_are_given_up_with_it(tmp_pat
     state = replace(fit.state, model=fit.state.model.with_effect("immersion_error", error=0.01))
     with monkeypatch.context() as held:
         held.setattr(waveform, "EDGE", 0.0)
-        assert polish(wider, state).mean_squares.max() > 1.1
-    found = with_parts_of_passes(wider, polish(wider, state))
+        assert alternate_fit_and_passes(wider, state).mean_squares.max() > 1.1
+    found = with_parts_of_passes(wider, alternate_fit_and_passes(wider, state))
     assert found.mean_squares.max() < 1.06
     assert within(found, {"immersion_error.error": plan.hidden["immersion_error"]["error"],
                           "tangential_coefficient": plan.base.kt, "normal_coefficient": plan.base.kn}, 4.0)  # fmt: skip

@@ -2,7 +2,7 @@
 
 import pytest
 
-from testbed.analysis.search.diagnosis import Candidate
+from testbed.analysis.search.candidate import Tried
 from testbed.analysis.search.mains import hum_of
 from testbed.catalogue import catalogue
 
@@ -10,7 +10,7 @@ KNOWN = catalogue()
 
 
 def candidate(name, error, frequency=0.0):
-    return Candidate((name,), {f"{name}.frequency": frequency}, error, error, 500.0, True)
+    return Tried((name,), {f"{name}.frequency": frequency}, error, error, 500.0, True)
 
 
 @pytest.mark.parametrize(("name", "frequency", "error", "hums"), [

@@ -10,15 +10,15 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.starts import base_fit
 from testbed.analysis.search.diagnose import diagnose
 from testbed.analysis.search.misstated import misstated
-from testbed.analysis.search.unheard import agreed
+from testbed.analysis.search.outlier_records import agreed
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_record
 
 KNOWN = catalogue()
-PLANT = plant_of(KNOWN)
+ENGINE = engine_of(KNOWN)
 TESTS = ((3500, 0.8), (2850, 2.9), (3900, 2.2), (2700, 1.5))
 WRONG = 3
 
@@ -43,7 +43,7 @@ def campaign(condition=None, factor=1.0, true=TRUE):
 @pytest.mark.long
 def test_the_wrong_condition_and_its_value_are_told(condition, factor, told):
     records = campaign(condition, factor)
-    found = diagnose(PLANT, records, BELIEVED, KNOWN)
+    found = diagnose(ENGINE, records, BELIEVED, KNOWN)
     assert found.verdict == "unexplained" and found.effects == ()
     assert told in found.sentence and found.sentence.count(records[WRONG].name) == 2
     for name in ("tangential_coefficient", "damping_ratio"):
@@ -65,12 +65,12 @@ def test_one_factor_of_all_depths_is_the_coefficients_and_the_depth_of_one_recor
 
 
 def test_a_record_of_other_physics_is_not_said_to_be_written_down_wrong():
-    fitter, fit = agreed(*base_fit(PLANT, campaign(true=TRUE.with_values({"damping_ratio": 0.02})), BELIEVED))
-    assert [record.heard for record in fitter.records] == [True, True, True, False]
+    fitter, fit = agreed(*base_fit(ENGINE, campaign(true=TRUE.with_values({"damping_ratio": 0.02})), BELIEVED))
+    assert [record.in_fit for record in fitter.records] == [True, True, True, False]
     assert misstated(fitter, fit.state, WRONG) is None
 
 
 def test_a_record_as_it_was_written_down_is_left_alone():
-    fitter, fit = base_fit(PLANT, campaign(), BELIEVED)
+    fitter, fit = base_fit(ENGINE, campaign(), BELIEVED)
     assert np.all(fit.mean_squares < 1.15)
     assert misstated(fitter, fit.state, WRONG) is None

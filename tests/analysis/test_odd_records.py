@@ -10,7 +10,7 @@ import pytest
 
 from testbed.analysis.comparison.adequacy import adequacy_tests, controlled
 from testbed.analysis.fit.drift import drift_basis
-from testbed.analysis.fit.fit_state import Free, State
+from testbed.analysis.fit.fit_state import FreeParameter, State
 from testbed.analysis.fit.held_out import RecordError, pooled, pooled_doubt
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observe import observe
@@ -29,13 +29,13 @@ from tests.support.campaign_files import BELIEVED
 from tests.support.synthetic_campaign import synthetic_campaign
 
 TRUE = Model(Structure(2.573, 146.42, 0.0032), Cutter(), Cutting())
-PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
+ENGINE = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
                         predict_driven=partial(predict.predict_driven, catalogue=catalogue()))
 RATE = 12800.0
 
 
 def ring_down(model, channel, noise, *, seed=0, displacement=60e-6, samples=3000):
-    clean = PLANT.predict_driven([model], [(displacement, 0.0)], np.zeros(samples), RATE, (channel,))[0, 0]
+    clean = ENGINE.predict_driven([model], [(displacement, 0.0)], np.zeros(samples), RATE, (channel,))[0, 0]
     measured = clean + noise * np.random.default_rng(seed).standard_normal(samples)
     return Record(f"{channel}_{seed}", "ring-down", Recording({channel: measured}, RATE, {channel: CHANNEL_UNITS[channel]},
                                                               "measured"), {})
@@ -45,7 +45,7 @@ def ring_down(model, channel, noise, *, seed=0, displacement=60e-6, samples=3000
 def test_whatever_measures_the_motion_a_nonlinear_decay_is_fitted_down_to_its_noise(channel, noise):
     model = TRUE.with_effect("cubic_stiffness", coefficient=4e13)
     record = observe(ring_down(model, channel, noise), model)
-    fit = Fitter(PLANT, [record], []).fit(State(model, 0.0, (Nuisances(displacement=58e-6, velocity=1e-4),)), iterations=25)
+    fit = Fitter(ENGINE, [record], []).fit(State(model, 0.0, (Nuisances(displacement=58e-6, velocity=1e-4),)), iterations=25)
     assert fit.converged
     assert math.sqrt(fit.variance) == pytest.approx(1.0, abs=0.05)
 
@@ -66,7 +66,7 @@ def test_a_free_decay_is_predicted_from_where_nothing_pushes_any_more(channel, n
     period, count = 1.0 / TRUE.structure.natural_frequency, 6000
     blow = (np.arange(count) / RATE - 0.1) / (lasts * period)
     force = np.where((blow > 0) & (blow < 1), 400 * np.sin(math.pi * blow), 0.0)
-    values = PLANT.predict_driven([TRUE], [(0.0, 0.0)], force, RATE, (channel,))[0, 0]
+    values = ENGINE.predict_driven([TRUE], [(0.0, 0.0)], force, RATE, (channel,))[0, 0]
     values += noise * np.random.default_rng(2).standard_normal(count)
     recording = Recording({channel: values}, RATE, {channel: CHANNEL_UNITS[channel]}, "measured")
     record = observe(Record("tap", "ring-down", recording, {}), TRUE)
@@ -90,7 +90,7 @@ def test_records_sampled_too_slowly_for_the_structure_can_tell_nothing():
     record = ring_down(TRUE.with_effect("cubic_stiffness", coefficient=4e13), "displacement", 5e-7)
     aliased = replace(record.recording, channels={"displacement": record.recording.channels["displacement"][::50]},
                       sampling_rate=RATE / 50)
-    found = diagnose(PLANT, [observe(replace(record, recording=aliased), TRUE)], TRUE, catalogue())
+    found = diagnose(ENGINE, [observe(replace(record, recording=aliased), TRUE)], TRUE, catalogue())
     assert (found.verdict, found.effects) == ("undecided", ()) and "less than twice in a period" in found.sentence
 
 
@@ -134,7 +134,7 @@ def test_with_many_pulses_a_revolution_any_of_them_may_be_the_mark():
         shift = number % 2 * np.pi / record.conditions["spindle_speed"]
         recording = replace(record.recording, marks=record.recording.marks + shift, pulses_per_revolution=2)
         records.append(observe(replace(record, recording=recording), BELIEVED))
-    _, fit = base_fit(PLANT, records, BELIEVED)
+    _, fit = base_fit(ENGINE, records, BELIEVED)
     assert math.sqrt(fit.variance) == pytest.approx(1.0, abs=0.04)
     assert fit.state.model.cutting.tangential_coefficient == pytest.approx(TRUE.cutting.tangential_coefficient, rel=0.03)
 
@@ -147,7 +147,7 @@ def test_a_record_that_idles_amid_loud_ambient_vibration_is_not_taken_to_start_i
     observed = [observe(record, BELIEVED) for record in records]
     early = [record.starts_in_cut for record in observed]
     assert any(early) and not all(early)
-    _, fit = base_fit(PLANT, observed, BELIEVED)
+    _, fit = base_fit(ENGINE, observed, BELIEVED)
     entries = [nuisances.entry for nuisances in fit.state.nuisances]
     assert max(entries) - min(entries) <= 1
 
@@ -155,7 +155,7 @@ def test_a_record_that_idles_amid_loud_ambient_vibration_is_not_taken_to_start_i
 @pytest.mark.parametrize(("believed", "begun", "told"), [(0.0, 0.1, 0.2), (0.0, 0.4, 0.1), (0.5, -0.3, -0.4), (-0.5, 0.4, 0.1)])
 def test_of_a_helix_the_size_of_the_whole_angle_counts_and_is_told_with_the_believed_sign(believed, begun, told):
     model = replace(TRUE, cutter=Cutter(helix_angle=believed)).with_effect("helix", angle=begun)
-    fitter = Fitter(PLANT, [], [Free("helix.angle", 0.1, (-0.8, 0.8))])
+    fitter = Fitter(ENGINE, [], [FreeParameter("helix.angle", 0.1, (-0.8, 0.8))])
     moved = fitter.moved(State(model, 0.0, ()), np.array([-3.0])).model.value("helix.angle")
     assert moved == pytest.approx(told) and (believed + moved) * (believed or 1.0) >= 0.0
     assert abs(believed + moved) == pytest.approx(abs(believed + begun - 0.3))

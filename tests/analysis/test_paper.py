@@ -53,8 +53,8 @@ def test_the_page_shows_every_statement_and_picture(made):
         for one in part["statements"]:
             assert one["claim"].split("<")[0][:40] in page
     sources = re.findall(r'src="([^"]+)"', page)
-    assert sources == ["fig1.png", "fig6.png"]
-    for name in (*sources, *(source.replace(".png", ".svg") for source in sources)):
+    assert sources == ["fig1.svg", "fig6.svg"]
+    for name in (*sources, *(source.replace(".svg", ".png") for source in sources)):
         assert (folder / name).stat().st_size > 5000
     assert "width=device-width" in page and "A quick look" in page and "inferred" in page
 

@@ -7,14 +7,14 @@ from functools import partial
 import numpy as np
 import pytest
 
+from testbed.analysis.fit.fractional_passes import with_parts_of_passes
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.nuisances import Nuisances, nearly_whole
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.own_course import own_course
 from testbed.analysis.fit.part_search import FINE, PARTS, VALLEYS, _parts, _placed, best_ends, reachable
-from testbed.analysis.fit.parts_of_passes import with_parts_of_passes
+from testbed.analysis.fit.record_restart import own_course
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.cut import Cut, Sampling, whole_cut_sampling
 from testbed.engines import fast, mujoco_engine
 from tests.effects.direct import KN, KT, MODEL, WINDOW, cut, error, integrate
@@ -71,7 +71,7 @@ def observed():
 
 
 TRUE = MODEL
-FITTED = partial(model_fit, plant_of(catalogue()), model=BELIEVED, catalogue=catalogue())
+FITTED = partial(model_fit, engine_of(catalogue()), model=BELIEVED, catalogue=catalogue())
 
 
 def test_a_campaign_of_such_cuts_is_fitted_down_to_its_noise(observed, monkeypatch):
@@ -123,7 +123,7 @@ def test_a_helix_makes_the_arc_longer_in_which_a_cut_may_begin():
 
         records.append(synthetic_record(simulate, wound, rpm, depth * 1e-3, 70 + number, course=(10, 40, 20)))
     believed = replace(BELIEVED, cutter=wound.cutter)
-    fitter, fit = model_fit(plant_of(catalogue()), [observe(record, believed) for record in records], believed, catalogue())
+    fitter, fit = model_fit(engine_of(catalogue()), [observe(record, believed) for record in records], believed, catalogue())
     assert 0.162 < 0.175 < fit.state.share_in_arc(fitter.records[1]) < 0.2
     assert fit.mean_squares.max() < 1.05
     assert [own.late_entry for own in fit.state.nuisances] == pytest.approx([0.0, 0.175, 0.0], abs=0.004)
@@ -188,7 +188,7 @@ def test_a_course_that_is_lost_is_found_again_with_its_ends_within_arcs(observed
         assert fitter.cost(fit.state.with_record(index, found(index)), [index]) < 1.05 * fitter.cost(fit.state, [index])
         assert found(index).late_entry == pytest.approx(late, abs=0.01)
         assert found(index).early_exit == pytest.approx(early, abs=0.01) or early == 0.0
-    monkeypatch.setattr("testbed.analysis.fit.own_course.MISFIT", math.inf)
+    monkeypatch.setattr("testbed.analysis.fit.record_restart.MISFIT", math.inf)
     assert fitter.cost(fit.state.with_record(1, found(1)), [1]) > 2.0 * fitter.cost(fit.state, [1])
 
 
@@ -206,7 +206,7 @@ def test_a_last_tooth_that_lacks_a_little_of_its_full_chip_is_seen_beside_the_wh
     own = fit.state.nuisances[1]
     whole = fitter.fit(fit.state.with_record(1, own.with_fields(early_exit=0.0)))
     assert whole.cost > fit.cost + 100.0
-    monkeypatch.setattr("testbed.analysis.fit.parts_of_passes._bold", lambda fitter, fit: None)
+    monkeypatch.setattr("testbed.analysis.fit.fractional_passes._bold", lambda fitter, fit: None)
     again = with_parts_of_passes(fitter, whole)
     assert again.cost < fit.cost + 1.0
     assert again.state.nuisances[1].early_exit == pytest.approx(0.84, abs=1e-3)

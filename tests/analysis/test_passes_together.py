@@ -16,14 +16,14 @@ from testbed.engines import fast, predict
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign
 
-PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+ENGINE = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 STABLE = ((3500, 0.8), (2600, 1.5), (3900, 2.2))
 
 
 @pytest.fixture(scope="module")
 def fitted():
     records = synthetic_campaign(partial(fast.simulate, steps=37), TRUE, seed=4, tests=STABLE)
-    return base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
+    return base_fit(ENGINE, [observe(record, BELIEVED) for record in records], BELIEVED)
 
 
 def _moved(fitter, fit, field, by):
@@ -71,7 +71,7 @@ def quiet(request):
                                  tests=((3500, 1.5), (3900, 2.2), (2600, 0.15)))
     if not request.param:
         records = [replace(one, recording=replace(one.recording, marks=np.empty(0))) for one in records]
-    return base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
+    return base_fit(ENGINE, [observe(record, BELIEVED) for record in records], BELIEVED)
 
 
 def _begun_wrong(fitter, fit, **changes):
@@ -130,7 +130,7 @@ def test_a_record_from_within_the_cut_still_starts_there_though_its_exit_was_put
         marks = recording.marks[recording.marks > later / recording.sampling_rate] - later / recording.sampling_rate
         channels = {name: values[later:] for name, values in recording.channels.items()}
         records.append(replace(record, recording=replace(recording, channels=channels, marks=marks)))
-    fitter, fit = base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
+    fitter, fit = base_fit(ENGINE, [observe(record, BELIEVED) for record in records], BELIEVED)
     assert all(record.starts_in_cut for record in fitter.records)
     wrong = _begun_wrong(fitter, fit, exit=fit.state.nuisances[2].exit + 1)
     found, _ = cut_elsewhere(fitter, wrong)

@@ -11,13 +11,13 @@ import pytest
 from testbed.analysis.fit.first_state import begun_as_seen
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.held_guesses import with_guesses_held
+from testbed.analysis.fit.identifiable import identifiable_parameters
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.modes_start import modes_start
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import from_first_tooth, predict
-from testbed.analysis.fit.told import what_is_told
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.linear.planar_multipliers import cut_multipliers
 from testbed.catalogue import catalogue
@@ -34,7 +34,7 @@ from tests.support.plane_road import Road
 from tests.support.shell import Shell
 
 KNOWN = catalogue()
-PLANT = SimpleNamespace(predict_cuts=engine.predict_cuts, predict_driven=engine.predict_driven)
+ENGINE = SimpleNamespace(predict_cuts=engine.predict_cuts, predict_driven=engine.predict_driven)
 TWO = Model(Structure.of((Mode(2.5, 146.6, 0.01, math.radians(12)), Mode(0.6, 310.0, 0.02, math.radians(100), "tool"))),
             Cutter(2, 20e-3), Cutting("down-milling", 0.2, 6e8, 2e8))
 FORCES = (("force_x", "workpiece"), ("force_y", "workpiece"))
@@ -82,11 +82,11 @@ def test_every_mode_of_a_free_decay_begins_with_a_state_of_its_own():
     states, time = ((3e-5, 0.01), (-2e-5, 0.03)), np.arange(400) / RATE
     record = bare(tuple(SHAPES), np.zeros((4, 400)), force=np.zeros(400))
     own = Nuisances(*states[0], states=(("modes[1].displacement", states[1][0]), ("modes[1].velocity", states[1][1])))
-    found = predict(PLANT, record, [(TWO, 0.0, own)])[0]
+    found = predict(ENGINE, record, [(TWO, 0.0, own)])[0]
     for row, channel in zip(found, SHAPES, strict=True):
         truth = decaying(TWO, states, time, channel)
         assert np.abs(row - truth).max() < 1e-9 * np.abs(truth).max()
-    names = Fitter(PLANT, [record], [])._own_steps(record, own)
+    names = Fitter(ENGINE, [record], []).own_steps(record, own)
     assert [name for step in names for name in step][-2:] == ["modes[1].displacement", "modes[1].velocity"]
     assert record.further_states == (("modes[1].displacement", "modes[1].velocity"),)
 
@@ -116,7 +116,7 @@ def test_frequencies_and_dampings_of_all_modes_begin_as_free_decays_show_them():
                           {"displacement_x": "m", "displacement_x_2": "m"}, "measured", on_tool=("displacement_x_2",))
     believed, record = replace(TWO, cutter=None, cutting=None).with_values(off), Record("tap", "ring-down", recording)
     begun = modes_start([observe(record, TWO)], believed)
-    fitter, fit = model_fit(PLANT, [observe(record, believed)], believed, KNOWN)
+    fitter, fit = model_fit(ENGINE, [observe(record, believed)], believed, KNOWN)
     assert [one.path for one in fitter.free] == [f"modes[{place}].{name}" for place in (0, 1)
                                                  for name in ("natural_frequency", "damping_ratio")]
     for found in (begun, fit.state.model):  # x alone tells no direction, and no mass
@@ -135,7 +135,7 @@ def test_a_measured_force_drives_the_part_it_acts_on_along_its_axis(on, place):
     record = observe(Record("driven", "excited", recording), TWO)
     assert record.pushed == (on, (0.0, 1.0))
     record = replace(record, force=force)
-    found = predict(PLANT, record, [(TWO, 0.0, Nuisances())])[0, 0]
+    found = predict(ENGINE, record, [(TWO, 0.0, Nuisances())])[0, 0]
     mass, own, zeta, shape = modes_of(TWO)[place]
     answer = shape[1] ** 2 / mass / (own**2 - omega**2 + 2j * zeta * own * omega)  # where it is pushed it moves with the force
     truth = (5.0 * answer * np.exp(1j * omega * time)).real
@@ -148,7 +148,7 @@ def test_what_the_channels_do_not_tell_is_named_and_what_would_tell_it():
     def told(places, model=TWO):
         records = planar_campaign(fast.simulate, model, tests, places, course=(5, 12, 6), rate=RATE)
         records = [observe(one, model) for one in records]
-        return what_is_told(PLANT, records, model, KNOWN)
+        return identifiable_parameters(ENGINE, records, model, KNOWN)
 
     motion = told((PLACES[0], PLACES[1], PLACES[2], PLACES[3]))
     (mass,) = motion.held
@@ -208,7 +208,7 @@ def test_an_interval_holds_what_a_wrong_belief_that_is_held_makes_of_it():
     tests = ((3800, 0.04e-3), (4500, 0.04e-3))
     records = planar_campaign(fast.simulate, model, tests, PLACES[:2], course=(5, 15, 8), rate=RATE)
     observed = [observe(record, believed) for record in records]
-    held = with_guesses_held(*model_fit(PLANT, observed, believed, KNOWN), believed, KNOWN)
+    held = with_guesses_held(*model_fit(ENGINE, observed, believed, KNOWN), believed, KNOWN)
     both = ("tangential_coefficient", "normal_coefficient")
     (other,) = [path for path in both if not held.values[path].determined]
     (told,) = [path for path in both if path != other]
@@ -227,7 +227,7 @@ def test_of_unequal_teeth_any_may_cut_first():
     record = bare(("displacement", "displacement_y"), np.zeros((2, 300)), "cut", cut=Cut(speed, depth, feed), flutes=3,
                   period=2 * math.pi / speed, first_mark=0.0)
     own = Nuisances(entry=4, exit=30)
-    found = predict(PLANT, record, [(model, 0.0, own)])[0]
+    found = predict(ENGINE, record, [(model, 0.0, own)])[0]
     begun = (2 * math.pi + pitches[1]) / speed  # tooth 1, a turn after the mark
     road = Road(turned, speed, depth, feed, 8.0)
     time = np.arange(300) / RATE

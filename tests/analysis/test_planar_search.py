@@ -12,10 +12,10 @@ from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.effect_start import effect_parameters, origins_of
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.free_parameters import free_parameters
+from testbed.analysis.fit.identifiable import identifiable_parameters
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.structure_start import decay_start
-from testbed.analysis.fit.told import what_is_told
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.linear.planar_multipliers import cut_multipliers
 from testbed.analysis.search.answer import as_json
@@ -23,7 +23,7 @@ from testbed.analysis.search.candidate_round import candidate_of
 from testbed.analysis.search.common_factor import restatements
 from testbed.analysis.search.diagnose import diagnose
 from testbed.analysis.search.diagnosis import verdict_of
-from testbed.analysis.search.each_alone import differing
+from testbed.analysis.search.homogeneity_check import differing
 from testbed.analysis.search.judged import too_slow
 from testbed.analysis.search.modes_told import with_modes_told
 from testbed.analysis.search.next_test import next_test
@@ -36,7 +36,7 @@ from testbed.machine import Cutter, Cutting, Mode, Model, Structure
 from tests.support.planar_campaign import PLACES, planar_campaign
 
 KNOWN = catalogue()
-PLANT = SimpleNamespace(predict_cuts=engine.predict_cuts, predict_driven=engine.predict_driven)
+ENGINE = SimpleNamespace(predict_cuts=engine.predict_cuts, predict_driven=engine.predict_driven)
 TWO = Model(Structure.of((Mode(2.5, 146.6, 0.01, math.radians(12)), Mode(0.6, 310.0, 0.02, math.radians(100), "tool"))),
             Cutter(2, 20e-3), Cutting("down-milling", 0.2, 6e8, 2e8))
 UNEVEN = replace(TWO, cutter=Cutter(2, 20e-3, pitch_angles=(math.radians(172), math.radians(188))))
@@ -59,7 +59,7 @@ def observed():
 @pytest.fixture(scope="module")
 def base(observed):
     """The believed model as a candidate, not fitted."""
-    fitter = Fitter(PLANT, observed, what_is_told(PLANT, observed, BELIEVED, KNOWN, helps=False).free)
+    fitter = Fitter(ENGINE, observed, identifiable_parameters(ENGINE, observed, BELIEVED, KNOWN, helps=False).free)
     return candidate_of(fitter, fitter.fit(State(BELIEVED, 0.0, tuple(Nuisances(2, 20) for _ in observed)), iterations=1),
                         (), None, 1.0)
 
@@ -71,7 +71,7 @@ def test_free_decays_show_the_small_end_of_every_mode(observed):
 
 def test_candidates_start_from_the_small_end_with_what_is_held_held(observed, base):
     held = base.fitter.without("normal_coefficient")
-    _, anchored = origins_of(PLANT, BELIEVED, held, base.fit, anchored=True)
+    _, anchored = origins_of(ENGINE, BELIEVED, held, base.fit, anchored=True)
     ratio = BELIEVED.cutting.normal_coefficient / BELIEVED.cutting.tangential_coefficient
     scanned = anchored.scanned.model.cutting
     assert scanned.normal_coefficient / scanned.tangential_coefficient == pytest.approx(ratio)
@@ -147,10 +147,10 @@ def test_what_is_free_is_asked_without_asking_what_would_help():
         asked.append(tuple(channels))
         return engine.predict_cuts(models, cuts, samplings, channels, **more)
 
-    plant = SimpleNamespace(predict_cuts=predict_cuts, predict_driven=engine.predict_driven)
-    told = what_is_told(plant, alone, BELIEVED, KNOWN, helps=False)
+    counted = SimpleNamespace(predict_cuts=predict_cuts, predict_driven=engine.predict_driven)
+    told = identifiable_parameters(counted, alone, BELIEVED, KNOWN, helps=False)
     assert set(asked) == {("displacement",)}
-    assert told.held and told.free == what_is_told(PLANT, alone, BELIEVED, KNOWN).free
+    assert told.held and told.free == identifiable_parameters(ENGINE, alone, BELIEVED, KNOWN).free
     assert len(told.free) < len(free_parameters(alone, BELIEVED))
 
 
@@ -167,7 +167,7 @@ def test_a_slip_is_named_as_such_and_no_effect(true, said):
             units={names[name]: unit for name, unit in one.recording.units.items()},
             on_tool=tuple(names[name] for name in one.recording.on_tool))) for one in records]
     observed = [observe(record, BELIEVED) for record in records]
-    found = diagnose(PLANT, observed, BELIEVED, KNOWN)
+    found = diagnose(ENGINE, observed, BELIEVED, KNOWN)
     assert (found.verdict, found.effects) == ("unexplained", ()) and said in found.sentence
 
 
@@ -176,7 +176,7 @@ def test_a_mode_of_the_tool_that_is_missing_is_found_with_its_frequency_directio
     third = Mode(1.0, 205.0, 0.015, math.radians(50), "tool")
     true = replace(TWO, structure=Structure.of([*TWO.structure.modes, third]))
     observed = observed_of(true, BELIEVED)
-    found = diagnose(PLANT, observed, BELIEVED, KNOWN)
+    found = diagnose(ENGINE, observed, BELIEVED, KNOWN)
     assert (found.verdict, found.effects) == ("missing_effect", ("second_mode",)) and "carried by the tool" in found.sentence
     told = as_json(found, BELIEVED)
     assert told["mode"] in found.sentence and "on: tool" in told["mode"]
@@ -191,7 +191,7 @@ def test_a_mode_of_the_tool_that_is_missing_is_found_with_its_frequency_directio
 @pytest.mark.parametrize("true", [TWO, UNEVEN])
 def test_the_next_test_of_two_explanations_is_a_stable_cut_within_reach(observed, true):
     rivals = true.with_effect("edge_force", **EDGE), true.with_effect("process_damping", coefficient=1e5)
-    found = next_test(PLANT, observed if true is TWO else observed_of(UNEVEN, BELIEVED), *rivals)
+    found = next_test(ENGINE, observed if true is TWO else observed_of(UNEVEN, BELIEVED), *rivals)
     assert found is not None and found.difference > 3.0
     assert 0.8 * 3300 < found.spindle_speed * 30 / math.pi < 1.2 * 4500 and 0 < found.depth_of_cut <= 1.25 * 0.3e-3
     cut = Cut(found.spindle_speed, found.depth_of_cut)
@@ -201,7 +201,7 @@ def test_the_next_test_of_two_explanations_is_a_stable_cut_within_reach(observed
 
 def test_what_every_record_has_for_itself_stays_free(observed):
     humming = BELIEVED.with_effect("ambient_vibration", **KNOWN["ambient_vibration"].example())
-    told = what_is_told(PLANT, observed[:2], humming, KNOWN, helps=False)
+    told = identifiable_parameters(ENGINE, observed[:2], humming, KNOWN, helps=False)
     assert {"ambient_vibration.amplitude", "ambient_vibration.phase"} <= {one.path for one in told.free} and told.held
 
 

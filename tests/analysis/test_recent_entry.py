@@ -10,11 +10,11 @@ import pytest
 from testbed.analysis.fit import starts
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.own_course import own_course
 from testbed.analysis.fit.pass_search import recently_entered, settle_passes
+from testbed.analysis.fit.record_restart import own_course
 from testbed.analysis.search.diagnose import diagnose
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import begun_later, synthetic_record
@@ -22,7 +22,7 @@ from tests.support.synthetic_campaign import begun_later, synthetic_record
 TESTS = ((3500, 0.8), (2850, 2.9), (3900, 2.2))
 LAST = TESTS[-1][0], TESTS[-1][1] * 1e-3  # rpm, m
 IDLE, SINCE = 8, 7  # revolutions before the entry, and from the entry to the last record's start
-FITTED = partial(model_fit, plant_of(catalogue()), model=BELIEVED, catalogue=catalogue())
+FITTED = partial(model_fit, engine_of(catalogue()), model=BELIEVED, catalogue=catalogue())
 
 
 @pytest.fixture(scope="module")
@@ -76,13 +76,13 @@ def test_a_cut_that_was_steady_began_long_ago_again(fitted):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("begun_anew", [True, False])
-def test_a_late_record_that_leads_the_search_astray_is_left_out_at_first(begun_anew, monkeypatch):
+@pytest.mark.parametrize("refit_from_prior", [True, False])
+def test_a_late_record_that_leads_the_search_astray_is_left_out_at_first(refit_from_prior, monkeypatch):
     """What swung at an entry that no record shows bends the fit of a wrong model; the others name what is missing.
 
     Here the record is found in the first fit, if it may be begun anew there.
     """
-    if not begun_anew:
+    if not refit_from_prior:
         monkeypatch.setattr(starts, "LATE", math.inf)
     true = TRUE.with_values({"damping_ratio": 0.002}).with_effect("quadratic_damping", coefficient=50.0)
     made, said = partial(synthetic_record, partial(fast.simulate, steps=61), true, course=(IDLE, 50, 15)), []
@@ -90,7 +90,7 @@ def test_a_late_record_that_leads_the_search_astray_is_left_out_at_first(begun_a
                for number, (rpm, depth) in enumerate([(3500, 0.8e-3), (2850, 2.9e-3), (2600, 0.8e-3)], 80)]
     late = observe(begun_later(made(*LAST, 83, state=(1e-4, 0.0)), IDLE + SINCE), BELIEVED)
     known = {name: catalogue()[name] for name in ("quadratic_damping", "process_damping", "sensor_lag")}
-    found = diagnose(plant_of(known), [*records, replace(late, starts_in_cut=True)], BELIEVED, known, say=said.append)
-    assert any(text.startswith("without ") for text in said) is not begun_anew
+    found = diagnose(engine_of(known), [*records, replace(late, starts_in_cut=True)], BELIEVED, known, progress=said.append)
+    assert any(text.startswith("without ") for text in said) is not refit_from_prior
     assert found.verdict == "missing_effect" and found.effects == ("quadratic_damping",)
     assert found.best.error_held_out < 1.02 * found.noise_floor and found.best.fit.mean_squares.max() < 1.15

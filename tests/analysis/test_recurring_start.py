@@ -12,7 +12,7 @@ from testbed.analysis.fit.held_out import own_refit
 from testbed.analysis.fit.nuisances import Nuisances, turned_by
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.recurring_start import recurring_starts, residual_peaks
-from testbed.analysis.fit.starts import base_fit, polish
+from testbed.analysis.fit.starts import alternate_fit_and_passes, base_fit
 from testbed.analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
@@ -21,7 +21,7 @@ from tests.support.campaign_files import BELIEVED
 from tests.support.synthetic_campaign import synthetic_campaign
 
 TRUE = Model(Structure(2.573, 146.42, 0.0032), Cutter(), Cutting())
-PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
+ENGINE = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
                         predict_driven=partial(predict.predict_driven, catalogue=catalogue()))
 TESTS = ((3500, 0.8), (2600, 1.5), (3900, 2.2))
 
@@ -30,14 +30,14 @@ def fitted(true, tachometer):
     records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=6, tests=TESTS)
     if not tachometer:
         records = [replace(one, recording=replace(one.recording, marks=np.empty(0))) for one in records]
-    return base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
+    return base_fit(ENGINE, [observe(record, BELIEVED) for record in records], BELIEVED)
 
 
 def test_an_ambient_line_is_found_with_a_phase_for_every_record():
     fitter, fit = fitted(TRUE.with_effect("ambient_vibration", amplitude=4e-6, frequency=61.3, phase=0.7), True)
     effect = catalogue()["ambient_vibration"]
     _, state, wider = first_step(fitter, effect, fit, [Origin(fit.state, fit.parts)])
-    found = polish(wider, state, rounds=2).state
+    found = alternate_fit_and_passes(wider, state, rounds=2).state
     assert found.model.value("ambient_vibration.frequency") == pytest.approx(61.3, rel=1e-3)
     assert found.model.value("ambient_vibration.amplitude") == pytest.approx(4e-6, rel=0.03)
     phases = [dict(own.shifts)["ambient_vibration.phase"] for own in found.nuisances]
@@ -47,7 +47,7 @@ def test_an_ambient_line_is_found_with_a_phase_for_every_record():
 def test_a_varying_speed_shows_its_frequency_without_a_tachometer():
     fitter, fit = fitted(TRUE.with_effect("speed_variation", amplitude=0.002, frequency=4.3, phase=1.0), False)
     effect = catalogue()["speed_variation"]
-    wider = Fitter(PLANT, fitter.records, fitter.unknowns)
+    wider = Fitter(ENGINE, fitter.records, fitter.unknowns)
     starts = recurring_starts(wider, effect, fit)
     assert min(abs(one["frequency"] - 4.3) for one in starts) < 0.5
     assert all(0.0 < one["amplitude"] < 0.05 for one in starts)

@@ -31,7 +31,7 @@ from testbed.analysis.search.answer import as_json
 from testbed.analysis.search.diagnosis import unaided
 from testbed.analysis.search.diagnosis import verdict_of as verdict_over
 from testbed.analysis.search.false_alarms import FalseAlarms
-from testbed.cli.diagnose import _force_maps
+from testbed.api.best_fit import force_maps
 from tests.support import report_pages as pages
 from tests.support.campaign_files import BELIEVED, TRUE
 
@@ -50,10 +50,10 @@ def test_packed_rows_come_back():
     values[[3, 500]] = np.nan, np.inf
     back = unpacked(packed(values))
     known = np.isfinite(values)
-    assert np.array_equal(np.isfinite(back), known)
+    assert np.array_equal(np.isfinite(back), known) and np.allclose(unpacked(packed(np.full(4, 7.5))), 7.5)
     assert np.abs(back - values)[known].max() < 2e-5 * np.ptp(values[known])
-    assert np.allclose(unpacked(packed(np.geomspace(1e-9, 1e3, 50), logarithmic=True)), np.geomspace(1e-9, 1e3, 50), rtol=1e-3)
-    assert np.allclose(unpacked(packed(np.full(4, 7.5))), 7.5)
+    small = np.geomspace(1e-9, 1e3, 50)
+    assert np.allclose(unpacked(packed(small, logarithmic=True)), small, rtol=1e-3)
 
 
 @pytest.mark.parametrize("count", [5000, 5001, 123457])
@@ -317,9 +317,9 @@ def test_maps_in_and_out_of_the_cut_are_drawn_apart():
 
 def test_diagnose_maps_what_its_best_model_still_lacks():
     found = pages.diagnosis()
-    assert _force_maps(found, pages.CATALOGUE) == []  # with process damping only noise is left
+    assert force_maps(found, pages.CATALOGUE) == []  # with process damping only noise is left
     lacking = replace(found, best=found.base)
-    maps = _force_maps(lacking, pages.CATALOGUE)
+    maps = force_maps(lacking, pages.CATALOGUE)
     worst = max(found.base.errors, key=lambda one: one.error / one.noise_floor)
     assert {name.split(",")[0] for name, *_ in maps} == {worst.name}
     said = {"next_test": None}

@@ -138,7 +138,7 @@ def test_a_record_that_grows_is_no_free_decay_and_all_of_it_is_used() -> None:
     record = Record("growing", "ring-down", recorded(values, 2000.0))
     assert grows(values) == pytest.approx(np.exp(4.5), rel=0.2)
     seen = report(record.recording, "growing", "ring-down", ())
-    assert any("its swings grow" in note for note in seen.notes) and seen.share > 0.95
+    assert any("its vibration grows" in note for note in seen.notes) and seen.share > 0.95
     assert seen.ring_downs[0].modes[0].damping_ratio.value == pytest.approx(-2.5 / (2 * np.pi * 80), rel=0.05)
     observed = observe(record, Model(Structure(2.0, 80.0, 0.01), None, None))
     assert observed.samples > 3800
@@ -172,7 +172,7 @@ def test_the_noise_beside_a_tone_as_fast_as_the_sampling(share: float) -> None:
     floor = noise_floor(short, ())
     assert floor.rms <= np.std(tone[:100]) * 1.0001 and not floor.known
     seen = report(short, "short", "file", ())
-    assert seen.as_json()["noise_floor"] is None and any("noise cannot be known" in note for note in seen.notes)
+    assert seen.as_json()["noise_floor"] is None and any("the noise is not known" in note for note in seen.notes)
     ringing = recorded(decay(np.arange(4000) / 4000, 0.2, share * 4000, 0.003) + 0.01 * random.standard_normal(4000), 4000.0)
     assert noise_floor(ringing, find_segments(ringing, kind="ring-down")).rms == pytest.approx(0.01, rel=0.1)
 

@@ -18,7 +18,7 @@ from testbed.analysis.fit.prediction import predict as predicted
 from testbed.analysis.fit.starts import base_fit
 from testbed.analysis.search.candidate_round import by_noise as in_noise
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.forward_search import ROUGH, _weighed
+from testbed.analysis.search.reweight import ROUGH, reweighted
 from testbed.catalogue import catalogue
 from testbed.cut import Cut
 from testbed.engines import fast, predict
@@ -27,7 +27,7 @@ from tests.support.campaign_files import BELIEVED
 from tests.support.synthetic_campaign import synthetic_campaign
 
 TRUE = Model(Structure(2.573, 146.42, 0.0032), Cutter(), Cutting())
-PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
+ENGINE = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=catalogue()),
                         predict_driven=partial(predict.predict_driven, catalogue=catalogue()))
 
 
@@ -51,7 +51,7 @@ def test_another_tooth_is_the_first_where_a_record_starts_in_the_cut():
     own = first_nuisances(record, 0.3)
     (other,) = other_teeth(own, 2)
     here, there, plain, turned = (
-        predicted(PLANT, record, [(model, 0.3, one)])[0, 0]
+        predicted(ENGINE, record, [(model, 0.3, one)])[0, 0]
         for model, one in ((slot, own), (slot, other), (slot.without_effect("runout"), own),
                            (slot.without_effect("runout"), other))
     )
@@ -72,11 +72,11 @@ def test_a_rough_model_is_fitted_to_all_records_alike():
     true = TRUE.with_effect("cubic_stiffness", coefficient=2e14)
     records = synthetic_campaign(partial(fast.simulate, steps=37), true, seed=6, noise=3e-7,
                                  tests=((3500, 0.4), (2600, 1.5), (3900, 2.5)), rate=6400.0)  # the loud ones outvote the quiet
-    fitter, fit = base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
+    fitter, fit = base_fit(ENGINE, [observe(record, BELIEVED) for record in records], BELIEVED)
     by_noise = candidate_of(fitter, fit, (), None, 1.0)
     error, noise = pooled(by_noise.errors)
     assert error > ROUGH * noise
-    weighed = _weighed(by_noise)
+    weighed = reweighted(by_noise)
     assert all((one.weight > 3 * one.noise).all() for one in weighed.fitter.records)
     assert pooled(weighed.errors)[1] == pytest.approx(noise)  # the noise floor is the noise's, whatever the weights
 

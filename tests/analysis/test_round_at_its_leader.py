@@ -7,7 +7,8 @@ import pytest
 from testbed.analysis.fit.effect_start import origins_of
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.search import candidate_round as cr
-from testbed.analysis.search import first_looks as fl
+from testbed.analysis.search import score_test as fl
+from testbed.analysis.search.candidate import Candidate
 from tests.support.campaign_files import BELIEVED
 from tests.support.short_round import BENT, KNOWN, fitted, quiet, round_of
 
@@ -47,16 +48,16 @@ def test_a_leader_of_another_law_ends_the_round_before_the_believed_machine_is_a
     assert len(asked) == looked and {one.effects[-1] for one in found} == {"chip_force_exponent", "edge_force"}
     ended = other and floors > 2.0
     assert (list(goals) == ["chip_force_exponent"]) == ended
-    assert [one.fit is None for one in found if one.effects == ("edge_force",)] == [ended]
+    assert [not isinstance(one, Candidate) for one in found if one.effects == ("edge_force",)] == [ended]
 
 
 def test_another_law_is_asked_for_before_parts_of_passes_are_looked_for(base, monkeypatch):
     said = []
     monkeypatch.setattr(cr, "with_parts_of_passes", lambda fitter, fit: said.append("parts") or fit)
-    origins = origins_of(base.fitter.plant, BELIEVED, base.fitter, base.fit, anchored=False)
+    origins = origins_of(base.fitter.engine, BELIEVED, base.fitter, base.fit, anchored=False)
     entry = fl.begun(base, KNOWN["cubic_stiffness"], origins)
     found = cr._refitted(base, entry, KNOWN, quiet, of_other_law=lambda one: said.append(one.effects) or True)
-    assert said == [("cubic_stiffness",)] and found.effects == ("cubic_stiffness",) and found.fit is not None
+    assert said == [("cubic_stiffness",)] and found.effects == ("cubic_stiffness",) and isinstance(found, Candidate)
 
 
 def test_a_rival_is_followed_to_a_share_of_what_the_best_takes_away(base, monkeypatch):
@@ -71,7 +72,7 @@ def test_a_rival_is_followed_to_a_share_of_what_the_best_takes_away(base, monkey
 def test_a_gradual_entry_whose_first_step_costs_more_than_nothing_is_fitted_in_full(monkeypatch):
     ramped = fitted(tests=((3500, 1.2), (2850, 0.8)), noise=2e-6, hidden={"entry_ramp": {"extent": 0.03}})
     assert 1.02 < ramped.error_held_out / pooled(ramped.errors)[1] < 2.0
-    origins = origins_of(ramped.fitter.plant, BELIEVED, ramped.fitter, ramped.fit, anchored=False)
+    origins = origins_of(ramped.fitter.engine, BELIEVED, ramped.fitter, ramped.fit, anchored=False)
     ramp = {"entry_ramp": KNOWN["entry_ramp"]}
     first = fl.first_step
 
@@ -92,6 +93,6 @@ def test_a_gradual_entry_whose_first_step_costs_more_than_nothing_is_fitted_in_f
 def test_it_is_asked_whether_a_cut_was_elsewhere_where_an_effect_explains_something(hidden, asked, monkeypatch):
     known, calls = fitted(hidden=hidden), []
     monkeypatch.setattr(cr, "cut_elsewhere", lambda fitter, fit: calls.append(fit) or (fitter, fit))
-    origins = origins_of(known.fitter.plant, BELIEVED, known.fitter, known.fit, anchored=False)
+    origins = origins_of(known.fitter.engine, BELIEVED, known.fitter, known.fit, anchored=False)
     found = cr.with_effect(known, "edge_force", KNOWN, origins, quiet)
     assert bool(calls) == asked and (found.fit.cost < 0.5 * known.fit.cost) == asked

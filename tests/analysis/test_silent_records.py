@@ -5,8 +5,8 @@ import numpy as np
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.diagnose import diagnose
 from testbed.analysis.search.diagnosis import SILENT
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.files.campaign import Record
 from testbed.files.manifest import Feed
 from testbed.recording import Recording
@@ -27,7 +27,7 @@ def test_noise_on_a_drifting_sensor_says_nothing_of_the_model() -> None:
         recording = Recording({"displacement": signal}, rate, {"displacement": "m"}, "measured", conditions=conditions)
         records.append(Record(f"noise_{number}", "cut", recording, conditions, feed=Feed(1e-4, "tooth")))
     known = catalogue()
-    found = diagnose(plant_of(known), [observe(one, BELIEVED) for one in records], BELIEVED, known)
+    found = diagnose(engine_of(known), [observe(one, BELIEVED) for one in records], BELIEVED, known)
     assert found.noise_floor < SILENT
     assert (found.verdict, found.effects) == ("undecided", ())
     assert found.sentence.startswith("Hardly anything but noise")

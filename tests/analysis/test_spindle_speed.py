@@ -11,14 +11,14 @@ from testbed.analysis.fit.spindle_speed import at_modelled_speed, speed_swing
 from testbed.analysis.records.spindle_clock import along_marks
 from testbed.analysis.search.add_effect import add_effect
 from testbed.analysis.search.diagnose import diagnose
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign
 
 KNOWN = {name: catalogue()[name] for name in ("speed_variation", "edge_force", "process_damping")}
-PLANT = plant_of(catalogue())
+ENGINE = engine_of(catalogue())
 TESTS = ((3810, 2.9), (2850, 2.5), (3500, 0.8))
 AMPLITUDE, FREQUENCY = 0.004, 2.95
 
@@ -33,7 +33,7 @@ def observed():
 def test_a_varying_speed_is_named_although_the_tachometer_shows_it(observed):
     assert all(record.marks is not None for record in observed)
     assert speed_swing(observed) == pytest.approx(AMPLITUDE, rel=0.05)
-    found = diagnose(PLANT, observed, BELIEVED, KNOWN)
+    found = diagnose(ENGINE, observed, BELIEVED, KNOWN)
     assert (found.verdict, found.effects) == ("missing_effect", ("speed_variation",))
     assert "tachometer, too, shows a speed that varies by 0.4" in found.sentence
     assert found.baseline > 3.0 * found.noise_floor and found.with_effects < 1.03 * found.noise_floor
@@ -41,16 +41,16 @@ def test_a_varying_speed_is_named_although_the_tachometer_shows_it(observed):
 
 @pytest.mark.long
 def test_without_such_an_effect_the_speed_is_the_one_measured(observed):
-    found = compare(PLANT, observed, BELIEVED, catalogue())
-    constant = compare(PLANT, [record.at_constant_speed() for record in observed], BELIEVED, catalogue())
+    found = compare(ENGINE, observed, BELIEVED, catalogue())
+    constant = compare(ENGINE, [record.at_constant_speed() for record in observed], BELIEVED, catalogue())
     assert found.error < 1.4 * found.noise_floor  # within a tooth pass the measured speed is taken as constant
     assert constant.error > 3.0 * found.error
-    told = diagnose(PLANT, observed, BELIEVED, {"edge_force": KNOWN["edge_force"]})
+    told = diagnose(ENGINE, observed, BELIEVED, {"edge_force": KNOWN["edge_force"]})
     assert told.baseline == pytest.approx(found.error, rel=0.05) and "is the tachometer's" in told.sentence
 
 
 def test_a_model_that_rules_the_speed_is_not_told_it_twice(observed):
-    added = add_effect(PLANT, observed, BELIEVED, KNOWN["speed_variation"], catalogue())
+    added = add_effect(ENGINE, observed, BELIEVED, KNOWN["speed_variation"], catalogue())
     assert added.parameters["speed_variation.amplitude"].value == pytest.approx(AMPLITUDE, rel=0.02)
     assert added.parameters["speed_variation.frequency"].value == pytest.approx(FREQUENCY, rel=0.01)
     assert added.before > 3.0 * added.after

@@ -12,8 +12,8 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.candidate_round import candidate_of
 from testbed.analysis.search.steady_speed import no_swing
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import TESTS, synthetic_record
@@ -35,7 +35,7 @@ def observed(amplitude, marks=True):
 def with_swing(records, amplitude, frequency, phases=(0.0, 0.0)):
     """The set of that swing alone, as if a fit had ended there; phases (rad) of the records."""
     model = TRUE.with_effect("speed_variation", amplitude=amplitude, frequency=frequency, phase=0.0)
-    fitter = Fitter(plant_of(KNOWN), records, all_free(records, model, KNOWN))
+    fitter = Fitter(engine_of(KNOWN), records, all_free(records, model, KNOWN))
     own = tuple(turned_by(Nuisances(), "speed_variation.phase", phase) for phase in phases)
     return candidate_of(fitter, fitter.fit(State(model, 0.0, own), iterations=0), ("speed_variation",), None, 1.0)
 

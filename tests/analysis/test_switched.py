@@ -8,21 +8,21 @@ import pytest
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.starts import base_fit
 from testbed.analysis.fit.switched import switch_note, switchable
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign
 
 KNOWN = catalogue()
-PLANT = plant_of(KNOWN)
+ENGINE = engine_of(KNOWN)
 
 
 @pytest.fixture(scope="module")
 def fitted():
     records = synthetic_campaign(partial(fast.simulate, steps=37), TRUE, seed=9, course=(6, 20, 6), rate=6400.0,
                                  tests=((3500, 0.8), (3900, 2.2), (2700, 1.5)))
-    return base_fit(PLANT, [observe(record, BELIEVED) for record in records], BELIEVED)
+    return base_fit(ENGINE, [observe(record, BELIEVED) for record in records], BELIEVED)
 
 
 def test_stable_cuts_of_a_fitted_model_need_no_switch(fitted):

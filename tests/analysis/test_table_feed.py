@@ -10,11 +10,11 @@ from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.record_hypotheses import taken_notes
 from testbed.analysis.fit.table_feed import feed_note, with_other_feed
-from testbed.analysis.fit.taken import taken_notes
 from testbed.analysis.search.diagnose import diagnose
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
 from testbed.engines import fast
 from testbed.files.manifest import Feed
@@ -43,7 +43,7 @@ def campaign(*, table, written=A_TOOTH, true=TRUE):
 @pytest.mark.parametrize("table", [True, False])
 def test_the_data_choose_what_a_tooth_cuts(table):
     records = campaign(table=table)
-    found = compare(plant_of(catalogue()), records, BELIEVED, catalogue())
+    found = compare(engine_of(catalogue()), records, BELIEVED, catalogue())
     assert found.error == pytest.approx(found.noise_floor, rel=0.02)
     assert bool(feed_note(records, found.fitter.records)) == table
     for record, (_, _, ratio) in zip(found.fitter.records, TESTS, strict=True):
@@ -58,7 +58,7 @@ def test_a_missing_effect_is_named_whatever_the_table_does(table):
     """Without it, the base fit may lean on the other feed: with it, that is asked again."""
     known = {name: catalogue()[name] for name in ("process_damping", "edge_force")}
     records = campaign(table=table, true=TRUE.with_effect("process_damping", coefficient=2e5))
-    found = diagnose(plant_of(catalogue()), records, BELIEVED, known)
+    found = diagnose(engine_of(catalogue()), records, BELIEVED, known)
     assert (found.verdict, found.effects) == ("missing_effect", ("process_damping",))
     assert found.with_effects == pytest.approx(found.noise_floor, rel=0.03)
     assert bool(feed_note(records, found.best.fitter.records)) == table
@@ -76,7 +76,7 @@ def test_what_was_taken_is_told_of_the_records_that_a_fit_has():
 def test_a_speed_of_travel_leaves_nothing_to_choose():
     records = campaign(table=True, written=Feed(FEED, "second"))
     assert all(record.feed_basis == "travel" for record in records)
-    found = compare(plant_of(catalogue()), records, BELIEVED, catalogue())
+    found = compare(engine_of(catalogue()), records, BELIEVED, catalogue())
     assert found.error == pytest.approx(found.noise_floor, rel=0.02) and feed_note(records, found.fitter.records) == []
 
 

@@ -7,9 +7,10 @@ import pytest
 
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.search.begun_anew import from_believed
-from testbed.analysis.search.diagnosis import Candidate, verdict_of
-from testbed.analysis.search.exchanged import exchanged
+from testbed.analysis.search.candidate import Candidate, Tried
+from testbed.analysis.search.diagnosis import verdict_of
+from testbed.analysis.search.refit_from_prior import from_believed
+from testbed.analysis.search.swap import exchanged
 from testbed.analysis.search.ties import with_rivals
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
@@ -18,12 +19,12 @@ from tests.support.synthetic_campaign import synthetic_campaign
 from tests.validation.hard_pairs import DEEP, SMALL_LAG, Case, cuts, part_of, told
 
 KNOWN = catalogue()
-PLANT = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
+ENGINE = SimpleNamespace(predict_cuts=partial(predict.predict_cuts, catalogue=KNOWN),
                         predict_driven=partial(predict.predict_driven, catalogue=KNOWN))
 
 
 def candidate(effects, error):
-    return Candidate(effects, {}, error, error, 50.0, True)
+    return Tried(effects, {}, error, error, 50.0, True)
 
 
 @pytest.mark.parametrize(("baseline", "left", "verdict"), [
@@ -59,7 +60,7 @@ def observed():
 @pytest.mark.long
 def test_a_rival_that_does_better_with_what_was_found_since_takes_the_place_of_the_first(observed):
     def fitted(*names):
-        return from_believed(PLANT, observed, BELIEVED, names, KNOWN)
+        return from_believed(ENGINE, observed, BELIEVED, names, KNOWN)
 
     base, wrong, rival = fitted(), fitted("chip_force_exponent"), fitted("process_damping")
     noise = pooled(base.errors)[1]
@@ -75,7 +76,7 @@ def test_a_rival_that_does_better_with_what_was_found_since_takes_the_place_of_t
 @pytest.mark.long
 def test_what_was_named_first_is_exchanged_for_one_of_its_kind_that_explains_more(observed):
     def fitted(*names):
-        return from_believed(PLANT, observed, BELIEVED, names, KNOWN)
+        return from_believed(ENGINE, observed, BELIEVED, names, KNOWN)
 
     base, found = fitted(), fitted("chip_force_exponent", "edge_force")
     noise = pooled(base.errors)[1]

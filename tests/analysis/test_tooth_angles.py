@@ -9,10 +9,10 @@ import pytest
 
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.own_course import ANGLES, angles_tried, own_course
 from testbed.analysis.fit.pass_search import settle_passes
+from testbed.analysis.fit.record_restart import ANGLES, angles_tried, own_course
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_record
@@ -32,7 +32,7 @@ def records():
 
 @pytest.fixture(scope="module")
 def fitted(records):
-    return model_fit(plant_of(catalogue()), records, BELIEVED, catalogue())
+    return model_fit(engine_of(catalogue()), records, BELIEVED, catalogue())
 
 
 def test_each_angle_is_found_among_its_swings(fitted):

@@ -12,8 +12,8 @@ from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.tooth_circles import at_least_strength, direction_notes, unknown_directions
 from testbed.analysis.fit.waveform import Fitter
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from testbed.machine import Cutter, Cutting, Model, Structure
 from tests.support.synthetic_campaign import synthetic_record
@@ -44,7 +44,7 @@ def test_the_direction_is_one_number_with_the_offset_for_one_and_two_teeth_alone
 @pytest.mark.parametrize(("true", "to"), [(1.2, 0.0), (2.0, math.pi)])
 def test_two_teeth_are_given_the_least_offset_to_the_longer_one_and_any_direction(true, to):
     records, start = measured(2, angle=true), machine(2, offset=6.0e-6, angle=true + 0.2)
-    fitter, fit = model_fit(plant_of(KNOWN), records, start, KNOWN)
+    fitter, fit = model_fit(engine_of(KNOWN), records, start, KNOWN)
     held, least = at_least_strength(fitter, fit, KNOWN)
     assert estimates(fitter, fit, KNOWN) == estimates(held, least, KNOWN)
     along = OFFSET * abs(math.cos(true))
@@ -61,7 +61,7 @@ def test_two_teeth_are_given_the_least_offset_to_the_longer_one_and_any_directio
 def test_a_fit_that_begins_at_the_least_offset_has_its_interval_too():
     """As of the model that `add` wrote; the direction, free in that fit, is none of the parameters that it tells."""
     along = OFFSET * math.cos(ANGLE)
-    fitter, fit = model_fit(plant_of(KNOWN), measured(2), machine(2, offset=along, angle=0.0), KNOWN)
+    fitter, fit = model_fit(engine_of(KNOWN), measured(2), machine(2, offset=along, angle=0.0), KNOWN)
     held, least = at_least_strength(fitter, replace(fit, state=replace(fit.state, model=machine(2, offset=along, angle=0.0))),
                                     KNOWN)
     assert held.names == least.names and "runout.angle" in fit.names and "runout.angle" not in least.names
@@ -71,18 +71,18 @@ def test_a_fit_that_begins_at_the_least_offset_has_its_interval_too():
 
 def test_three_teeth_tell_both_and_without_a_tachometer_not_from_which():
     records, start = measured(3), machine(3, **BELIEVED)
-    result = compare(plant_of(KNOWN), records, start, KNOWN)
+    result = compare(engine_of(KNOWN), records, start, KNOWN)
     angle = result.parameters["runout.angle"]
     assert angle.low <= ANGLE <= angle.high and angle.high - angle.low < 0.1
     assert direction_notes(result.fitter, result.fit.state.model, KNOWN) == []
-    unmarked = Fitter(plant_of(KNOWN), [replace(one, first_mark=None) for one in result.fitter.records], result.fitter.free)
+    unmarked = Fitter(engine_of(KNOWN), [replace(one, first_mark=None) for one in result.fitter.records], result.fitter.free)
     (said,) = direction_notes(unmarked, result.fit.state.model, KNOWN)
     assert "whole pitches of 120 deg" in said
 
 
 def test_of_an_offset_that_may_be_none_the_direction_is_unknown():
     records, start = measured(3, offset=0.0), machine(3, offset=1e-7, angle=0.5)
-    fitter, fit = model_fit(plant_of(KNOWN), records, start, KNOWN)
+    fitter, fit = model_fit(engine_of(KNOWN), records, start, KNOWN)
     found = estimates(fitter, fit, KNOWN)
     assert found["runout.offset"].low == 0.0
     assert (found["runout.angle"].low, found["runout.angle"].high) == (-2 * math.pi, 2 * math.pi)

@@ -12,8 +12,8 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.records.noise import noise_floor
 from testbed.analysis.records.passing_speed import heard_speed, passing_speed
 from testbed.analysis.records.segments import Segment, find_segments
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
 from testbed.engines import fast
 from testbed.files.manifest import Feed
@@ -44,8 +44,8 @@ def test_the_speed_is_heard_from_all_harmonics_to_a_part_of_a_pass():
     chatter = 8.0 * np.cos(2 * math.pi * 4.21 * passing * time)
     for stated in (0.985, 1.0, 1.012):
         for motion in (teeth, teeth + chatter):
-            heard = passing_speed(motion + 2.0 * random.standard_normal(time.size), RATE, stated * passing * math.pi, 2)
-            assert abs(heard / (passing * math.pi) - 1.0) * 0.9 * passing < 0.2, stated
+            in_fit = passing_speed(motion + 2.0 * random.standard_normal(time.size), RATE, stated * passing * math.pi, 2)
+            assert abs(in_fit / (passing * math.pi) - 1.0) * 0.9 * passing < 0.2, stated
 
 
 def test_a_speed_of_another_test_is_heard_where_single_lines_show_it():
@@ -66,7 +66,7 @@ def test_a_fit_begins_at_the_speed_that_the_cut_has():
     tests = ((5200, 1.84), (4300, 1.66), (3600, 1.78), (5800, 1.72))
     records = [cut(rpm, depth, seed, speed_error=0.01, ringing=RINGING * (seed % 2))
                for seed, (rpm, depth) in enumerate(tests, 3)]
-    found = compare(plant_of(catalogue()), [observe(record, RUMOUR) for record in records], RUMOUR, catalogue())
+    found = compare(engine_of(catalogue()), [observe(record, RUMOUR) for record in records], RUMOUR, catalogue())
     assert found.error == pytest.approx(found.noise_floor, rel=0.02)
     for name in ("natural_frequency", "damping_ratio", "tangential_coefficient"):
         one = found.parameters[name]
@@ -111,7 +111,7 @@ def test_a_table_travels_as_stated_whatever_the_spindle_does():
 def test_the_believed_rig_is_found_from_a_wrong_speed_too():
     records = [cut(rpm, depth, seed, model=TRUE, speed_error=0.008, noise=1e-6, rate=6400.0)
                for seed, (rpm, depth) in enumerate(((3810, 2.9), (2850, 2.9), (3500, 0.8)))]
-    found = compare(plant_of(catalogue()), [observe(record, BELIEVED) for record in records], BELIEVED, catalogue())
+    found = compare(engine_of(catalogue()), [observe(record, BELIEVED) for record in records], BELIEVED, catalogue())
     assert found.error == pytest.approx(found.noise_floor, rel=0.02)
 
 
@@ -122,6 +122,6 @@ def test_a_record_that_idles_after_all_does_not_start_in_the_cut():
                for seed, (rpm, depth, ringing) in enumerate(tests)]
     whole = Segment("steady", records[0].start, records[0].start + records[0].samples / records[0].rate)
     records[0] = replace(records[0], starts_in_cut=True, segments=(whole,))
-    found = compare(plant_of(catalogue()), records, TRUE, catalogue())
+    found = compare(engine_of(catalogue()), records, TRUE, catalogue())
     assert not found.fitter.records[0].starts_in_cut
     assert found.error == pytest.approx(found.noise_floor, rel=0.03)

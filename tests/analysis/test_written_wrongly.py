@@ -20,7 +20,7 @@ from testbed.analysis.search.diagnose import diagnose
 from testbed.engines import fast
 from testbed.files.model_file import model_from_text, write_model
 from testbed.machine import Cutter, Cutting, Model, Structure
-from tests.analysis.test_diagnose import CANDIDATES, PLANT
+from tests.analysis.test_diagnose import CANDIDATES, ENGINE
 from tests.support.campaign_files import BELIEVED
 from tests.support.synthetic_campaign import synthetic_campaign
 
@@ -41,7 +41,7 @@ def with_feed(some, factor):
 
 @pytest.mark.long
 def test_a_feed_per_revolution_written_as_per_tooth_is_named_and_no_effect():
-    found = diagnose(PLANT, with_feed(records(), 2.0), TWO, CANDIDATES)
+    found = diagnose(ENGINE, with_feed(records(), 2.0), TWO, CANDIDATES)
     assert found.verdict == "unexplained" and found.effects == ()
     assert found.misstated == ("feed", 0.5) and "1/2 of the stated" in found.sentence
 
@@ -49,7 +49,7 @@ def test_a_feed_per_revolution_written_as_per_tooth_is_named_and_no_effect():
 @pytest.mark.long
 def test_an_insert_taken_out_is_named_and_no_effect():
     four = replace(TWO, cutter=Cutter(4))
-    found = diagnose(PLANT, records(four), four, CANDIDATES)
+    found = diagnose(ENGINE, records(four), four, CANDIDATES)
     assert found.verdict == "unexplained" and found.effects == ()
     assert found.misstated == ("flutes", 2.0) and "if 2 flutes cut, not 4" in found.sentence
 
@@ -67,10 +67,10 @@ def test_every_statement_changes_what_it_says_and_nothing_else():
 
 def test_a_budget_ends_a_diagnosis_with_what_is_known_at_the_same_place_every_time():
     some = with_feed(records(), 2.0)
-    short = diagnose(PLANT, some, TWO, CANDIDATES, budget=50)
+    short = diagnose(ENGINE, some, TWO, CANDIDATES, budget=50)
     assert short.verdict == "not_converged" and "budget (50 simulations" in short.sentence and short.effects == ()
-    assert as_json(diagnose(PLANT, some, TWO, CANDIDATES, budget=50), TWO) == as_json(short, TWO)
-    counted = Budgeted(PLANT, some, 30.0)
+    assert as_json(diagnose(ENGINE, some, TWO, CANDIDATES, budget=50), TWO) == as_json(short, TWO)
+    counted = Budgeted(ENGINE, some, 30.0)
     with pytest.raises(BudgetSpent):
         model_fit(counted, some, TWO, CANDIDATES)
     assert counted.spent > 30.0 and counted.known is None

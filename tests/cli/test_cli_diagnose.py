@@ -9,9 +9,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from testbed.api.next_command import next_command
 from testbed.catalogue import catalogue
 from testbed.cli import main
-from testbed.cli.diagnose import next_command
 from testbed.effects import process_damping
 from testbed.engines import fast
 from testbed.files.campaign import load_campaign
@@ -76,12 +76,12 @@ def added(files, tmp_path_factory):
     ("adequate", ("any",), False, ""),
 ])
 def test_the_command_to_go_on_with(verdict, tried, proposed, expected):
-    found = SimpleNamespace(verdict=verdict, effects=("helix",), candidates=tried)
+    found = SimpleNamespace(verdict=verdict, effects=("helix",), candidates=tried, mode=None)
     assert next_command(found, "c.yaml", "m.yaml", proposed) == expected
 
 
 def test_several_effects_are_added_together():
-    found = SimpleNamespace(verdict="missing_effect", effects=("helix", "runout"), candidates=("any",))
+    found = SimpleNamespace(verdict="missing_effect", effects=("helix", "runout"), candidates=("any",), mode=None)
     assert next_command(found, "c.yaml", "m.yaml", False) == "testbed add helix runout -m m.yaml -c c.yaml -o NEW.yaml"
 
 
@@ -90,11 +90,13 @@ def test_several_effects_are_added_together():
     ("unexplained", "testbed diagnose 'a b/c.yaml' -m m.yaml --effects mine --effects more --propose DIR"),
 ])
 def test_the_command_to_go_on_with_knows_the_user_s_own_effects(verdict, expected):
-    found = SimpleNamespace(verdict=verdict, effects=("my_drag",), candidates=("any",))
+    found = SimpleNamespace(verdict=verdict, effects=("my_drag",), candidates=("any",), mode=None)
     assert next_command(found, "a b/c.yaml", "m.yaml", False, ("mine", "more")) == expected
 
 
 def test_what_was_proposed_is_added_beside_the_user_s_own_effects(testbed, monkeypatch):
+    from testbed.api.believed import Effects
+    from testbed.api.diagnose import Diagnosis
     from testbed.cli import diagnose
     from testbed.cli._answer import Answer
 
@@ -104,7 +106,8 @@ def test_what_was_proposed_is_added_beside_the_user_s_own_effects(testbed, monke
     monkeypatch.setattr("testbed.analysis.force.explain_force.write_effect",
                         lambda _, folder, name: Path(folder) / f"{name}.py")
     monkeypatch.setattr("testbed.analysis.force.formula_trial.Jury", lambda *_: SimpleNamespace(likeliest=lambda one: one))
-    diagnose._propose(Answer(None, False), None, [], None, {}, "mine", "c.yaml", "m.yaml", ("more", "./mine"))
+    found = Diagnosis(None, None, Effects({}, ("more", "./mine")), [], (), {}, ("c.yaml", "m.yaml"))
+    diagnose._propose(Answer(None, False), found, "mine")
     said = testbed.capsys.readouterr().out
     assert "next: testbed add proposal -m m.yaml -c c.yaml --effects more --effects mine -o NEW.yaml\n" in said
 

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from testbed.catalogue import catalogue
 from testbed.cli._fingerprint import picture
 from testbed.cli.effects import command
+from testbed.system.kernel_cache import cache_folder
 
 
 def run(*arguments: str):
@@ -39,7 +40,7 @@ def test_every_card_says_law_parameters_and_confusions_and_draws_a_live_picture(
 
 
 def test_a_card_says_what_a_model_file_may_leave_out():
-    line = "transverse_ratio: shown by force_y alone; a model file may leave it out"
+    line = "transverse_ratio: only force_y shows it, so a model file may leave it out"
     assert line in run("second_mode").output and "may leave it out" not in run("runout").output
 
 
@@ -91,6 +92,20 @@ def test_a_new_effect_works_as_it_is_written(tmp_path, monkeypatch):
     found = subprocess.run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_my_effect.py"],
                            capture_output=True, text=True, timeout=300, check=False)
     assert found.returncode == 0 and "4 passed" in found.stdout, found.stdout + found.stderr
+
+
+@pytest.mark.long
+def test_the_first_preview_says_that_it_compiles(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TESTBED_CACHE", str(tmp_path / "cache"))
+    cache_folder.cache_clear()
+    try:
+        run("--new", "fresh_effect")
+        first, second = (run("fresh_effect", "--effects", ".").output for _ in range(2))
+    finally:
+        cache_folder.cache_clear()
+    line = "  it is compiled first: some ten seconds, once for each version of its file\n"
+    assert "change by the effect, um" in first and first.replace(line, "") == second != first
 
 
 def test_a_name_that_is_taken_or_is_none_is_refused(tmp_path, monkeypatch):

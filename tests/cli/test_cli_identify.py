@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import testbed.analysis.multipliers.identify
 from testbed.analysis.estimate import Estimate
+from testbed.analysis.multipliers import identify as search
 from testbed.analysis.multipliers.identify import at_an_end
-from testbed.cli._answer import interval_shown
-from testbed.cli._identification import identify_by_multipliers
+from testbed.api.identification import identify_by_multipliers
+from testbed.api.words import interval_shown
 from testbed.engines import fast
 from testbed.files.model_file import read_model
 from testbed.workshop import write_campaign
@@ -94,13 +94,13 @@ def test_a_frequency_that_every_free_decay_contradicts_is_taken_from_them(testbe
 
 
 def test_the_ends_of_the_ranges_are_those_of_the_search(monkeypatch):
-    searched, fitted = set(), testbed.analysis.multipliers.identify.least_squares
+    searched, fitted = set(), search.least_squares
 
     def noted(*given, bounds, **more):
         searched.add(tuple(map(tuple, np.exp(bounds))))
         return fitted(*given, bounds=bounds, **more)
 
-    monkeypatch.setattr(testbed.analysis.multipliers.identify, "least_squares", noted)
+    monkeypatch.setattr(search, "least_squares", noted)
     identify_by_multipliers(BELIEVED, cuts((10, 40, 0), (10, 40, 0)), "campaign.yaml", 0)  # no free decay to begin from
     (ends,) = searched
     for place, name in enumerate(("natural_frequency", "damping_ratio", "tangential_coefficient")):

@@ -37,12 +37,12 @@ def doubted(testbed, found):
 def test_diagnose(testbed):
     found = testbed.json("diagnose", "c.yaml", "-m", "m.yaml", "-o", "page")
     assert found["verdict"] == "adequate" and found["held_out"] is False
-    assert sum("the signal left its range in tap: " in note for note in found["notes"]) == 1
-    assert "error, in the fit" in testbed.err and "so nothing was held out" in testbed.err
+    assert sum("the signal left its range in tap. " in note for note in found["notes"]) == 1
+    assert "error, in the fit" in testbed.err and "nothing was held out, for" in testbed.err
     assert "error, held out" not in testbed.err
     page = Path("page/report.html").read_text()
     assert doubted(testbed, found) and NOTE in page
-    assert "so nothing was held out" in page and "error, held out" not in page
+    assert "Nothing was held out" in page and "error, held out" not in page
 
 
 def test_add(testbed):

@@ -108,7 +108,7 @@ def test_a_file_where_a_folder_is_wanted_is_refused_before_the_work(testbed: She
     def read(*_: object) -> None:
         pytest.fail("the work had begun")
 
-    monkeypatch.setattr("testbed.cli._fitting.load_records", read)
+    monkeypatch.setattr("testbed.api.fitting.load_records", read)
     monkeypatch.setattr("testbed.analysis.records.inspection.inspect", read)
     assert "cannot be made" in testbed.refused(*arguments)
 
@@ -120,8 +120,8 @@ def test_a_file_where_a_folder_is_wanted_is_refused_before_the_work(testbed: She
     (("export", "none.h5", "--description", 300 * "long ", "-o", "set"), "none.h5: there is no such"),
     (("inspect", "", "-o", "new"), "DATA: is empty"),
     (("compare", "campaign.yaml", *BOTH, "-o", " "), "--output: is empty"),
-    (("view", "flexure", "-o", "r.gif"), "r.gif: is no name of a PNG picture: give one that ends in .png"),
-    (("view", "flexure", "-o", "r"), "r: is no name of a PNG picture"),
+    (("view", "flexure", "-o", "r.gif"), "r.gif: is no PNG picture: give a name that ends in .png"),
+    (("view", "flexure", "-o", "r"), "r: is no PNG picture"),
     (("help",), "there is no command 'help': see testbed --help\n"),
     (("inspect", "cut.csv", "--rate", "-5 Hz"), "--rate: '-5 Hz' must be above 0 and at most 1e+09 Hz"),
     (("inspect", "cut.csv", "--rate", "0 Hz"), "'0 Hz' must be above 0"),

@@ -29,11 +29,12 @@ from testbed.analysis.records.noise import Basis
 from testbed.analysis.records.ring_downs import RingDown, RungMode
 from testbed.analysis.records.segments import Kind
 from testbed.analysis.search import answer, diagnosis
-from testbed.analysis.search.diagnosis import Candidate, Diagnosis, OtherForm
+from testbed.analysis.search.candidate import Candidate
+from testbed.analysis.search.diagnosis import Diagnosis, OtherForm
 from testbed.analysis.search.next_test import NextTest
+from testbed.api.result import plain
 from testbed.cli import doctor
 from testbed.cli import testbed as commands
-from testbed.cli._answer import plain
 from testbed.effect import HOOKS
 from testbed.engines import fast
 from testbed.recording import Outcome
@@ -113,12 +114,17 @@ def test_of_data_sets(shell, files):
     assert charts[0]["stable_probability"] is None is charts[1]["no_chance"] and "deviation" in charts[0]["no_chance"]
     agree("chart", *charts, laid_over)
     exported = shell.json("export", "tests.h5", "-o", "set")
+    windows = shell.json("export", "tests.h5", "-o", "windows", "--window", 256, "--rate", "6400 Hz")
     classifier = ClassifierScore("test", 1, 1, 1.0, 1.0, 1.0, 1.0, {"flip": {"flip": 1}})
     scores = {"baseline": baseline_json(Baseline(1, (classifier,), (RegressorScore("test", "mass", 1, 1.0, 1.0, 0.5),), ()))}
-    agree("export", exported, scores)
-    inside = [shell.json("inspect", place) for place in ("set", *map(str, Path("set/data").iterdir()))]
-    assert [one["kind"] for one in inside] == ["exported_set", "exported_shard"]
+    agree("export", exported, windows, scores)
+    inside = [shell.json("inspect", place) for place in ("set", *map(str, Path("set/data").iterdir()), "windows")]
+    assert [one["kind"] for one in inside] == ["exported_set", "exported_shard", "exported_set"]
     agree("inspect of an exported set", *inside, scores, {"folder": "set"}, more=[PATHS["export"]])
+
+
+def test_of_the_benchmark(shell):
+    agree("benchmark", shell.json("benchmark", "bench", "--campaigns", 1, "--seed", 8, "--method", "spectral"))
 
 
 ONE = Estimate(1.0, 0.9, 1.1, "Hz")
@@ -165,7 +171,11 @@ def test_of_the_plan(shell):
 
 
 def test_of_addition(shell):
-    agree("add", shell.json("add", "process_damping", "-c", "campaign.yaml", "-m", "model.yaml", "-o", "new.yaml"))
+    found = shell.json("add", "process_damping", "-c", "campaign.yaml", "-m", "model.yaml", "-o", "new.yaml")
+    agree("add", found)
+    assert found["parameters"]["process_damping.coefficient"]["value"] == 0.0  # nothing is hidden: so nothing is written
+    assert found["vanished"] == ["process_damping"] and not Path("new.yaml").exists()
+    assert "not written: Process damping" in shell.err
 
 
 def _diagnosis():

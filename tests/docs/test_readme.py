@@ -1,4 +1,4 @@
-"""The README says what works: its commands are run, its YAML is read, its files exist."""
+"""README and the tour say what works: their commands are run, their YAML is read, their files exist."""
 
 import os
 import re
@@ -20,9 +20,19 @@ from tests.support.made_taps import B2, write_taps
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
-LINES = [line.split(" #")[0].strip() for kind, text in BLOCKS if kind == "sh" for line in text.splitlines()]
-COMMANDS = [shlex.split(line)[1:] for line in LINES if line.startswith("testbed")]
+TOUR = (ROOT / "docs" / "tour.md").read_text(encoding="utf-8")
+
+
+def blocks(text):
+    return re.findall(r"^```(\w+)\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
+def lines(text):
+    return [line.split(" #")[0].strip() for kind, block in blocks(text) if kind == "sh" for line in block.splitlines()]
+
+
+BLOCKS, LINES = blocks(TOUR), [*lines(README), *lines(TOUR)]
+COMMANDS = [shlex.split(line)[1:] for line in lines(TOUR) if line.startswith("testbed")]
 LONG = {"compare", "diagnose", "add", "plan", "paper"}  # minutes; their options are checked here, their work in other tests
 
 
@@ -50,9 +60,16 @@ def test_every_line_of_shell_is_a_known_command():
     targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
     for line in LINES:
         program, first, *_ = line.split()
-        assert program in ("testbed", "make"), line
+        assert program in ("testbed", "make") or line == "pip install .", line
         assert program != "make" or first in targets, line
-    assert {"make demo", "make test"} <= set(LINES) and len(COMMANDS) > 10
+    assert lines(README)[:3] == ["pip install .", "make demo", "make test"] and len(COMMANDS) > 10
+
+
+def test_what_the_readme_shows_is_part_of_the_tour():
+    shown = {line for line in lines(README) if line.startswith("testbed")}
+    assert len(shown) > 3 and shown <= {line.removesuffix(" --workers 2") for line in lines(TOUR)}
+    assert named_yaml()["model.yaml"] == dict(blocks(README))["yaml"]
+    assert README.count("\n") <= 90
 
 
 @pytest.mark.parametrize("arguments", COMMANDS, ids=" ".join)

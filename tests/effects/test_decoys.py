@@ -48,4 +48,4 @@ def test_a_decoy_that_is_hidden_is_named_and_the_campaign_not_to_be_trusted(tmp_
     said = json.loads((tmp_path / "answer.json").read_text())
     assert said["verdict"] == "missing_effect" and said["effects"] == [HIDDEN]
     assert said["decoys"] == {"offered": NAMES, "named": [HIDDEN]}
-    assert f"{HIDDEN} is a law that no machine has: what this campaign seems to show is not to" in capsys.readouterr().out
+    assert f"{HIDDEN} is a law that no machine has: do not trust what this campaign seems" in capsys.readouterr().out

@@ -8,13 +8,13 @@ import pytest
 from testbed.analysis.comparison.compare import compare
 from testbed.analysis.fit.against_force import moves_against
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.taken import taken_notes
+from testbed.analysis.fit.record_hypotheses import taken_notes
 from testbed.analysis.search.add_effect import add_effects
 from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.files.model_file import model_from_text, model_text
 from testbed.machine import Model, Structure
-from tests.validation.own_scale import PLANT, Mode, decaying, driven, identified, record
+from tests.validation.own_scale import ENGINE, Mode, decaying, driven, identified, record
 
 FIRST = Mode(147.5, 0.005)
 
@@ -38,9 +38,9 @@ def tap(sign, quantity, seed=1):
 def test_the_second_mode_of_a_free_decay_begins_where_the_record_does(frequency):
     second, model = Mode(frequency, 0.008), Model(Structure(2.573, 147.6, 0.006))
     observed = [observe(decay(second), model)]
-    found = diagnose(PLANT, observed, model, catalogue())
+    found = diagnose(ENGINE, observed, model, catalogue())
     assert (found.verdict, found.effects) == ("missing_effect", ("second_mode",))
-    added = add_effects(PLANT, observed, model, [catalogue()["second_mode"]], catalogue())
+    added = add_effects(ENGINE, observed, model, [catalogue()["second_mode"]], catalogue())
     for path, truth, near in (("natural_frequency", 147.5, 1e-4), ("second_mode.frequency", frequency, 1e-4),
                               ("damping_ratio", 0.005, 0.02), ("second_mode.damping_ratio", 0.008, 0.02)):  # fmt: skip
         assert added.parameters[path].determined and added.parameters[path].value == pytest.approx(truth, rel=near)
@@ -57,7 +57,7 @@ def test_a_decay_of_any_frequency_is_fitted_down_to_its_noise(frequency, rate):
     mode = Mode(frequency, 0.004)
     values = decaying([(mode, 1e-3, 0.2)], rate, 1500) + 5e-6 * np.random.default_rng(3).standard_normal(1500)
     model = Model(Structure(1.0, 1.01 * frequency, 0.01))
-    found = compare(PLANT, [observe(record("slow", "ring-down", {"displacement": values}, rate), model)], model, catalogue())
+    found = compare(ENGINE, [observe(record("slow", "ring-down", {"displacement": values}, rate), model)], model, catalogue())
     assert found.error < 1.05 * found.noise_floor
     one = found.parameters["natural_frequency"]
     assert one.determined and one.value == pytest.approx(frequency, rel=1e-4) and one.high - one.low < 1e-3 * frequency

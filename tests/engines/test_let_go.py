@@ -24,7 +24,7 @@ from tests.support.campaign_files import BELIEVED
 from tests.support.synthetic_campaign import synthetic_record
 from tests.validation.claims import FLEXURE
 
-PLANT = SimpleNamespace(predict_cuts=engine.predict_cuts, predict_driven=engine.predict_driven)
+ENGINE = SimpleNamespace(predict_cuts=engine.predict_cuts, predict_driven=engine.predict_driven)
 THREE = replace(FLEXURE, cutter=Cutter(flutes=3))
 TURN = 2 * math.pi / 200.0
 HELD = Cut(200.0, 0.8e-3, 1e-4, 12, 30, 12, 1e-5, 2e-3, held_until=TURN)
@@ -113,12 +113,12 @@ def _record(model: Model, rpm: float = 1500.0, depth: float = 0.3e-3, ringing: f
 
 def test_what_a_record_begins_with_is_the_state_at_its_first_sample_at_any_tooth_angle():
     one = observe(_record(THREE, 2000.0), THREE)
-    own = replace(model_fit(PLANT, [one], THREE, {})[1].state.nuisances[0], displacement=2e-5, velocity=-5e-3)
+    own = replace(model_fit(ENGINE, [one], THREE, {})[1].state.nuisances[0], displacement=2e-5, velocity=-5e-3)
     variants = [(THREE, 0.0, replace(own, angle=float(angle))) for angle in np.linspace(0.0, 2 * math.pi / 3, 40)]
-    first = predict(PLANT, one, variants)[:, 0, 0]
+    first = predict(ENGINE, one, variants)[:, 0, 0]
     assert first == pytest.approx(np.full(40, 2e-5), rel=1e-9)
     rubbing = THREE.with_effect("quadratic_damping", coefficient=3e4)
-    first = predict(PLANT, one, [(rubbing, *rest) for _, *rest in variants])[:, 0, 0]
+    first = predict(ENGINE, one, [(rubbing, *rest) for _, *rest in variants])[:, 0, 0]
     assert first == pytest.approx(np.full(40, 2e-5), rel=1e-9)
 
 
@@ -126,7 +126,7 @@ def test_a_swing_that_is_soon_damped_bends_no_damping():
     """Given two revolutions before the record, such a state could not be as large as the first samples show."""
     records = [_record(AIRY, *test, seed=seed) for seed, test in enumerate(((1500.0, 0.1e-3), (2650.0, 0.16e-3)))]
     observed = [observe(record, AIRY) for record in records]
-    fitter, fit = model_fit(PLANT, observed, AIRY, catalogue())
+    fitter, fit = model_fit(ENGINE, observed, AIRY, catalogue())
     assert fit.cost < 0.52 * sum(record.size for record in observed)
     place = fit.names.index("damping_ratio")
     error = math.sqrt(fit.covariance[place, place])

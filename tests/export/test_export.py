@@ -138,8 +138,8 @@ def test_the_card_has_a_head_that_loaders_read_and_scores_that_are_true(exported
     content = json.loads((exported[1] / "export.json").read_text())
     one = next(one for one in content["baseline"]["classifier"] if one["split"] == "test")
     assert one["naive_accuracy"] == pytest.approx(told["test"].count(common) / len(told["test"]))
-    assert one["accuracy"] > one["naive_accuracy"] and one["runs"] == len(told["test"])
-    assert f"| test | {one['groups']} | {one['runs']} | {one['accuracy']:.3f} | {one['naive_accuracy']:.3f} |" in text
+    assert one["accuracy"] > one["naive_accuracy"] and one["rows"] == len(told["test"])
+    assert f"| test | {one['groups']} | {one['rows']} | {one['accuracy']:.3f} | {one['naive_accuracy']:.3f} |" in text
     sheet = (exported[1] / "DATASHEET.md").read_text()
     assert "What it must not be used for" in sheet and "CC-BY-4.0" in sheet and "spindle_speed: {from: 2600 rpm" in sheet
 

@@ -69,7 +69,7 @@ def test_what_cannot_be_scored_is_said():
     values[0] = np.nan
     found = baseline(values, ["train"] * 6, GROUP[:6], ["stable"] * 6, {"mass": np.full(6, 2.5)})
     assert not found.classifier and not found.regressor and found.trained == 5
-    for said in ("1 runs are too short", "no run fell into test", "one class only (stable)", "no parameter differs"):
+    for said in ("1 rows are too short", "no row fell into test", "one class only (stable)", "no parameter differs"):
         assert any(said in note for note in found.notes), said
 
 

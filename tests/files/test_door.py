@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from validation.adversities import measured_files, own_effects, paths, written_texts
 
-from testbed.analysis.fit.fit_state import Linearised
+from testbed.analysis.fit.fit_state import Jacobian
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.thinning import ENOUGH, every_nth
 from testbed.catalogue import catalogue
@@ -86,10 +86,10 @@ def test_a_file_that_means_to_be_an_effect_and_defines_none_is_told(tmp_path):
 
 
 def test_a_child_that_dies_or_never_ends_is_seen():
-    assert tried(lambda say: say("so far"), 5.0).said == ("so far",)
-    assert tried(lambda say: os._exit(0), 5.0).how == "failed"
-    assert tried(lambda say: os.kill(os.getpid(), 9), 5.0)[:2] == ("killed", 9)
-    assert tried(lambda say: [None for _ in iter(int, 1)], 1.0).how in ("too late", "failed")
+    assert tried(lambda progress: progress("so far"), 5.0).said == ("so far",)
+    assert tried(lambda progress: os._exit(0), 5.0).how == "failed"
+    assert tried(lambda progress: os.kill(os.getpid(), 9), 5.0)[:2] == ("killed", 9)
+    assert tried(lambda progress: [None for _ in iter(int, 1)], 1.0).how in ("too late", "failed")
 
 
 def test_a_long_name_is_shown_by_its_ends():
@@ -118,7 +118,7 @@ def test_a_thinned_record_holds_every_nth_sample_at_its_own_moment():
 
 def test_residuals_of_many_rows_lose_the_same_whether_worked_on_together_or_not(monkeypatch):
     random = np.random.default_rng(2)
-    part = Linearised(random.standard_normal(50), random.standard_normal((50, 2)), random.standard_normal((50, 3)))
+    part = Jacobian(random.standard_normal(50), random.standard_normal((50, 2)), random.standard_normal((50, 3)))
     rows = random.standard_normal((7, 50))
     whole = part.without_own(rows)
     monkeypatch.setattr("testbed.analysis.fit.fit_state.VALUES_TOGETHER", 10)
@@ -136,10 +136,10 @@ def test_want_of_memory_is_told_whatever_a_library_makes_of_it(problem, short):
 
 
 def test_free_memory_is_no_more_than_the_limit_of_the_process():
-    def limited(say):
+    def limited(progress):
         taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (taken + 50_000_000, resource.RLIM_INFINITY))
-        say(str(free_memory()))
+        progress(str(free_memory()))
 
     found = tried(limited, 10.0)
     assert 0.0 < float(found.said[0]) <= 50e6 < free_memory()

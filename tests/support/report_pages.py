@@ -14,13 +14,14 @@ from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.held_out import errors_in_fit, held_out_errors, pooled
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.starts import polish
+from testbed.analysis.fit.starts import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.report.compare_page import compare_page
 from testbed.analysis.report.page import Page, Panel
 from testbed.analysis.report.story_page import addition_page, diagnosis_page
 from testbed.analysis.search.add_effect import Addition
-from testbed.analysis.search.diagnosis import Candidate, Diagnosis
+from testbed.analysis.search.candidate import Candidate
+from testbed.analysis.search.diagnosis import Diagnosis
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from tests.support.campaign_files import BELIEVED, TRUE
@@ -30,7 +31,7 @@ CATALOGUE = catalogue()
 EFFECT, OTHER = "process_damping", "tool_wear"
 HIDDEN = TRUE.with_effect(EFFECT, coefficient=2.0e5)
 UNITS = {"displacement": "m"}
-PLANT = SimpleNamespace(
+ENGINE = SimpleNamespace(
     predict_cuts=partial(predict.predict_cuts, catalogue=CATALOGUE),
     predict_driven=partial(predict.predict_driven, catalogue=CATALOGUE),
 )
@@ -48,18 +49,18 @@ def fit_from(model, chosen, effects=()):
     free = free_parameters(chosen, model)
     for name in effects:
         free += effect_parameters(CATALOGUE[name], chosen)
-    fitter = Fitter(PLANT, chosen, free)
+    fitter = Fitter(ENGINE, chosen, free)
     state = State(model, MARK_ANGLE, tuple(first_nuisances(record, MARK_ANGLE) for record in chosen))
-    return fitter, polish(fitter, state, rounds=1, iterations=4)
+    return fitter, alternate_fit_and_passes(fitter, state, rounds=1, iterations=4)
 
 
 @cache
 def comparison(true=HIDDEN) -> Comparison:
     """compare() without its search for a start."""
     search = testbed.analysis.comparison.compare.model_fit
-    testbed.analysis.comparison.compare.model_fit = lambda plant, chosen, model, known, told: fit_from(TRUE, chosen)
+    testbed.analysis.comparison.compare.model_fit = lambda engine, chosen, model, known, told: fit_from(TRUE, chosen)
     try:
-        return compare(PLANT, records(true), BELIEVED, CATALOGUE)
+        return compare(ENGINE, records(true), BELIEVED, CATALOGUE)
     finally:
         testbed.analysis.comparison.compare.model_fit = search
 
@@ -74,7 +75,7 @@ def candidate(*effects: str) -> Candidate:
     errors = tuple(held_out_errors(fitter, fit))
     parameters = {path: fit.state.model.value(path) for path in fit.names if "." in path}
     in_fit = pooled(errors_in_fit(fitter, fit))[0]
-    return Candidate(effects, parameters, in_fit, pooled(errors)[0], 100.0, True, fit, fitter, errors)
+    return Candidate(effects, parameters, in_fit, pooled(errors)[0], 100.0, True, errors, fit=fit, fitter=fitter)
 
 
 def diagnosis() -> Diagnosis:

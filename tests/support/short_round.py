@@ -8,10 +8,10 @@ import numpy as np
 
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search import candidate_round as cr
-from testbed.analysis.search.begun_anew import from_believed
-from testbed.analysis.search.first_looks import Entry
+from testbed.analysis.search.refit_from_prior import from_believed
+from testbed.analysis.search.score_test import ScreenedCandidate
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign
@@ -30,7 +30,7 @@ def fitted(*names, tests=((3500, 1.2),), noise=1e-6, hidden: Mapping[str, Mappin
     for name, values in hidden.items():
         true = true.with_effect(name, **values)
     records = synthetic_campaign(partial(fast.simulate, steps=61), true, seed=4, rate=6400.0, tests=tests, noise=noise)
-    return from_believed(plant_of(KNOWN), [observe(one, BELIEVED) for one in records], BELIEVED, names, KNOWN)
+    return from_believed(engine_of(KNOWN), [observe(one, BELIEVED) for one in records], BELIEVED, names, KNOWN)
 
 
 def round_of(base, first, full, monkeypatch, **asked):
@@ -41,14 +41,14 @@ def round_of(base, first, full, monkeypatch, **asked):
     """
     goals = {}
 
-    def refitted(current, entry, known, say, iterations=40, goal=np.inf, **_):
-        goals[entry.name] = goal
+    def refitted(current, entry, known, progress, iterations=40, cost_limit=np.inf, **_):
+        goals[entry.name] = cost_limit
         share = full.get(entry.name, 0.9)
         error, fit = current.error_held_out * share**0.5, replace(current.fit, cost=share * current.fit.cost)
         return replace(current, effects=(entry.name,), error_fit=error, error_held_out=error, fit=fit, errors=())
 
     monkeypatch.setattr(cr, "first_steps", lambda current, *_, **__: [
-        Entry(name, share * current.fit.cost, current.fit.state, current.fitter) for name, share in first.items()])
+        ScreenedCandidate(name, share * current.fit.cost, current.fit.state, current.fitter) for name, share in first.items()])
     monkeypatch.setattr(cr, "_refitted", refitted)
     monkeypatch.setattr(cr, "try_from_far", lambda *_, **__: None)
     monkeypatch.setattr(cr, "from_far", lambda *_, **__: None)

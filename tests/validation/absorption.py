@@ -14,7 +14,7 @@ import numpy as np
 from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.starts import base_fit, polish
+from testbed.analysis.fit.starts import alternate_fit_and_passes, base_fit
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter
@@ -27,7 +27,7 @@ NOISE = 1e-6  # m
 SILENT = "contact_loss says nothing in a stable cut: its row is the one without effect; runout is cut with two teeth"
 NAMES = (("damping_ratio", "zeta"), ("natural_frequency", "omega_n"), ("tangential_coefficient", "K_t"),
          ("normal_coefficient", "K_n"))
-PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+ENGINE = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 
 
 def percent(relative: float) -> str:
@@ -41,9 +41,10 @@ def left_out(name: str | None) -> tuple[dict[str, float], float]:
     base, tests = (replace(FLEXURE, cutter=Cutter(2)), TWO_TEETH) if name == "runout" else (FLEXURE, TESTS)
     truth = base if name is None else base.with_effect(name, **catalogue()[name].example())
     records = [observe(record, base) for record in synthetic_campaign(fast.simulate, truth, tests=tests, noise=NOISE)]
-    fitter, fit = base_fit(PLANT, records, base)
+    fitter, fit = base_fit(ENGINE, records, base)
     known = State(base, MARK_ANGLE, tuple(first_nuisances(record, MARK_ANGLE) for record in records))
-    fit = min(fit, polish(fitter, known), key=lambda one: one.cost)  # a user's fit may end worse: this is the best there is
+    # a user's fit may end worse: this is the best there is
+    fit = min(fit, alternate_fit_and_passes(fitter, known), key=lambda one: one.cost)
     errors = {path: fit.state.model.value(path) / base.value(path) - 1.0 for path, _ in NAMES}
     squares = sum(float(np.sum((rest.reshape(record.data.shape) * record.noise[:, None]) ** 2))
                   for rest, record in zip(fit.residuals, records, strict=True))

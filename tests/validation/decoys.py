@@ -10,15 +10,15 @@ from concurrent.futures import ProcessPoolExecutor
 
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.diagnose import diagnose
+from testbed.api.fitting import engine_of
 from testbed.catalogue import DECOYS, catalogue
-from testbed.cli._fitting import plant_of
 from tests.validation.blind.draw import SINGLES, draw
 from tests.validation.blind.make import records_of
 from tests.validation.claims import Claim, Section
 
 EVERY = catalogue(DECOYS)
 NAMES = tuple(sorted(set(EVERY) - set(catalogue())))
-PLANT = plant_of(EVERY)
+ENGINE = engine_of(EVERY)
 FIRST, EMPTY = 7000, 4  # the first seed, and campaigns with nothing hidden
 WORKERS = 2
 HIDDEN = tuple(name for name in NAMES if name != "decoy_ripple")  # hidden, it is so stiff that a diagnosis takes very long
@@ -29,7 +29,7 @@ def told(job: tuple[int, tuple[str, ...]]) -> tuple[str, tuple[str, ...], float,
     seed, names = job
     truth = draw(seed, EVERY, kind=None if names else "none", names=names or None)
     records = [observe(record, truth.believed) for record in records_of(truth, EVERY)]
-    found = diagnose(PLANT, records, truth.believed, EVERY)
+    found = diagnose(ENGINE, records, truth.believed, EVERY)
     print(f"decoys: {seed} {' + '.join(names) or 'nothing'} -> {found.verdict} {' + '.join(found.effects)}", flush=True)
     return found.verdict, found.effects, found.baseline / found.noise_floor, found.with_effects / found.noise_floor
 

@@ -21,7 +21,7 @@ from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import TESTS, synthetic_campaign
 from tests.validation.claims import Claim, Section
 
-PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+ENGINE = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 MASS, OMEGA, ZETA = 2.573, 920.0, 0.0032
 LAWS: dict[str, tuple[Callable, str]] = {
     "no further force": (lambda x, v: 0.0 * x, "adequate"),
@@ -33,7 +33,7 @@ LAWS: dict[str, tuple[Callable, str]] = {
 
 def told(records: list[Record], believed: Model, **more: int) -> Diagnosis:
     """The diagnosis of some records."""
-    return diagnose(PLANT, [observe(record, believed) for record in records], believed, catalogue(), **more)
+    return diagnose(ENGINE, [observe(record, believed) for record in records], believed, catalogue(), **more)
 
 
 def answer(found: Diagnosis) -> str:

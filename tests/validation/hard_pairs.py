@@ -16,6 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.diagnose import diagnose
 from testbed.analysis.search.diagnosis import Diagnosis
 from testbed.catalogue import catalogue
@@ -28,7 +29,7 @@ from testbed.workshop import RPM, Measurement, measured_cut
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.validation.claims import Claim, Section
 
-PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+ENGINE = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 RATE = 6400.0  # samples/s
 FEED = 0.1016e-3  # m a tooth
 COURSE = (30, 40, 16)  # revolutions of idling (the noise is read from it), cutting, ringing down
@@ -150,7 +151,7 @@ class Case:
 
 def damping_of(found: Diagnosis) -> float:
     """The damping ratio of the refitted believed model."""
-    assert found.base.fit is not None
+    assert isinstance(found.base, Candidate)
     return found.base.fit.state.model.structure.damping_ratio
 
 
@@ -193,7 +194,7 @@ def cases() -> list[Case]:
 def told(case: Case, seed: int = 3) -> Diagnosis:
     """The diagnosis of a case's campaign."""
     records = [observe(record, BELIEVED) for record in case.maker(case.truth, seed)]
-    return diagnose(PLANT, records, BELIEVED, catalogue())
+    return diagnose(ENGINE, records, BELIEVED, catalogue())
 
 
 def answer(found: Diagnosis) -> str:

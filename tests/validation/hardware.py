@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from testbed.analysis.fit.prediction import predict as predict_forces
-from testbed.analysis.search.diagnosis import Candidate
-from testbed.cli.diagnose import MANY
+from testbed.analysis.search.candidate import Candidate
+from testbed.api.defaults import MANY
 from testbed.files.campaign import Record, load_campaign
 from testbed.machine import Cutter, Cutting, Model, Structure
 from tests.support.real_data import MANIFESTS, MEASUREMENTS
@@ -62,12 +62,11 @@ def any_linear_dynamometer(step: Candidate) -> float:
 
     One complex factor for every harmonic of the spindle and channel, the best for all records; what does not repeat is left.
     """
-    assert step.fit is not None and step.fitter is not None
     state, left, whole = step.fit.state, 0.0, 0.0
     per_record = []
     for record, own in zip(step.fitter.records, state.nuisances, strict=True):
         turn = record.period / own.speed * record.rate  # samples
-        forces = predict_forces(step.fitter.plant, record, [(state.model, state.angle, own)])[0]
+        forces = predict_forces(step.fitter.engine, record, [(state.model, state.angle, own)])[0]
         per_record.append([(_harmonics(seen, turn), _harmonics(told, turn)[0])
                            for seen, told in zip(record.data, forces, strict=True)])
         whole += float(np.sum(record.data.var(axis=1)))

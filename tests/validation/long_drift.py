@@ -25,8 +25,8 @@ def _one(seconds: float, drifts: tuple[tuple[float, float], ...], seed: int) -> 
 
     from testbed.analysis.comparison.compare import compare
     from testbed.analysis.fit.observe import observe
+    from testbed.api.fitting import engine_of
     from testbed.catalogue import catalogue
-    from testbed.cli._fitting import plant_of
     from testbed.cut import Cut
     from testbed.engines.fast import simulate
     from testbed.workshop import RPM, Measurement, measured_cut
@@ -43,7 +43,7 @@ def _one(seconds: float, drifts: tuple[tuple[float, float], ...], seed: int) -> 
         channels["displacement"] = channels["displacement"] + size * np.sin(rate * at + one)
     record = replace(record, recording=replace(record.recording, channels=channels))
     effects = catalogue()
-    found = compare(plant_of(effects), [observe(record, model)], model, effects)
+    found = compare(engine_of(effects), [observe(record, model)], model, effects)
     return found.adequate, found.error / found.noise_floor
 
 

@@ -21,6 +21,7 @@ import h5py
 import numpy as np
 
 RATE = 51200.0  # Hz
+SPEEDS = (3810, 3700, 2970, 2900, 2800)  # rpm, at which the cuts are stable: the record of one that grows breaks off
 CEILING = 6 * 2**30  # bytes of address space that a command gets here: beyond it it must say so in one line
 
 
@@ -41,11 +42,13 @@ def campaign(folder: Path, seconds: float, records: int) -> tuple[Path, Path]:
     rows = ["name: long", "sampling_rate: 51200 Hz", "channels:", "  displacement: {column: disp, unit: um}",
             "  tachometer: {column: tach, unit: V}", "records:"]
     for number in range(records):
-        speed = (3810 - 210 * (number % 5)) * RPM
+        speed = SPEEDS[number % len(SPEEDS)] * RPM
         passes = int(seconds * speed / (2 * np.pi))
-        cut = Cut(speed, (1.0 + 0.3 * (number // 5)) * 1e-3, 1e-4, idle_passes=passes // 8, passes=passes - passes // 4,
-                  ring_down_passes=passes // 8)
+        depth = (1.0 + 0.3 * (number // len(SPEEDS))) * 1e-3
+        cut = Cut(speed, depth, 1e-4, idle_passes=passes // 8, passes=passes - passes // 4, ring_down_passes=passes // 8)
         made = measured_cut(simulate, true, cut, Measurement(RATE), number, f"cut_{number}").recording
+        if len(made.channels["displacement"]) < 0.95 * seconds * RATE:
+            raise RuntimeError(f"record {number} broke off: its cut is not stable")
         with h5py.File(folder / f"cut_{number}.h5", "w") as file:
             file["disp"] = (made.channels["displacement"] * 1e6).astype(np.float32)
             file["tach"] = tachometer(made).astype(np.float32)

@@ -76,14 +76,14 @@ def campaign(seed: int) -> tuple[list[Record], Measurement, list[Recording]]:
 def compared(records: list[Record]) -> Comparison:
     """The comparison of a campaign that has gone through its files."""
     effects = catalogue()
-    plant = SimpleNamespace(
+    engine = SimpleNamespace(
         predict_cuts=partial(predict.predict_cuts, catalogue=effects),
         predict_driven=partial(predict.predict_driven, catalogue=effects),
     )
     with tempfile.TemporaryDirectory() as folder:
         path, _ = write_campaign(Path(folder), records, BELIEVED)
         read = load_campaign(path).records
-    return compare(plant, [observe(record, BELIEVED) for record in read], BELIEVED, effects)
+    return compare(engine, [observe(record, BELIEVED) for record in read], BELIEVED, effects)
 
 
 def check_seed(seed: int) -> Found:

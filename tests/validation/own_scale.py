@@ -19,7 +19,7 @@ from testbed.analysis.comparison.compare import compare
 from testbed.analysis.fit.held_guesses import Held, with_guesses_held
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.taken import taken_notes
+from testbed.analysis.fit.record_hypotheses import taken_notes
 from testbed.analysis.search.add_effect import add_effects
 from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
@@ -30,7 +30,7 @@ from testbed.recording import CHANNEL_UNITS, Recording
 from tests.support import plain_cut
 from tests.validation.claims import Claim, Section
 
-PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+ENGINE = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 DECAYS, DRIVEN, TURNED, PAIRS, THREES = 40, 30, 30, 30, 6
 BLOW = 12  # samples that a blow lasts at the least: what a coarser one is between its samples, nobody knows
 FINER = 8  # times the sampling rate at which a driven record is made
@@ -113,7 +113,7 @@ def believed(rng: np.random.Generator, mode: Mode) -> Model:
 def identified(records: list[Record], model: Model) -> tuple[Held, list[str]]:
     """The waveform fit as `identify` makes it, and its notes."""
     observed = [observe(one, model) for one in records]
-    fitter, fit = model_fit(PLANT, observed, model, catalogue())
+    fitter, fit = model_fit(ENGINE, observed, model, catalogue())
     return with_guesses_held(fitter, fit, model, catalogue()), taken_notes(observed, fitter.records)
 
 
@@ -126,8 +126,8 @@ def single(records: list[Record], mode: Mode, model: Model, with_mass: bool) -> 
     """right, not determined or wrong: of one mode by identify, compare and diagnose."""
     held, _ = identified(records, model)
     observed = [observe(one, model) for one in records]
-    compared = compare(PLANT, observed, model, catalogue())
-    diagnosed = diagnose(PLANT, observed, model, catalogue())
+    compared = compare(ENGINE, observed, model, catalogue())
+    diagnosed = diagnose(ENGINE, observed, model, catalogue())
     truth = {"natural_frequency": (mode.frequency, 1e-3), "damping_ratio": (mode.damping, 0.05)}
     truth |= {"mass": (mode.mass, 0.02)} if with_mass else {}
     for found in (held.values, compared.parameters):
@@ -191,11 +191,11 @@ def pair_draw(seed: int) -> tuple[str, str]:
     values = decaying(parts, rate, count) + 10 ** rng.uniform(-3.0, -2.0) * size * rng.standard_normal(count)
     model = believed(rng, first)
     observed = [observe(record("decay", "ring-down", {quantity: values}, rate), model)]
-    found = diagnose(PLANT, observed, model, catalogue())
+    found = diagnose(ENGINE, observed, model, catalogue())
     told = f"{first.frequency:.4g} and {second.frequency:.4g} Hz: {found.verdict} {' '.join(found.effects)}"
     if (found.verdict, found.effects) != ("missing_effect", ("second_mode",)):
         return "wrong" if found.verdict in ("missing_effect", "adequate") else "not determined", told
-    added = add_effects(PLANT, observed, model, [catalogue()["second_mode"]], catalogue())
+    added = add_effects(ENGINE, observed, model, [catalogue()["second_mode"]], catalogue())
     got = [("natural_frequency", "damping_ratio"), ("second_mode.frequency", "second_mode.damping_ratio")]
     seen = [(added.parameters[one].value, added.parameters[other].value) for one, other in got]
     right = all(near(one[0], mode.frequency, 1e-3) and near(one[1], mode.damping, 0.1)
@@ -219,9 +219,8 @@ def three_draw(seed: int) -> tuple[str, str]:
     values = values + 0.0091 * values.std() * rng.standard_normal(count)
     model = believed(rng, modes[seed % 3])
     observed = [observe(record("tap", "excited", {"force": force[::FINER], quantity: values}, rate), model)]
-    found = diagnose(PLANT, observed, model, catalogue())
-    assert found.best.fit is not None
-    end = found.best.fit.state.model
+    found = diagnose(ENGINE, observed, model, catalogue())
+    end = found.best_fit.fit.state.model
     seen = sorted([end.structure.natural_frequency, *(one["frequency"] for one in end.effects.values() if "frequency" in one)])
     told = f"{quantity}, believed {model.structure.natural_frequency:.0f} Hz: {found.verdict} {' '.join(found.effects)}"
     if (found.verdict, set(found.effects)) != ("missing_effect", {"second_mode", "third_mode"}):

@@ -20,9 +20,9 @@ import numpy as np
 
 from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.held_guesses import with_guesses_held
+from testbed.analysis.fit.identifiable import identifiable_parameters
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.told import what_is_told
 from testbed.analysis.linear.planar_multipliers import cut_multipliers
 from testbed.catalogue import catalogue
 from testbed.cut import Cut
@@ -33,7 +33,7 @@ from tests.support.planar_campaign import PLACES, RPM, planar_campaign
 from tests.validation.claims import Claim, Section, below
 
 KNOWN = catalogue()
-PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+ENGINE = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 MACHINES, TESTS, RATE = 40, 4, 6400.0  # random machines, cuts of each, Hz
 OFF = {"natural_frequency": 0.02, "damping_ratio": 0.2, "tangential_coefficient": 0.3, "normal_coefficient": 0.3}
 TURNED_RAD = math.radians(10)
@@ -104,8 +104,8 @@ def identified(simulate: Any, model: Model, tests: list[tuple[float, float]], dr
     records = planar_campaign(simulate, model, tests, places, seed, COURSE, rate=RATE)
     believed = believed_of(model, drawn)
     observed = [observe(record, believed) for record in records]
-    told = what_is_told(PLANT, observed, believed, KNOWN)
-    fitter, fit = model_fit(PLANT, observed, believed, KNOWN, told.free)
+    told = identifiable_parameters(ENGINE, observed, believed, KNOWN)
+    fitter, fit = model_fit(ENGINE, observed, believed, KNOWN, told.free)
     held = with_guesses_held(fitter, fit, believed, KNOWN)
     rows = {path: (_truth(model, path, one.value), one.value, one.low, one.high)
             for path, one in held.values.items() if one.determined}

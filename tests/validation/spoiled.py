@@ -18,8 +18,8 @@ from testbed.analysis.fit.estimates import estimates
 from testbed.analysis.fit.held_out import errors_in_fit, pooled
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from testbed.files.campaign import Record
 from testbed.machine import Cutter, Cutting, Model, Structure
@@ -72,7 +72,7 @@ def judged(seed: int, kind: str) -> dict[str, Any]:
     """Of each parameter: held, missed or withheld; and the error of the fit over its noise floor."""
     true, believed, records = campaign(seed, KINDS[kind])
     known = catalogue()
-    fitter, fit = model_fit(plant_of(known), [observe(record, believed) for record in records], believed, known)
+    fitter, fit = model_fit(engine_of(known), [observe(record, believed) for record in records], believed, known)
     error, noise = pooled(errors_in_fit(fitter, fit))
     told: dict[str, Any] = {"seed": seed, "kind": kind, "error": error / noise}
     for path, one in estimates(fitter, fit, known).items():

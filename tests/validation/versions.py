@@ -27,8 +27,9 @@ RESULTS = Path(__file__).with_suffix(".json")
 RESOLUTIONS = {"lowest": "lowest-direct", "newest": "highest"}
 EXTRAS = ("formats", "fast", "cluster", "bench", "dev")
 # at least one that leans on each dependency: command line, files, HDF5, engines, readers of every format, Parquet, dask
-FILES = ("test_cli.py", "test_model_file.py", "test_scenario.py", "test_store.py", "test_verify.py", "test_mujoco_engine.py",
-         "test_stability.py", "test_readers_binary.py", "test_export.py", "test_sweep_cluster.py")
+FILES = ("cli/test_cli.py", "files/test_model_file.py", "scenario/test_scenario.py", "store/test_store.py",
+         "store/test_verify.py", "engines/test_mujoco_engine.py", "analysis/test_stability.py",
+         "readers/test_readers_binary.py", "export/test_export.py", "sweeps/test_sweep_cluster.py")
 SHOWN = ("numpy", "scipy", "numba", "h5py", "matplotlib", "ruamel-yaml", "pydantic", "click", "rich", "plotly", "pyarrow",
          "distributed")  # fmt: skip
 

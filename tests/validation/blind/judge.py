@@ -25,6 +25,7 @@ from testbed.analysis.fit.estimates import estimates
 from testbed.analysis.fit.held_out import held_out_errors, pooled
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.engines import predict
@@ -37,7 +38,7 @@ ELSEWHERE = FOLDER / "anywhere.jsonl"
 ANYWHERE = 4000  # seeds from here on are of machines of any workshop, those before of the published rig
 FAINTLY = FOLDER / "faint.jsonl"
 FAINT = 6000  # seeds from here on hide an effect that is hardly visible, or none, on the published rig
-PLANT = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
+ENGINE = SimpleNamespace(predict_cuts=predict.predict_cuts, predict_driven=predict.predict_driven)
 
 
 def drawn(seed: int) -> tuple[Any, Any, Any]:
@@ -66,15 +67,15 @@ def judged(seed: int) -> dict[str, Any]:
 def _diagnosed(truth: Any, records: Any, known: Any) -> dict[str, Any]:
     begin, processor = time.perf_counter(), time.process_time()
     observed = [observe(record, truth.believed) for record in records]
-    found = diagnose(PLANT, observed, truth.believed, known)
+    found = diagnose(ENGINE, observed, truth.believed, known)
     told = {"made": True, "seconds": time.perf_counter() - begin, "processor": time.process_time() - processor,
             "verdict": found.verdict, "effects": list(found.effects), "baseline": found.baseline,
             "with_effects": found.with_effects, "noise_floor": found.noise_floor,
             "other_law": None if found.form is None else found.form.as_json()}
     if truth.seed >= FAINT:  # by what the answer came about
         told["candidates"] = [{"effects": list(one.effects), "delta_bic": one.delta_bic, "error_held_out": one.error_held_out}
-                              for one in found.candidates if one.fit is not None]
-    if found.best.fit is not None and found.best.fitter is not None:
+                              for one in found.fitted]
+    if isinstance(found.best, Candidate):
         told["parameters"] = {
             path: {"value": one.value, "low": one.low, "high": one.high, "true": _true(truth, path)}
             for path, one in estimates(found.best.fitter, found.best.fit, known).items() if path != "mark_angle"
@@ -87,7 +88,7 @@ def _diagnosed(truth: Any, records: Any, known: Any) -> dict[str, Any]:
 def _left_by(name: str, truth: Any, observed: Any, known: Any) -> float:
     """Error over noise floor of the fit that begins at the truth without the other effect: is that one visible at all?"""
     model = truth.believed.with_effect(name, **truth.effects[name])
-    error, noise = pooled(held_out_errors(*model_fit(PLANT, observed, model, known)))
+    error, noise = pooled(held_out_errors(*model_fit(ENGINE, observed, model, known)))
     return error / noise
 
 

@@ -20,11 +20,12 @@ from typing import Any
 
 from testbed.analysis.fit.estimates import estimates
 from testbed.analysis.fit.observe import observe
+from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.files.campaign import Record
 from tests.validation.blind.count import counted, share
-from tests.validation.blind.judge import FOLDER, PLANT, answered, known_seeds, options_of
+from tests.validation.blind.judge import ENGINE, FOLDER, answered, known_seeds, options_of
 from tests.validation.blind.plane_made import Hidden, draw, measured
 from tests.validation.claims import Claim, Section
 
@@ -60,7 +61,7 @@ def answer(truth: Hidden, records: Sequence[Record], **more: Any) -> dict[str, A
     """What a diagnosis says of the records, and the true values beside those found. more: for `diagnose`."""
     processor, known = time.process_time(), catalogue()
     observed = [observe(record, truth.believed) for record in records]
-    found = diagnose(PLANT, observed, truth.believed, known, **more)
+    found = diagnose(ENGINE, observed, truth.believed, known, **more)
     told = {"made": True, "processor": round(time.process_time() - processor, 1), "verdict": found.verdict,
             "effects": list(found.effects), "sentence": found.sentence, "baseline": found.baseline,
             "with_effects": found.with_effects, "noise_floor": found.noise_floor,
@@ -68,7 +69,7 @@ def answer(truth: Hidden, records: Sequence[Record], **more: Any) -> dict[str, A
     if truth.kind == "pair":
         told["alone"] = dict.fromkeys(truth.effects, math.inf)
     best = found.best
-    if best.fit is not None and best.fitter is not None and truth.effects and set(found.effects) == set(truth.effects):
+    if isinstance(best, Candidate) and truth.effects and set(found.effects) == set(truth.effects):
         told["parameters"] = {
             path: {"value": one.value, "low": one.low, "high": one.high, "true": _true(truth, path, one.value)}
             for path, one in estimates(best.fitter, best.fit, known).items() if path != "mark_angle"

@@ -25,10 +25,10 @@ from testbed.analysis.force.explain_force import formula_text, left_unexplained,
 from testbed.analysis.force.formula_trial import Jury
 from testbed.analysis.search.add_effect import add_effect
 from testbed.analysis.search.diagnose import diagnose
+from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from tests.validation.blind.count import VISIBLE, misfit
-from tests.validation.blind.judge import ELSEWHERE, FOLDER, PLANT, RESULTS, answered, drawn, known_seeds
+from tests.validation.blind.judge import ELSEWHERE, ENGINE, FOLDER, RESULTS, answered, drawn, known_seeds
 from tests.validation.blind.make import records_of
 from tests.validation.claims import Claim, Section
 
@@ -41,19 +41,19 @@ def proposed(seed: int) -> dict[str, Any]:
     """One campaign made, diagnosed, and what was left explained and added. Errors in units of the record, held out."""
     known, makers, truth = drawn(seed)
     observed = [observe(record, truth.believed) for record in records_of(truth, makers)]
-    found = diagnose(PLANT, observed, truth.believed, known)
+    found = diagnose(ENGINE, observed, truth.believed, known)
     told = {"seed": seed, "hidden": list(truth.effects), "verdict": found.verdict, "formula": "", "share": 0.0}
-    explanations = left_unexplained(PLANT, observed, found, known)
+    explanations = left_unexplained(ENGINE, observed, found, known)
     if not explanations or not explanations[0].formula:
         return told
-    explanation = Jury(plant_of, truth.believed, known).likeliest(explanations)
+    explanation = Jury(engine_of, truth.believed, known).likeliest(explanations)
     told |= {"formula": formula_text(explanation.formula), "share": explanation.share}
     with tempfile.TemporaryDirectory() as folder:
         write_effect(explanation, folder, NAME)
         wider = catalogue(folder)
-        added = add_effect(plant_of(wider), observed, truth.believed, wider[NAME], wider)
+        added = add_effect(engine_of(wider), observed, truth.believed, wider[NAME], wider)
     return told | {"before": added.before, "after": added.after, "noise_floor": added.noise_floor,
-                   "unheard": list(added.unheard), "heard": added.heard()}
+                   "unheard": list(added.unheard), "heard": added.in_fit()}
 
 
 def _told(seed: int) -> dict[str, Any]:
