@@ -138,8 +138,7 @@ def applicable(effect: Effect, records: Sequence[Observed], present: Container[s
         return False
     if any(record.cut is not None for record in records):
         return True
-    places = set(effect.hooks)
-    return bool(places & {"structure_force", "measure", "sensed_displacement"})
+    return not {"structure_force", "measure", "sensed_displacement"}.isdisjoint(effect.hooks)
 
 
 def extended(fitter: Fitter, effect: Effect) -> Fitter:
