@@ -21,8 +21,8 @@ sys.path.insert(0, str(ROOT))
 
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.diagnose import diagnose
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import mujoco_engine
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign

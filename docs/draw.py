@@ -22,9 +22,9 @@ from matplotlib.figure import Figure  # noqa: E402
 from testbed.analysis.fit.model_fit import model_fit  # noqa: E402
 from testbed.analysis.fit.waveform import Fitter  # noqa: E402
 from testbed.analysis.report.waveforms import looks, stretches, without_drift  # noqa: E402
+from testbed.api.fitting import observed_records, plant_of  # noqa: E402
 from testbed.catalogue import catalogue  # noqa: E402
 from testbed.cli._fingerprint import fingerprint  # noqa: E402
-from testbed.cli._fitting import observed_records, plant_of  # noqa: E402
 from testbed.cut import Cut  # noqa: E402
 from testbed.effect import Effect  # noqa: E402
 from testbed.engines import fast  # noqa: E402

@@ -53,7 +53,8 @@ class Model:
     `models/` the structure came from, where it came from one. not_determined: paths of parameters that no record told: guesses.
     spreads: (path, standard deviation in SI) of values that are believed with an uncertainty; a mode that was given by its
     stiffness has `stiffness` in place of `mass`. Another value in place of one takes its spread away.
-    tapped: by path, the ends (SI) of the 95 % interval that a tap test gave, whatever the values are now.
+    tapped: by path, the ends (SI) of the 95 % interval that a tap test gave, whatever the values are now. file: where it was
+    read, empty where it was not, or was changed since.
     """
 
     structure: Structure
@@ -64,6 +65,7 @@ class Model:
     not_determined: tuple[str, ...] = field(default=(), compare=False)
     spreads: tuple[tuple[str, float], ...] = field(default=(), compare=False)
     tapped: Mapping[str, tuple[float, float]] = field(default_factory=dict, compare=False)
+    file: str = field(default="", compare=False, repr=False)
 
     def __post_init__(self) -> None:
         require((self.cutter is None) == (self.cutting is None), "cutter and cutting stand or fall together")
@@ -72,16 +74,24 @@ class Model:
     def __reduce__(self):  # mapping proxies do not pickle
         effects = {name: dict(values) for name, values in self.effects.items()}
         return (Model, (self.structure, self.cutter, self.cutting, effects, self.machine, self.not_determined, self.spreads,
-                        dict(self.tapped)))
+                        dict(self.tapped), self.file))
 
     def __hash__(self) -> int:
         effects = tuple((name, tuple(values.items())) for name, values in self.effects.items())
         return hash((self.structure, self.cutter, self.cutting, effects, self.machine))
 
+    def _repr_html_(self) -> str:
+        """For a notebook: every parameter with its unit; those that are guesses are marked."""
+        own = {f"{name}.{one}": "" for name, values in self.effects.items() for one in values}
+        rows = "".join(f"<tr><td>{path}</td><td>{self.value(path):.6g} {unit if unit != '1' else ''}"
+                       f"{' (a guess)' if path in self.not_determined else ''}</td></tr>"
+                       for path, unit in {**self.base_parameters, **own}.items())
+        return f"<p><b>Model</b> {self.file}</p><table><tbody>{rows}</tbody></table>"
+
     def with_effect(self, name: str, **parameters: float) -> Model:
         """The same machine with one effect more, or with that effect's parameters changed."""
         return replace(self, effects={**self.effects, name: {**self.effects.get(name, {}), **parameters}},
-                       spreads=self._spreads_but([f"{name}.{one}" for one in parameters]))
+                       spreads=self._spreads_but([f"{name}.{one}" for one in parameters]), file="")
 
     def without_effect(self, name: str) -> Model:
         """The same machine without one effect; KeyError if it has none of that name."""
@@ -89,7 +99,7 @@ class Model:
             raise KeyError(name)
         return replace(self, effects={key: value for key, value in self.effects.items() if key != name},
                        not_determined=tuple(path for path in self.not_determined if path.partition(".")[0] != name),
-                       spreads=tuple(one for one in self.spreads if one[0].partition(".")[0] != name))
+                       spreads=tuple(one for one in self.spreads if one[0].partition(".")[0] != name), file="")
 
     def _spreads_but(self, paths: Collection[str]) -> tuple[tuple[str, float], ...]:
         """All spreads but those of some parameters; a stiffness goes with the mass and the frequency that it stands for."""
@@ -171,4 +181,4 @@ class Model:
         further = tuple(replace(mode, **modes.get(place, {})) for place, mode in enumerate(self.structure.further, 1))
         return replace(self, structure=replace(self.structure, further=further, **modes.get(0, {})),
                        cutting=replace(self.cutting, **cutting) if self.cutting else None, effects=effects,
-                       spreads=self._spreads_but(values))
+                       spreads=self._spreads_but(values), file="")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 MOST_SHOWN = 300  # characters of a name, of what is wrong, and of what to do
 
 
@@ -30,3 +32,13 @@ def shortened(text: str, most: int = MOST_SHOWN) -> str:
         text = f"{text[:most]} {text[-most:]}"
     line = "".join(one if one.isprintable() else " " for one in " ".join(text.split()))
     return line if len(line) <= most else f"{line[: most // 2]} ... {line[-most // 3 :]}"
+
+
+def optional(package: str) -> Any:
+    """A package that testbed does not need by itself. InputProblem where it is not installed."""
+    from importlib import import_module
+
+    try:
+        return import_module(package)
+    except ImportError:
+        raise InputProblem(package, "is not installed", f"pip install {package}") from None

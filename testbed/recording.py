@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from testbed.machine import Carrier
+from testbed.problem import optional
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.figure import Figure
 
 Origin = Literal["measured", "synthetic", "predicted"]
 Outcome = Literal["ok", "diverged", "limit", "crashed"]
@@ -53,7 +59,7 @@ def quantity_of(channel: str) -> str:
     return channel.removeprefix("tool_").split("_")[0]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """Channels sampled together.
 
@@ -122,6 +128,36 @@ class Recording:
     def time(self) -> np.ndarray:
         """Sample times, s, shape (samples,)."""
         return self.start + np.arange(len(self)) / self.sampling_rate
+
+    def __repr__(self) -> str:
+        names = ", ".join(f"{name} [{self.units[name]}]" for name in self.channels)
+        ended = "" if self.outcome == "ok" else f", {self.outcome}"
+        return f"<Recording: {names}, {len(self)} samples at {self.sampling_rate:g} Hz, {self.origin}{ended}>"
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Channels as columns over time (s), their units in `attrs["units"]`. InputProblem without pandas."""
+        packages = optional("pandas")
+        frame = packages.DataFrame(dict(self.channels), packages.Index(self.time, name="time"))
+        frame.attrs["units"] = {"time": "s"} | dict(self.units)
+        return frame  # type: ignore[no-any-return]
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Channels over time (s), each with its unit; conditions in `attrs`. InputProblem without xarray."""
+        parts = {name: ("time", values, {"units": self.units[name]}) for name, values in self.channels.items()}
+        about = {"sampling_rate": self.sampling_rate, "origin": self.origin, "outcome": self.outcome} | dict(self.conditions)
+        return optional("xarray").Dataset(parts, {"time": ("time", self.time, {"units": "s"})}, about)  # type: ignore[no-any-return]
+
+    def plot(self) -> Figure:
+        """Every channel over time."""
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(9, 1.2 + 1.8 * len(self.channels)), layout="constrained")
+        for axes, (name, values) in zip(figure.subplots(len(self.channels), 1, squeeze=False, sharex=True)[:, 0],
+                                        self.channels.items(), strict=True):
+            axes.plot(self.time, values, linewidth=0.6)
+            axes.set_ylabel(f"{name} [{self.units[name] or '?'}]")
+        axes.set_xlabel("time [s]")
+        return figure
 
 
 @dataclass(frozen=True)

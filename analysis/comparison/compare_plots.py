@@ -34,34 +34,39 @@ SYMBOLS = {"natural_frequency": "$f_n$", "damping_ratio": "$\\zeta$", "tangentia
 
 def save(found: Comparison, folder: Path, tested: Constancy | None = None, states: Sequence[ForceState] = (),
          shown: MapUnits = CALIBRATED, units: Mapping[str, str] | None = None) -> list[Path]:
-    """Every picture as PNG and SVG in an existing folder. tested: the base parameters test by test, where known; states:
-    force-state maps, drawn in the units `shown`; units: SI or own, by channel, of the records as read."""
+    """Every picture as PNG and SVG in an existing folder; arguments as of `pictures`."""
     from matplotlib.figure import Figure
 
-    pictures: dict[str, Callable[[Any], None]] = {
-        "residual_by_record": lambda figure: by_record(figure, found),
-        "worst_record": lambda figure: worst_record(figure, found, units or {}),
-        "residual_spectrum": lambda figure: spectrum(figure, found, units or {})}
-    records = found.fitter.records
-    if any(record.cut is not None for record in records):
-        pictures["residual_by_tooth_angle"] = lambda figure: by_tooth_angle(figure, found)
-        if not all(record.forces_only for record in records):
-            pictures["misfit_on_chart"] = lambda figure: misfit_on_chart(figure, found)
-    if tested is not None and len(tested.tests) > 1 and tested.parameters:
-        pictures["constancy"] = lambda figure: by_test(figure, tested)
-    if states:
-        pictures["force_state_map"] = lambda figure: force_state_map(figure, states, shown)
-    decays = free_decays(records)
-    if decays:
-        pictures["amplitude_dependence"] = lambda figure: by_amplitude(figure, decays, units or {})
     paths = []
-    for name, draw in pictures.items():
+    for name, draw in pictures(found, tested, states, shown, units or {}).items():
         figure = Figure(figsize=(10, 5), layout="constrained")
         draw(figure)
         for ending in ("png", "svg"):
             paths.append(folder / f"{name}.{ending}")
             figure.savefig(paths[-1], dpi=120)
     return paths
+
+
+def pictures(found: Comparison, tested: Constancy | None, states: Sequence[ForceState], shown: MapUnits,
+             units: Mapping[str, str]) -> dict[str, Callable[[Any], None]]:
+    """The pictures that there are, by name, each a function of the figure to draw on. tested: the base parameters test by test,
+    where known; states: force-state maps, drawn in the units `shown`; units: SI or own, by channel, of the records as read."""
+    drawn: dict[str, Callable[[Any], None]] = {
+        "residual_by_record": lambda figure: by_record(figure, found),
+        "worst_record": lambda figure: worst_record(figure, found, units),
+        "residual_spectrum": lambda figure: spectrum(figure, found, units)}
+    records = found.fitter.records
+    if any(record.cut is not None for record in records):
+        drawn["residual_by_tooth_angle"] = lambda figure: by_tooth_angle(figure, found)
+        if not all(record.forces_only for record in records):
+            drawn["misfit_on_chart"] = lambda figure: misfit_on_chart(figure, found)
+    if tested is not None and len(tested.tests) > 1 and tested.parameters:
+        drawn["constancy"] = lambda figure: by_test(figure, tested)
+    if states:
+        drawn["force_state_map"] = lambda figure: force_state_map(figure, states, shown)
+    if decays := free_decays(records):
+        drawn["amplitude_dependence"] = lambda figure: by_amplitude(figure, decays, units)
+    return drawn
 
 
 def _worst(found: Comparison) -> int:
@@ -91,10 +96,14 @@ def by_record(figure: Any, found: Comparison) -> None:
 
 
 def worst_record(figure: Any, found: Comparison, units: Mapping[str, str]) -> None:
+    """`one_record` of the worst."""
+    one_record(figure, found, _worst(found), units)
+
+
+def one_record(figure: Any, found: Comparison, index: int, units: Mapping[str, str]) -> None:
     """Measured, predicted and their difference over time, of the first channel; units: SI or own, by channel."""
     from matplotlib.patches import Patch
 
-    index = _worst(found)
     record, rest = found.fitter.records[index], found.errors[index].residual[0]
     factor, unit = drawn_unit(record.channels[0], units)
     time = record.start + np.arange(record.samples) / record.rate
@@ -111,7 +120,8 @@ def worst_record(figure: Any, found: Comparison, units: Mapping[str, str]) -> No
         for axis in (above, below):
             axis.axvspan(segment.start, segment.stop, color=SEGMENT_COLOURS[segment.kind], alpha=0.5, linewidth=0)
     how = "held out of" if found.records[index].held_out else "in"
-    above.set_title(f"How far is {record.name} from its prediction? (the worst record, {how} the fit)")
+    which = "the worst record, " if index == _worst(found) else ""
+    above.set_title(f"How far is {record.name} from its prediction? ({which}{how} the fit)")
     above.set_ylabel(f"{record.channels[0]} [{unit}]")
     below.set_ylabel(f"residual [{unit}]")
     below.set_xlabel("time [s]")

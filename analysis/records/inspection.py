@@ -6,18 +6,21 @@ import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from testbed.analysis.records.record_report import RecordReport, report
-from testbed.files.campaign import load_campaign
+from testbed.files.campaign import Campaign, load_campaign
 from testbed.problem import InputProblem
 from testbed.readers import checks, read_table
 from testbed.readers.table import Table
 from testbed.readers.timebase import TimeBase, from_column, looks_like_time
 from testbed.recording import Recording
 from testbed.sweeps.shards import NOTE
+
+if TYPE_CHECKING:
+    from testbed.store.data_set import DataSet
 
 _MANIFESTS = (".yaml", ".yml")
 
@@ -59,20 +62,28 @@ def inspect(
     """
     path = Path(path)
     if path.suffix.lower() in _MANIFESTS:
-        campaign = load_campaign(path, folder)
-        reports = tuple(report(record.recording, record.name, record.kind, record.notes) for record in campaign.records)
-        return Inspection(campaign.name, path, reports, len(reports))
+        return inspect_campaign(load_campaign(path, folder))
     from testbed.store.data_set import is_data_set, read_data_set
 
     if is_data_set(path) or (path / NOTE).is_file():  # a file, or a folder of shards, also an unfinished one, which says so
-        data = read_data_set(path)
-        some = itertools.islice(data.recordings(0, most), most)
-        reports = tuple(
-            report(recording, f"run {recording.conditions.get('run', index)}", "cut", ())
-            for index, recording in enumerate(some)
-        )
-        return Inspection(data.name, path, reports, len(data))
+        return inspect_data_set(read_data_set(path), path, most)
     return _bare(path, sampling_rate)
+
+
+def inspect_campaign(campaign: Campaign) -> Inspection:
+    """Look over the records of a campaign."""
+    reports = tuple(report(record.recording, record.name, record.kind, record.notes) for record in campaign.records)
+    return Inspection(campaign.name, campaign.file, reports, len(reports))
+
+
+def inspect_data_set(data: DataSet, path: Path, most: int) -> Inspection:
+    """Look over at most so many runs of a data set."""
+    some = itertools.islice(data.recordings(0, most), most)
+    reports = tuple(
+        report(recording, f"run {recording.conditions.get('run', index)}", "cut", ())
+        for index, recording in enumerate(some)
+    )
+    return Inspection(data.name, path, reports, len(data))
 
 
 def _bare(path: Path, sampling_rate: float | None) -> Inspection:

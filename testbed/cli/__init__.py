@@ -18,6 +18,7 @@ from typing import Any, NoReturn
 
 import click
 
+from testbed.api.working import home_for_pictures, one_thread_from_the_start
 from testbed.files.door import is_shortage
 from testbed.problem import InputProblem, InputWarning, shortened
 from testbed.system.interruption import INTERRUPTED, interrupted, leave, listen, say_interrupted
@@ -97,12 +98,8 @@ def main(arguments: list[str] | None = None) -> NoReturn:
 
     arguments: without them, those that were typed, of a process whose end this is.
     """
-    for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # results would change with the number of BLAS threads
-    if not os.access(os.path.expanduser("~"), os.W_OK):
-        from testbed.system.kernel_cache import lodge_matplotlib
-
-        lodge_matplotlib()
+    one_thread_from_the_start()
+    home_for_pictures()
     restore = listen()
     try:
         code = _code(arguments)

@@ -89,8 +89,8 @@ class Scored:
 def identified(path: Path, show: Callable[[int, int], None]) -> Scored:
     """The paper's identification of each repeat of a data set's three tests, from the paper's starting guess."""
     from testbed.analysis.multipliers.score import score
-    from testbed.cli._identification import identify_by_multipliers
-    from testbed.cli._records import records_of
+    from testbed.api.identification import identify_by_multipliers
+    from testbed.api.records import records_of
     from testbed.store.data_set import read_data_set
 
     data = read_data_set(path)

@@ -132,8 +132,8 @@ def run_loop(sealed: Sealed, say: Callable[[str], None] = lambda text: None) -> 
     from testbed.analysis.search.add_effect import add_effect
     from testbed.analysis.search.diagnose import diagnose
     from testbed.analysis.search.diagnosis import as_json
+    from testbed.api.fitting import channel_units, plant_of, read_both
     from testbed.catalogue import catalogue
-    from testbed.cli._fitting import channel_units, plant_of, read_both
     from testbed.files.model_file import read_model, write_model
 
     effects = catalogue()

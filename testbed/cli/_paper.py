@@ -68,7 +68,7 @@ def make_one(work: Work, name: str) -> tuple[Any, float]:
     from testbed.analysis.paper.bench import Bench
     from testbed.analysis.paper.part import as_dict, from_dict
     from testbed.analysis.paper.style import journal, save
-    from testbed.cli._answer import plain
+    from testbed.api.result import plain
     from testbed.engines import fast, mujoco_engine
     from testbed.system.atomic import write_text
 

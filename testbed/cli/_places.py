@@ -8,10 +8,10 @@ from pathlib import Path
 
 import click
 
+from testbed.api.places import made_folder
 from testbed.files.door import typed
 from testbed.problem import InputProblem
 
-LONGEST_NAME = 235  # bytes: file systems take 255, and a file is first written under a longer name
 _MODEL = "NEW.yaml"
 _OUTPUTS = ("json_file", "output", "report", "propose")
 
@@ -82,22 +82,6 @@ def _shown(parameter: click.Parameter) -> str:
     return max(parameter.opts, key=len)
 
 
-def check_place(path: str | Path | None) -> None:
-    """InputProblem where a file could not be written, found before the work rather than after it."""
-    if path is None:
-        return
-    target = Path(path)
-    folder = target.parent
-    if len(os.fsencode(target.name)) > LONGEST_NAME:
-        raise InputProblem(f"{target.name[:40]}...", "is too long a name for a file", "choose a shorter one")
-    if os.path.isdir(target):
-        raise InputProblem(path, "is a folder", "name a file")
-    if not os.path.isdir(folder):
-        raise InputProblem(path, f"there is no folder {folder}", "make it first, or choose another place")
-    if not os.access(folder, os.W_OK):
-        raise InputProblem(path, "cannot be written (permission denied)", "choose another place")
-
-
 def output_folder(path: str | Path) -> Path:
     """A folder for pictures and reports, made if need be; one that the command leaves empty is removed at its end.
 
@@ -105,12 +89,7 @@ def output_folder(path: str | Path) -> Path:
     """
     folder = Path(path)
     made = [one for one in (folder, *folder.parents) if not os.path.exists(one)]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise InputProblem(path, f"cannot be made ({problem.strerror})", "choose another place") from None
-    if not os.access(folder, os.W_OK):
-        raise InputProblem(path, "cannot be written (permission denied)", "choose another place")
+    made_folder(folder)
     context = click.get_current_context(silent=True)
     if context is not None and made:
         context.call_on_close(lambda: _remove_empty([one.absolute() for one in made]))

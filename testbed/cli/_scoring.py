@@ -33,7 +33,8 @@ class Sealed:
     """A data set's campaigns by noise level, without the truth, and the truth beside them."""
 
     def __init__(self, order: Order) -> None:
-        from testbed.cli._options import catalogue_of, refuse_planar
+        from testbed.api.believed import refuse_planar
+        from testbed.cli._options import catalogue_of
         from testbed.store.data_set import read_data_set
 
         self.order, self.catalogue = order, catalogue_of(order.folders)
@@ -94,7 +95,7 @@ def _one_machine(source: Any) -> None:
 
 def _groups(source: Any) -> dict[float, list[list[Any]]]:
     """Noise level -> campaigns: each a record of every operating point, one campaign a repeat."""
-    from testbed.cli._records import records_of
+    from testbed.api.records import records_of
 
     found: dict[float, dict[tuple[float, float], list[Any]]] = {}
     by_run = {f"run {run}": float(level) for run, level in zip(source.scenario_run, source.noise["displacement"],
@@ -129,21 +130,21 @@ def method_named(name: str) -> Callable[[Sealed, Sequence[Any], Any], Mapping[st
 
 
 def _multipliers(sealed: Sealed, records: Sequence[Any], belief: Any) -> Mapping[str, Any]:
-    from testbed.cli._identification import identify_by_multipliers
+    from testbed.api.identification import identify_by_multipliers
 
     # a belief has the true ratio of the coefficients
     return identify_by_multipliers(belief, records, sealed.order.data, 0, ratio_doubt=0.0).parameters
 
 
 def _waveform(sealed: Sealed, records: Sequence[Any], belief: Any) -> Mapping[str, Any]:
-    from testbed.cli._identification import identify_by_waveform
+    from testbed.api.identification import identify_by_waveform
 
     return identify_by_waveform(belief, records, sealed.order.data, sealed.catalogue, sealed.order.data).parameters
 
 
 def _published(sealed: Sealed, records: Sequence[Any], belief: Any) -> Mapping[str, Any]:
     from testbed.analysis.multipliers.identify_as_published import identify_as_published
-    from testbed.cli._identification import cut_tests, start_from_ring_downs
+    from testbed.api.identification import cut_tests, start_from_ring_downs
 
     tests = cut_tests(records, belief.cutter.flutes, sealed.order.data)
     start = start_from_ring_downs(belief, records, tests)

@@ -6,10 +6,11 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, interval_shown
-from testbed.cli._options import catalogue_of, effects_option, model_option, shared
-from testbed.cli._places import check_place, output_folder
-from testbed.problem import InputProblem
+from testbed.api.places import check_place
+from testbed.api.words import interval_shown
+from testbed.cli._answer import Answer
+from testbed.cli._options import effects_option, model_option, shared
+from testbed.cli._places import output_folder
 
 
 @click.command(short_help="Add an effect, refit, and print the error before and after.",
@@ -29,62 +30,23 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
     The errors before and after are those on records whose operating condition the fit left out. Intervals are 95 %.
     Nothing here is random: --seed changes nothing.
     """
-    from testbed.analysis.fit.plausible import unlike_a_machine
-    from testbed.analysis.search.add_effect import add_effects, as_json
+    from testbed.api.add import add
     from testbed.catalogue import titled
-    from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
-    from testbed.files.model_file import write_model
 
     answer = Answer(json_file, quiet)
     check_place(output)
     folder = output_folder(report) if report else None
-    catalogue = catalogue_of(folders)
-    effects = _effects(names, catalogue)
-    model, records, read = read_both(campaign, model_file, catalogue)
-    for name in names:
-        if name in model.effects:
-            raise InputProblem(model_file, f"has {name} already",
-                               "to fit it again, use testbed identify --method waveform")
-    try:
-        with sign_of_life(f"adding {' and '.join(names)}", quiet) as say:
-            found = add_effects(plant_of(catalogue), records, model, effects, catalogue, say)
-    except InputProblem:
-        raise
-    except ValueError as problem:
-        raise InputProblem(campaign, str(problem), "add a record that shows it") from None
-    gone = _vanished(found, catalogue)
-    if not gone:
-        write_model(found.model, output, catalogue, unlike_a_machine(found.model))
-    notes = notes_on(read, model)
-    answer.say(f"added: {titled(names, catalogue)}")
-    _say(answer, found, notes)
-    answer.say(f"not written: {titled(gone, catalogue)} ended where it does nothing, so these records do not show it" if gone
+    found = add(names, campaign, model_file, effects=folders, progress=answer.watch)
+    if not found.vanished:
+        found.save_model(output)
+    answer.say(f"added: {titled(names, found.known.known)}")
+    _say(answer, found.detail, [*found.notes])
+    gone = titled(found.vanished, found.known.known)
+    answer.say(f"not written: {gone} ended where it does nothing, so these records do not show it" if gone
                else f"written: {output}")
     if folder is not None:
-        from testbed.analysis.report.story_page import addition_page
-
-        page = addition_page(found, records, model, channel_units(read),
-                             notes=[f"{campaign} against {model_file}", *notes])
-        answer.say(f"open {page.write(folder / 'report.html')}")
-    answer.finish(as_json(found) | {"written": None if gone else output, "notes": notes})
-
-
-def _vanished(found: Any, catalogue: Any) -> list[str]:
-    """Effects that ended where they do nothing: all that could switch them off is at its neutral value."""
-    switches = {name: [one for one in catalogue[name].parameters if one.vanishes] for name in found.effects}
-    return [name for name, ones in switches.items()
-            if ones and all(found.model.effects[name][one.name] == one.neutral for one in ones)]
-
-
-def _effects(names: tuple[str, ...], catalogue: Any) -> list[Any]:
-    from testbed.catalogue import unknown_effect
-
-    for place, name in enumerate(names):
-        if name not in catalogue:
-            raise InputProblem(name, "unknown effect", unknown_effect(name, catalogue, "testbed effects lists them"))
-        if name in names[:place]:
-            raise InputProblem(name, "named twice", "name every effect once")
-    return [catalogue[name] for name in names]
+        answer.say(f"open {found.report(folder)}")
+    answer.finish(found.to_dict())
 
 
 def _say(answer: Answer, found: Any, notes: list[str]) -> None:

@@ -2,28 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, progress
-from testbed.cli._options import (
-    DEPTH,
-    SPEED,
-    catalogue_of,
-    cutting_model,
-    effects_option,
-    guesses_note,
-    in_the_work,
-    refuse_planar_effects,
-    shared,
-)
+from testbed.api.words import shown
+from testbed.cli._answer import Answer
+from testbed.cli._options import DEPTH, RISK, SPEED, effects_option, shared
 from testbed.cli._places import output_folder
-from testbed.cli._probable import RISK, Asked, chances, said_chances, unasked
-from testbed.problem import InputProblem
-
-MOST_CELLS = 4_000_000
-PLANAR_PARTS = 4  # of a cell of a picture, along either axis: a cell of a machine in x and y costs up to a millisecond
 
 
 @click.command(short_help="Stability chart over spindle speed and depth of cut.",
@@ -53,113 +40,34 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     and every cell gets its chance of being stable: the share of those machines that are. No chance is given where the model
     does not explain the campaign's records.
     """
-    import numpy as np
-
-    from testbed.analysis.linear.chart_plot import plot_chart, save
-    from testbed.analysis.linear.stability import CLASSES, feed_note, sharpened_limit
+    from testbed.api.chart import MOST_CELLS, chart
 
     answer = Answer(json_file, quiet)
     if len(speed) * len(depth) > MOST_CELLS:
         raise click.UsageError(f"{len(speed) * len(depth)} cells: give at most {MOST_CELLS}")
-    catalogue = catalogue_of(folders)
-    model, left_out = in_the_work(cutting_model(model_file, catalogue))
-    refuse_planar_effects(model, model_file)
-    tests = _tests(model, data) if data else []
     folder = output_folder(output)
-    speeds, depths = np.array(speed), np.array(depth)
-    sure = unasked(draws, risk)
-    if campaign or model.spreads:
-        sure = chances(Asked(model, model_file, campaign, catalogue, speeds, depths, draws, seed or 0, risk, quiet))
-    model = sure.model or model
-    chart = with_effects(model, speeds, depths, catalogue, quiet) if model.effects else _linear(model, speeds, depths)
-    known, notes = chart.classes >= 0, [*guesses_note(model), *left_out, *sure.notes, *filter(None, [feed_note(model)])]
-    stable = f"{np.mean(chart.classes[known] == 0):.0%} stable" if known.any() else "none with multipliers to be trusted"
+    found = chart(model_file, speed, depth, data=data, campaign=campaign, risk=risk, draws=draws, seed=seed or 0,
+                  effects=folders, progress=answer.watch)
+    known = found.detail.classes >= 0
+    stable = f"{(found.detail.classes[known] == 0).mean():.0%} stable" if known.any() else "none with multipliers to be trusted"
     answer.say(f"{len(speed)} x {len(depth)} cells, {stable}")
-    if not known.all():
-        still = "no periodic motion was found there, or " if model.effects else ""
-        notes.append(f"{np.count_nonzero(~known)} cells are left blank: {still}their multipliers did not settle")
-    for note in notes:
+    for note in found.notes:
         answer.say(f"note: {note}")
-    limit = chart.stability_limit() if model.effects else sharpened_limit(chart, model)
-    guessed = f"guessed: {', '.join(model.not_determined)}" if model.not_determined else ""
-    drawn = plot_chart(_drawn(chart, model), tests, guessed, title=feed_note(model))
-    pictures = save(drawn, folder / "stability_chart")
-    if sure.chance is not None:
-        from testbed.analysis.probable.plot import plot_chance
-
-        said_chances(answer, sure)
-        pictures += save(plot_chance(sure.chance, limit, sure.recommended, risk), folder / "probable_stability")
-    for path in pictures:
+    if found.sure.chance is not None:
+        said_chances(answer, found.sure)
+    for path in found.save_plots(folder):
         answer.say(f"written: {path}")
-    answer.finish({"spindle_speed": speeds, "axial_depth_of_cut": depths, "largest_multiplier": chart.largest,
-                   "class": [[CLASSES[cell] if cell >= 0 else None for cell in row] for row in chart.classes.tolist()],
-                   "error": chart.error, "stability_limit": limit, "stability_limit_lies": chart.limit_lies(),
-                   "tests": tests, "notes": notes} | sure.as_json())
+    answer.finish(found.to_dict())
 
 
-def _linear(model: Any, speeds: Any, depths: Any) -> Any:
-    from testbed.analysis.linear.stability import stability_chart
-
-    return stability_chart(model, speeds, depths)
-
-
-def _drawn(chart: Any, model: Any) -> Any:
-    """The chart for a picture, its borders finer than its cells; with effects, where a cell costs much, as it is."""
-    from functools import partial
-
-    from testbed.analysis.linear.chart_border import MOST_PARTS, refined
-
-    most = PLANAR_PARTS if model.planar else MOST_PARTS
-    return chart if model.effects else refined(chart, partial(_linear, model), most)
-
-
-def with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, quiet: bool) -> Any:
-    """The chart cell by cell. Over a period of several passes, the multiplier's modulus is given per tooth pass."""
-    import numpy as np
-
-    from testbed.analysis.linear.stability import CLASSES, StabilityChart
-    from testbed.cli.multipliers import multipliers
-    from testbed.cut import Cut
-
-    largest = np.full((depths.size, speeds.size), np.nan + 0j)
-    classes, error = np.full(largest.shape, -1, dtype=np.int8), np.full(largest.shape, np.nan)
-    with progress("chart", quiet) as show:
-        for place in range(largest.size):
-            row, column = divmod(place, speeds.size)
-            try:
-                found = multipliers(model, Cut(speeds[column], depths[row]), catalogue, "chart")
-            except InputProblem:  # no periodic motion here; the cell stays blank
-                found = None
-            if found is not None:
-                value, wrong, share = complex(found["multipliers"][0]), float(found["error"][0]), 1.0 / found["period_passes"]
-                if share < 1.0 and value:
-                    wrong *= share * abs(value) ** (share - 1.0)
-                    value *= abs(value) ** (share - 1.0)
-                error[row, column] = wrong
-                largest[row, column] = complex(value.real, abs(value.imag))
-                classes[row, column] = CLASSES.index(found["class"])
-            show(place + 1, largest.size)
-    if np.isnan(largest).all():
-        raise InputProblem("chart", "no cell has multipliers: an effect of the model leaves no periodic motion",
-                           "leave out the effect")
-    return StabilityChart(speeds, depths, largest, classes, error)
-
-
-def _tests(model: Any, data: str) -> list[Any]:
-    """The cuts of a data set or campaign with the class that their own multipliers show."""
-    from testbed.analysis.linear.chart_plot import ChartTest
-    from testbed.analysis.linear.stability import classify
-    from testbed.analysis.multipliers.recorded_cut import measured_multipliers
-    from testbed.cli._identification import cut_tests
-    from testbed.cli._records import load_records
-
-    flutes = model.cutter.flutes
-    overlay = []
-    for test in cut_tests(load_records(data), flutes, data):
-        try:
-            found = measured_multipliers(test.recording, test.cut, flutes, test.channel)
-            outcome = str(classify(found.multipliers)) if found.believed else "undecided"
-        except (ValueError, ArithmeticError):
-            outcome = "undecided"
-        overlay.append(ChartTest(test.cut.spindle_speed, test.cut.axial_depth_of_cut, outcome, test.name))
-    return overlay
+def said_chances(answer: Answer, sure: Any) -> None:
+    """What was drawn, and the cut recommended, for people."""
+    answer.table(("drawn", "value", "standard deviation"),
+                 [(one["parameter"], shown(one["value"], one["unit"]), shown(one["standard_deviation"], one["unit"], 3))
+                  for one in sure.drawn])
+    best = sure.recommended
+    if best is None:
+        answer.say(f"no cut of the chart is stable at a risk of {sure.risk:.3g}, as far as {sure.draws} machines tell")
+        return
+    answer.say(f"most removal at a risk of at most {sure.risk:.3g}: {best.spindle_speed * 30 / math.pi:.0f} rpm, "
+               f"{best.axial_depth_of_cut * 1e3:.4g} mm, stable in {best.stable_probability:.1%} of the machines")

@@ -7,8 +7,9 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, interval_shown, shown
-from testbed.cli._options import catalogue_of, effects_option, model_option, shared
+from testbed.api.words import interval_shown, shown
+from testbed.cli._answer import Answer
+from testbed.cli._options import effects_option, model_option, shared
 from testbed.cli._places import output_folder
 
 
@@ -27,59 +28,20 @@ def command(campaign: str, model_file: str, output: str | None, folders: tuple[s
 
     error = rms(measured - predicted) / rms(measured about its mean). Nothing here is random: --seed changes nothing.
     """
-    from testbed.analysis.comparison.compare import as_json, compare
-    from testbed.analysis.comparison.tapped import beside_the_tap, said_of_the_tap
-    from testbed.analysis.fit.estimates import clock_note
-    from testbed.analysis.fit.plausible import remarks_on
-    from testbed.analysis.fit.spindle_speed import at_modelled_speed
-    from testbed.analysis.fit.switched import switch_note
-    from testbed.analysis.fit.taken import taken_notes
-    from testbed.analysis.fit.told import what_is_told
-    from testbed.analysis.search.mark_delay import delay_note
-    from testbed.analysis.search.other_way import other_way_note
-    from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
+    from testbed.api.compare import compare
 
     answer = Answer(json_file, quiet)
     pictures = output_folder(output) if output else None
-    catalogue = catalogue_of(folders)
-    model, records, read = read_both(campaign, model_file, catalogue, planar=True)
-    told = what_is_told(plant_of(catalogue), at_modelled_speed(records, model.effects, catalogue), model, catalogue)
-    for note in told.notes:  # before the fit
-        answer.say(note)
-    with sign_of_life("fitting the believed model to all records", quiet):
-        found = compare(plant_of(catalogue), records, model, catalogue, told)
-        turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.error, found.noise_floor)
-    unlike = [] if found.adequate else switch_note(found.fitter, found.fit.state, catalogue)
-    notes = [*notes_on(read, model), *turned, *unlike, *taken_notes(records, found.fitter.records),
-             *delay_note(records, found.fitter, found.fit), *clock_note(found.fitter, found.fit),
-             *remarks_on(model, found.fit.state.model)]
-    notes += [one for one in found.against if not any(one in note for note in notes)]
-    tapped = beside_the_tap(model, found.parameters, found.adequate and found.fit.converged and not found.silent)
-    notes += said_of_the_tap(tapped, any(one.kind == "cut" for one in found.records))
-    _say(answer, found, notes, model)
-    notes += _of_silence(found)
+    found = compare(campaign, model_file, effects=folders, progress=answer.watch)
+    _say(answer, found.detail, [*found.remarks], found.believed, found.silence)
     if pictures is not None:
-        from testbed.analysis.comparison.compare_plots import save
-        from testbed.analysis.comparison.constancy import constancy
-        from testbed.analysis.comparison.residual_views import map_units
-        from testbed.analysis.force.force_state import force_states
-        from testbed.analysis.report.compare_page import compare_page
-
-        with sign_of_life("fitting test by test, drawing", quiet):
-            tested, units = constancy(found.fitter, found.fit, catalogue), channel_units(read)
-            states = []
-            if not found.adequate and not model.planar:  # of noise there is no map, and in x and y one is not enough
-                states = force_states(plant_of(catalogue), found.fitter, found.fit, found.errors, catalogue)
-            paths = save(found, pictures, tested, states, map_units(units), units)
-            page = compare_page(found, model, catalogue, units, tested=tested,
-                                force_maps=[(one.name, one.x, one.v, one.force) for one in states],
-                                notes=[f"{campaign} against {model_file}", *notes])
-            report = page.write(pictures / "report.html")
+        paths = found.save_plots(pictures, answer.watch)
+        report = found.report(pictures, answer.watch)
         answer.say(f"{len(paths)} pictures are in {pictures}; open {report}")
-    answer.finish(as_json(found) | {"tap": [one.as_json() for one in tapped], "notes": [*told.notes, *notes]})
+    answer.finish(found.to_dict())
 
 
-def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
+def _say(answer: Answer, found: Any, notes: list[str], before: Any, silence: tuple[str, ...] = ()) -> None:
     from testbed.analysis.comparison.adequacy import LEFT_EXPLAINED, said_left
     from testbed.analysis.comparison.compare import used_part
     from testbed.analysis.fit.estimates import said_at_bound
@@ -104,7 +66,7 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
     _nuisances(answer, found)
     if not found.fit.converged:
         answer.say("the fit did not converge: these are the numbers of its last step")
-    for line in _of_silence(found):
+    for line in silence:
         answer.say(line)
     if not found.says_nothing:
         answer.say(_in_words(found))
@@ -113,13 +75,6 @@ def _say(answer: Answer, found: Any, notes: list[str], before: Any) -> None:
 def _used(part: dict[str, float]) -> str:
     share = "all" if part["share"] > 0.9995 else f"{100 * part['share']:.3g} %"
     return f"{share}: {part['start']:.5g} to {part['stop']:.5g} s"
-
-
-def _of_silence(found: Any) -> list[str]:
-    """That records hold hardly anything but noise."""
-    if not found.silent:
-        return []
-    return [f"{', '.join(found.silent)}: almost only noise was measured, which does not test the model"]
 
 
 def _in_words(found: Any) -> str:

@@ -10,7 +10,8 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, progress, shown
+from testbed.api.words import shown
+from testbed.cli._answer import Answer, progress
 from testbed.cli._options import shared
 from testbed.cli._places import output_folder
 
@@ -205,7 +206,6 @@ class _Demo:
     def missing_effect(self) -> None:
         """A hidden effect diagnosed from a workshop's files, added, and revealed; the truth is opened last."""
         from testbed.cli._demo_loop import add_story, make, open_truth, run_loop
-        from testbed.cli._fitting import sign_of_life
 
         self._begin("Which effect is missing? A workshop's campaign, one effect hidden")
         began = time.perf_counter()
@@ -218,7 +218,7 @@ class _Demo:
         self._say(f"the truth is sealed in {sealed.truth}, SHA-256 {sealed.digest}")
         self._code(f"testbed diagnose {sealed.campaign} -m {sealed.model}")
         began = time.perf_counter()
-        with sign_of_life("fitting the believed model to all records", self.quiet) as say:
+        with self.answer.watch.busy("fitting the believed model to all records") as say:
             loop = run_loop(sealed, say)
         self._say(loop.diagnosis.sentence)
         for number, added in enumerate(loop.additions):

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-import os
-import shlex
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from testbed.analysis.fit.budget import BUDGET
-from testbed.cli._answer import Answer, shown
-from testbed.cli._options import catalogue_of, effects_option, model_option, shared
+from testbed.api.diagnose import MANY
+from testbed.api.words import shown
+from testbed.cli._answer import Answer
+from testbed.cli._options import effects_option, model_option, shared
 from testbed.cli._places import output_folder
-from testbed.problem import InputProblem
 
-_EXPLAINS = ("adequate", "missing_effect")  # verdicts by which the best model leaves no physics out
-MANY = 6  # effects that --until-adequate adds at the most
+if TYPE_CHECKING:
+    from testbed.api.diagnose import Diagnosis
 
 
 @click.command(short_help="Say which physical effect is missing, or none, or none of those known.",
@@ -43,172 +42,62 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 
     An honest "these records cannot tell" is an answer too. Only --false-alarms draws random numbers, from --seed.
     """
-    from testbed.analysis.search.diagnose import diagnose
-    from testbed.analysis.search.diagnosis import as_json, unaided
-    from testbed.analysis.search.other_way import other_way_note
-    from testbed.analysis.search.rules import rules_of
-    from testbed.catalogue import DECOYS
-    from testbed.cli._fitting import channel_units, notes_on, plant_of, read_both, sign_of_life
+    from testbed.api.diagnose import diagnose, next_command
     from testbed.files.model_file import effect_text
 
     answer = Answer(json_file, quiet)
     folder = output_folder(output) if output else None
     if propose:
         output_folder(propose)
-    catalogue = catalogue_of((*folders, str(DECOYS)) if decoys else folders)
-    model, records, read = read_both(campaign, model_file, catalogue)
-    with sign_of_life("fitting the believed model to all records", quiet) as say:
-        found = diagnose(plant_of(catalogue), records, model, catalogue, say=say, budget=budget,
-                         **({"most": MANY} if until_adequate else {}))
-        turned = []
-        if found.candidates:  # else no search was made, for what was found before it
-            turned = other_way_note(plant_of(catalogue), records, model, catalogue, found.with_effects, found.noise_floor)
-    stuck, guesses, of_the_fit, tapped = _of_the_best_fit(found, records, model, catalogue)
-    notes = [*notes_on(read, model), *turned, *of_the_fit]
-    for note in notes:
+    found = diagnose(campaign, model_file, until_adequate=until_adequate, decoys=decoys, budget=budget, effects=folders,
+                     progress=answer.watch)
+    for note in found.notes:
         answer.say(note)
-    said = as_json(found, model) | {"rules": rules_of(found), "at_bound": list(stuck), "tap": tapped, "notes": notes}
-    for name, one in said["base_parameters"].items():
-        one["determined"] = name not in guesses
-    next_step = next_command(found, campaign, model_file, bool(propose), folders)
-    _say(answer, found, said, unaided(model), catalogue)
-    if found.form is not None:
-        answer.say(f"with that law, model.yaml has: {effect_text(catalogue[found.form.effect], found.form.parameters)}")
+    catalogue, detail, said = found.known.known, found.detail, dict(found.said)
+    next_step = next_command(detail, campaign, model_file, bool(propose), folders)
+    _say(answer, detail, said, found.first, catalogue)
+    if detail.form is not None:
+        answer.say(f"with that law, model.yaml has: {effect_text(catalogue[detail.form.effect], detail.form.parameters)}")
     if next_step:
         answer.say(f"next: {next_step}")
     if decoys:
-        said["decoys"] = _decoys(answer, found, catalogue)
-    explanation = None
-    if propose:
-        explanation = _propose(answer, found, records, model, catalogue, propose, campaign, model_file, folders)
+        _decoys(answer, said["decoys"])
+    explanation = _propose(answer, found, propose) if propose else None
     if explanation is not None:
         said["proposal"] = explanation
     if alarms:
-        said["false_alarms"] = _false_alarms(answer, found, catalogue, alarms, seed or 0)
+        said["false_alarms"] = _false_alarms(answer, found, alarms, seed or 0)
     if folder is not None:
-        from testbed.analysis.report.story_page import diagnosis_page
-
-        page = diagnosis_page(found, said, model, catalogue, channel_units(read),
-                              notes=[f"{campaign} against {model_file}", *notes],
-                              next_step=next_step, force_maps=_force_maps(found, catalogue))
-        answer.say(f"open {page.write(folder / 'report.html')}")
+        answer.say(f"open {found.report(folder, said=said, next_step=next_step)}")
     answer.finish(said)
 
 
-def _of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
-                     ) -> tuple[tuple[str, ...], tuple[str, ...], list[str], list[dict[str, Any]]]:  # fmt: skip
-    """(parameters at a bound, those not determined, notes, rows beside the tap) of the fit of the best set of effects."""
-    from testbed.analysis.comparison.tapped import beside_the_tap, said_of_the_tap
-    from testbed.analysis.fit.estimates import (
-        at_bound,
-        clock_note,
-        estimates,
-        not_determined,
-        said_at_bound,
-        said_not_determined,
-    )
-    from testbed.analysis.fit.plausible import remarks_on
-    from testbed.analysis.fit.taken import taken_notes
-    from testbed.analysis.search.diagnosis import ADEQUATE
-    from testbed.analysis.search.mark_delay import delay_note
-
-    fitter, fit = found.best.fitter, found.best.fit
-    if fitter is None or fit is None:
-        return (), (), [], []
-    told = estimates(fitter, fit, catalogue)
-    stuck, guesses = at_bound(fitter.free, told), not_determined(told)
-    notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit), *clock_note(fitter, fit),
-             *(note for note in remarks_on(model, fit.state.model) if note.partition(":")[0] not in found.sentence)]
-    notes += [said_not_determined(guesses)] if guesses else []
-    explained = fit.converged and found.best.error_held_out <= ADEQUATE * found.noise_floor and found.verdict in _EXPLAINS
-    tapped = beside_the_tap(model, told, explained)
-    notes += [*([said_at_bound(stuck)] if stuck else []),
-              *said_of_the_tap(tapped, any(one.kind == "cut" for one in fitter.records))]
-    return stuck, guesses, notes, [one.as_json() for one in tapped]
-
-
-def _force_maps(found: Any, catalogue: Any) -> list[Any]:
-    """Force-state maps of what the best model still lacks; none where that is but noise."""
-    from testbed.analysis.force.force_state import force_states
-    from testbed.analysis.search.diagnosis import ADEQUATE
-    from testbed.cli._fitting import plant_of
-
-    best = found.best
-    if best.fit is None or best.error_held_out <= ADEQUATE * found.noise_floor:
-        return []
-    states = force_states(plant_of(catalogue), best.fitter, best.fit, best.errors, catalogue)
-    return [(one.name, one.x, one.v, one.force) for one in states]
-
-
-def _propose(answer: Answer, found: Any, records: Any, model: Any, catalogue: Any, folder: str, campaign: str,
-             model_file: str, folders: tuple[str, ...]) -> Any:
-    """Estimate what force is missing, say what it depends on, and write it as an effect; None where nothing is left."""
-    from testbed.analysis.force.explain_force import as_json, left_unexplained, write_effect
-    from testbed.analysis.force.formula_trial import Jury
-    from testbed.cli._fitting import plant_of, sign_of_life
-    from testbed.trial.proposal import free_name
-
-    try:
-        with sign_of_life("estimating the missing force", answer.quiet) as say:
-            told = left_unexplained(plant_of(catalogue), records, found, catalogue, say)
-            explanation = Jury(plant_of, model, catalogue, say).likeliest(told) if told else None
-    except ValueError as problem:
-        raise InputProblem(campaign, f"the missing force cannot be estimated: {problem}", "record more cuts") from None
-    if explanation is None:
+def _propose(answer: Answer, found: Diagnosis, folder: str) -> Any:
+    """What force is missing, what it depends on, and where it was written as an effect; None where nothing is left."""
+    proposal = found.propose(folder, progress=answer.watch)
+    if proposal is None:
         answer.say("only noise is left: there is nothing to propose an effect for")
         return None
     answer.say()
-    answer.say(explanation.sentence)
-    result = as_json(explanation)
-    if explanation.formula:
-        path = write_effect(explanation, folder, free_name(folder, "proposal"))
-        result["file"] = str(path)
-        every = {os.path.realpath(one): one for one in (*folders, folder)}  # none is named twice
-        answer.say(f"next: {_add((path.stem,), campaign, model_file, tuple(every.values()))}")
-    return result
+    answer.say(proposal.sentence)
+    if proposal.next_step:
+        answer.say(f"next: {proposal.next_step}")
+    return proposal.to_dict()
 
 
-def _decoys(answer: Answer, found: Any, catalogue: Any) -> dict[str, Any]:
-    from testbed.catalogue import DECOYS
-
-    offered = [name for name, effect in catalogue.items() if effect.path is not None and effect.path.parent == DECOYS]
-    named = [name for name in found.effects if name in offered]
+def _decoys(answer: Answer, told: Any) -> None:
+    named = told["named"]
+    count = len(told["offered"])
     answer.say(f"{', '.join(named)} is a law that no machine has: do not trust what this campaign seems to show"
-               if named else f"{len(offered)} laws that no machine has were offered beside the real ones; none was named")
-    return {"offered": offered, "named": named}
+               if named else f"{count} laws that no machine has were offered beside the real ones; none was named")
 
 
-def _false_alarms(answer: Answer, found: Any, catalogue: Any, count: int, seed: int) -> dict[str, Any]:
-    from testbed.analysis.search.false_alarms import false_alarms
-    from testbed.cli._fitting import plant_of, sign_of_life
-
-    with sign_of_life("diagnosing campaigns without a hidden effect", answer.quiet) as say:
-        told = false_alarms(plant_of(catalogue), found.base, catalogue, count, seed, say)
+def _false_alarms(answer: Answer, found: Diagnosis, count: int, seed: int) -> Any:
+    told = found.false_alarms(count, seed, progress=answer.watch)
     low, high = told.interval
     answer.say(f"{count} campaigns were simulated at these conditions and noise with nothing hidden; in {told.alarms} an "
                f"effect was named: a false-alarm rate of {low:.1%} to {high:.1%} (95 %)")
-    return {"campaigns": count, "alarms": told.alarms, "rate_low": low, "rate_high": high,
-            "named": [list(names) for names in told.named]}
-
-
-def next_command(found: Any, campaign: str, model_file: str, proposed: bool, folders: tuple[str, ...] = ()) -> str:
-    """The command to go on with; empty where there is none, or where it is told with what was proposed.
-
-    folders: of the user's own effects, which the command will know no more than this one did without them.
-    """
-    if found.verdict == "missing_effect":
-        return _add(found.effects, campaign, model_file, folders)
-    if found.verdict == "unexplained" and found.candidates and not proposed:  # without candidates no effect was looked for
-        return shlex.join(["testbed", "diagnose", campaign, "-m", model_file, *_own(folders), "--propose", "DIR"])
-    return ""
-
-
-def _add(effects: tuple[str, ...], campaign: str, model_file: str, folders: tuple[str, ...]) -> str:
-    return shlex.join(["testbed", "add", *effects, "-m", model_file, "-c", campaign, *_own(folders), "-o", "NEW.yaml"])
-
-
-def _own(folders: tuple[str, ...]) -> list[str]:
-    return [word for folder in folders for word in ("--effects", folder)]
+    return told.to_dict()
 
 
 def _without(before: Any, step: Any) -> str:

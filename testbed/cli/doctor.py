@@ -72,7 +72,7 @@ def _check(name: str, act: Callable[[], str], needed: bool = True) -> dict[str, 
 def _moves(engine: str) -> str:
     import numpy as np
 
-    from testbed.cli.run import engine_named
+    from testbed.api.sweep import engine_named
     from testbed.cut import Cut, whole_cut_sampling
     from testbed.machine import Cutter, Cutting, Model, Structure
 

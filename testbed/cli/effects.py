@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
+from testbed.api.places import check_place
 from testbed.cli._answer import Answer
 from testbed.cli._options import catalogue_of, effects_option, shared
-from testbed.cli._places import check_place
 from testbed.problem import InputProblem
 
 
@@ -76,12 +76,11 @@ def _show(name: str, catalogue: Any, answer: Answer, drawn: bool) -> None:
 
 def _draw(effect: Any, catalogue: Any, answer: Answer) -> None:
     from testbed.cli._fingerprint import fingerprint, picture
-    from testbed.cli._fitting import sign_of_life
     from testbed.engines.compose import composed_before
 
     if not composed_before(catalogue):
         answer.say("  it is compiled first: some ten seconds, once for each version of its file")
-    with sign_of_life("compiling", answer.quiet):
+    with answer.watch.busy("compiling"):
         found = fingerprint(effect, catalogue)
     answer.say(f"  at its example values, in {found.story}:")
     for title, values in (("displacement", found.with_effect), ("change by the effect", found.change)):

@@ -8,7 +8,8 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, plain, progress
+from testbed.api.result import plain
+from testbed.cli._answer import Answer, progress
 from testbed.cli._options import catalogue_of, effects_option, shared
 from testbed.problem import InputProblem
 
@@ -127,7 +128,7 @@ class _Notes:
 
     def _linear(self, model: Any, index: int) -> Any:
         from testbed.analysis.multipliers.run_labels import NO_CLASS, class_of_linear, linear_class
-        from testbed.cli.multipliers import multipliers
+        from testbed.api.multipliers import of_cut as multipliers
         from testbed.cut import Cut
 
         given = self.source.conditions

@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from testbed.cli._answer import Answer, interval_shown, progress
+from testbed.api.words import interval_shown
+from testbed.cli._answer import Answer
 from testbed.cli._options import shared
 from testbed.cli._places import output_folder
-from testbed.problem import InputProblem
 
 if TYPE_CHECKING:
     from testbed.analysis.records.chatter import Chatter
-    from testbed.analysis.records.inspection import Inspection
     from testbed.analysis.records.record_report import RecordReport
     from testbed.analysis.records.ring_downs import RingDown
+    from testbed.api.inspect import Inspection
 
-FASTEST = 1e9  # Hz: no recorder of vibration comes near it
 KINDS = {"neimark_sacker": "Neimark-Sacker", "flip": "flip (period doubling)", None: "of a kind that this record does not tell",
          "flip_or_runout": "flip (period doubling), or runout: the flutes are even"}  # fmt: skip
 _RPM = 30.0 / math.pi
@@ -57,51 +56,28 @@ def command(
     DATA is a campaign.yaml, an HDF5 data set (or the folder that `testbed run --shards` wrote), one measured file, or what
     `testbed export` wrote. Nothing here is random: --seed changes nothing.
     """
-    from testbed.analysis.records.inspection import inspect
-    from testbed.units import UnitProblem, parse_sampling_rate
+    from testbed.api.inspect import inspect, is_exported, sampling_rate
 
     answer = Answer(json_file, quiet)
-    try:
-        sampling_rate = parse_sampling_rate(rate) if rate else None
-    except UnitProblem as problem:
-        raise InputProblem("--rate", problem.what, problem.do) from None
-    if sampling_rate is not None and not 0.0 < sampling_rate <= FASTEST:
-        raise InputProblem("--rate", f"'{rate}' must be above 0 and at most {FASTEST:g} Hz", "correct the value")
-    if _exported(data):
+    hertz = sampling_rate(rate, "--rate") if rate else None
+    if is_exported(data):
         from testbed.cli.export import describe_export
 
         describe_export(data, answer)
         return
     pictures = output_folder(output) if output else None
-    found = inspect(data, folder=folder, sampling_rate=sampling_rate, most=most)
+    found = inspect(data, folder=folder, rate=hertz, records=most)
     for line in _text(found):
         answer.say(line)
     if pictures is not None:
-        from testbed.analysis.records.inspection_plot import save
-
-        with progress("drawing", quiet) as tell:
-            for number, record in enumerate(found.records, 1):
-                save(record, pictures)
-                tell(number, len(found.records))
+        found.save_plots(pictures, answer.watch)
         answer.say(f"pictures of {len(found.records)} records are in {pictures}")
-    answer.finish(found.as_json())
-
-
-def _exported(data: str) -> bool:
-    """True for what `testbed export` wrote; a file of another kind is not opened for it."""
-    from pathlib import Path
-
-    place = Path(data)
-    if not place.is_dir() and place.suffix != ".parquet":
-        return False
-    from testbed.export.reading import is_export
-
-    return is_export(place)
+    answer.finish(found.to_dict())
 
 
 def _text(found: Inspection) -> list[str]:
     lines = [
-        f"{found.path}: {found.name}, {found.total} records"
+        f"{found.path}: {found.said['name']}, {found.total} records"
         + (f", the first {len(found.records)} shown" if found.total > len(found.records) else "")
     ]
     if found.columns:

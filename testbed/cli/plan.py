@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from testbed.cli._answer import Answer, progress
-from testbed.cli._options import DEPTH, SPEED, catalogue_of, effects_option, model_option, shared
-from testbed.cli._probable import RISK, Asked, Sure, linear_where_it_can, with_chances
-from testbed.problem import InputProblem
+from testbed.api.plan import DEPTHS, MOST_CUTS, SPEEDS
+from testbed.cli._answer import Answer
+from testbed.cli._options import DEPTH, RISK, SPEED, effects_option, model_option, shared
 
-SPEEDS, DEPTHS = 11, 6  # looked at where no number of them is given
-MOST_CUTS = 2_000
+if TYPE_CHECKING:
+    from testbed.api.plan import Plan
 
 
 class _Ends(click.ParamType):
@@ -52,97 +50,28 @@ def command(campaign: str, model_file: str, speed: list[float], depth: list[floa
     Fits MODEL.yaml as `testbed compare` does; where that leaves more than noise, makes the diagnosis. After "unexplained" no
     cut is called safe, and none is planned.
     """
-    import numpy as np
-
-    from testbed.analysis.probable.plan import plan
-    from testbed.cli._fitting import plant_of, read_both
+    from testbed.api.plan import plan
 
     answer = Answer(json_file, quiet)
     if len(speed) * len(depth) > MOST_CUTS:
         raise click.UsageError(f"{len(speed) * len(depth)} cuts: give at most {MOST_CUTS}")
-    catalogue = catalogue_of(folders)
-    model, records, _ = read_both(campaign, model_file, catalogue)
-    cuts = [record for record in records if record.kind == "cut"]
-    if not cuts:
-        raise InputProblem(campaign, "holds no cut", "record one: what a cut shows is foretold from those there are")
-    open_, why = _explanations(plant_of(catalogue), records, model, catalogue, quiet)
-    said: dict[str, Any] = {"next": [], "explanations": [one.name for one in open_], "no_plan": why, "risk": risk,
-                            "draws": draws, "candidates": len(speed) * len(depth), "notes": []}
-    if why is not None:
-        answer.say(f"no cut is planned: {why}")
-        answer.finish(said)
-        return
-    asked = Asked(model, model_file, campaign, catalogue, np.array(speed), np.array(depth), draws, seed or 0, risk, quiet)
-    stable, said["notes"] = _stable(open_, asked)
-    within = [(at, b, float(stable[row, column])) for row, b in enumerate(depth) for column, at in enumerate(speed)
-              if b > 0.0 and stable[row, column] * draws / (draws + 1.0) >= 1.0 - risk]
-    with progress("cuts foretold", quiet) as show:
-        found = plan(plant_of(catalogue), max(cuts, key=lambda one: one.samples), open_, within, show)
-    said["next"] = [_as_json(one) for one in found[:count]]
-    for note in said["notes"]:
-        answer.say(f"note: {note}")
-    _say(answer, found[:count], said)
-    answer.finish(said)
+    found = plan(campaign, model_file, speed, depth, risk=risk, draws=draws, count=count, seed=seed or 0, effects=folders,
+                 progress=answer.watch)
+    if found.no_plan is not None:
+        answer.say(f"no cut is planned: {found.no_plan}")
+    else:
+        for note in found.notes:
+            answer.say(f"note: {note}")
+        _say(answer, found)
+    answer.finish(found.to_dict())
 
 
-def _explanations(plant: Any, records: Any, model: Any, catalogue: Any, quiet: bool) -> tuple[list[Any], str | None]:
-    """What the records leave open, each with what it would make of the machine, or why nothing can be said."""
-    from testbed.analysis.comparison.compare import compare
-    from testbed.analysis.fit.estimates import estimates
-    from testbed.analysis.probable.plan import Explanation
-    from testbed.analysis.probable.posterior import posterior, why_no_chance
-    from testbed.analysis.search.diagnose import diagnose, rivals_of
-    from testbed.cli._fitting import sign_of_life
-
-    with sign_of_life("fitting the believed model to all records", quiet) as say:
-        found = compare(plant, records, model, catalogue)
-        why = why_no_chance(found)
-        if not why:
-            told = posterior(found.fitter, found.fit, found.parameters, model, catalogue)
-            return [Explanation("the model as it is", told.known, told.wider)], None
-        if found.says_nothing or found.adequate or found.against:
-            return [], why
-        diagnosis = diagnose(plant, records, model, catalogue, say=say)
-        open_ = []
-        for one in rivals_of(diagnosis):
-            assert one.fitter is not None and one.fit is not None  # of a rival
-            told = posterior(one.fitter, one.fit, estimates(one.fitter, one.fit, catalogue), model, catalogue)
-            open_.append(Explanation(" + ".join(one.effects), told.known, told.wider))
-    return open_, None if open_ else f"{diagnosis.verdict.replace('_', ' ')}: {diagnosis.sentence}"
-
-
-def _stable(open_: list[Any], asked: Asked) -> tuple[Any, list[str]]:
-    """The chance of every cell over the explanations, all as likely, and notes: NaN where none is known of one of them.
-
-    Where a law leaves no periodic motion to linearise about, the machine without its effects counts.
-    """
-    import numpy as np
-
-    total, notes = np.zeros((asked.depths.size, asked.speeds.size)), []
-    for one in open_:
-        known, _ = linear_where_it_can(one.known)
-        sure = with_chances(Sure(asked.draws, asked.risk, known=known), replace(asked, model=known.model))
-        if sure.chance is None:
-            raise InputProblem(asked.campaign, f"of {one.name}, {sure.why_none}", "record more cuts")
-        notes += [f"{one.name}: {note}" for note in sure.notes if "deepest" not in note]
-        chance = sure.chance.probability
-        if np.isnan(chance).any() and known.model.effects:
-            linear = with_chances(Sure(asked.draws, asked.risk, known=known.without_effects()), asked).chance
-            notes.append(f"{one.name}: where it leaves no periodic motion, the chance is that of the machine without it")
-            chance = np.where(np.isnan(chance), linear.probability, chance)
-        total += chance / len(open_)
-    return np.nan_to_num(total), list(dict.fromkeys(notes))
-
-
-def _as_json(one: Any) -> dict[str, Any]:
-    return vars(one) | {"information_per_minute": one.information_per_minute}
-
-
-def _say(answer: Answer, found: list[Any], said: dict[str, Any]) -> None:
+def _say(answer: Answer, planned: Plan) -> None:
+    found = planned.next
     if not found:
-        answer.say(f"no cut within reach is stable at a risk of {said['risk']:.3g}: give other speeds, or smaller depths")
+        answer.say(f"no cut within reach is stable at a risk of {planned.risk:.3g}: give other speeds, or smaller depths")
         return
-    several = len(said["explanations"]) > 1
+    several = len(planned.explanations) > 1
     told = (("of which explanation", "tells apart"), ) if several else ((),)
     answer.table(("speed", "depth", "stable", "information", "a minute", *told[0]),
                  [(f"{one.spindle_speed * 30 / math.pi:.0f} rpm", f"{one.axial_depth_of_cut * 1e3:.3g} mm",

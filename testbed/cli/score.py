@@ -8,7 +8,8 @@ from typing import Any
 
 import click
 
-from testbed.cli._answer import Answer, progress, shown
+from testbed.api.words import shown
+from testbed.cli._answer import Answer, progress
 from testbed.cli._options import NOISE, effects_option, shared
 from testbed.cli._places import output_folder
 from testbed.machine import BASE_UNITS

@@ -20,22 +20,13 @@ from testbed.readers.assemble import assemble
 from testbed.readers.join import joined
 from testbed.recording import Recording
 
-_SHARED = (
-    "spindle_speed",
-    "depth_of_cut",
-    "feed",
-    "flutes",
-    "length_cut_before",
-    "sampling_rate",
-    "skip_rows",
-    "delimiter",
-    "key",
-)
+_SHARED = ("spindle_speed", "depth_of_cut", "feed", "flutes", "length_cut_before", "sampling_rate", "skip_rows", "delimiter",
+           "key")  # fmt: skip
 _RESPONSES = ("displacement", "velocity", "acceleration")
 _DRIVES = ("force", "force_x", "force_y")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Record:
     """One measured record.
 
@@ -52,6 +43,9 @@ class Record:
     notes: tuple[str, ...] = ()
     file: Path = Path()
     feed: Feed | None = None
+
+    def __repr__(self) -> str:
+        return f"<Record: {self.name}, {self.kind}, {self.recording!r}>"
 
     def feed_per_tooth(self, flutes: int) -> float:
         """Feed a tooth (m) for a cutter of `flutes`. Raises InputProblem where the record states no feed."""
@@ -96,13 +90,16 @@ class Record:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Campaign:
     """What was measured: a name and its records. file: the manifest it came from."""
 
     name: str
     records: tuple[Record, ...]
     file: Path = Path()
+
+    def __repr__(self) -> str:
+        return f"<Campaign: {self.name}, {len(self.records)} records, {self.file}>"
 
     def record(self, name: str) -> Record:
         """The record of a name; KeyError."""

@@ -82,7 +82,7 @@ class _ModelFile(Strict):
 
 def read_model(path: str | Path, catalogue: Mapping[str, Effect] | None = None) -> Model:
     """Read model.yaml. InputProblem with file, line and field where anything in it is wrong."""
-    return model_from(load(path), (), catalogue)
+    return replace(model_from(load(path), (), catalogue), file=str(path))
 
 
 def is_model(path: str | Path) -> bool:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -19,7 +19,7 @@ import numpy as np
 from testbed.files.door import plain_file
 from testbed.files.hdf5_guard import damaged, opened
 from testbed.machine import Model
-from testbed.problem import InputProblem, InputWarning
+from testbed.problem import InputProblem, InputWarning, optional
 from testbed.readers.rehearsal import rehearse
 from testbed.recording import CHANNEL_UNITS, Recording
 from testbed.store import provenance
@@ -30,13 +30,17 @@ from testbed.store.seal import cut_off, sealed_size, state
 from testbed.store.store import CONDITIONS, OUTCOMES, SEALED_FROM, TRUTH
 from testbed.sweeps.shards import INDEX, NOTE, Shard, find, gaps, overlaps
 
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
 # Each is read when the data set is opened; a file without one of them is none of ours.
 _NEEDED = (*CONDITIONS, "scenario_run", "start", "sample_count", "outcome", "outcome_time", "marks", "pass_times",
            "model_text", "scenario_text", "model_xml")
 _CHECKED_WHOLE = 256 * 2**20  # bytes; the seal of a smaller file is checked whenever it is opened
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class DataSet:
     """A data set on disk. Iterating gives its Recordings in order.
 
@@ -70,6 +74,21 @@ class DataSet:
     def versions(self) -> dict[str, str]:
         """Versions of the programs that made it, those of all its runs."""
         return provenance.summary(self.made)
+
+    def __repr__(self) -> str:
+        return f"<DataSet: {self.path}, {len(self)} runs, {', '.join(self.channels)} at {self.sampling_rate:g} Hz>"
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A row for every run: its conditions, its true parameters and its outcome. InputProblem without pandas."""
+        truth = {f"true {name}": values for name, values in self.truth.items()}
+        return optional("pandas").DataFrame({**self.conditions, **truth, "outcome": self.outcome})  # type: ignore[no-any-return]
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The whole file, its samples read when they are used. InputProblem without xarray and h5netcdf, and of shards."""
+        if self.shards:
+            raise InputProblem(self.path, "is a folder of shards", "take its recordings one by one")
+        optional("h5netcdf")
+        return optional("xarray").open_dataset(self.path, engine="h5netcdf")  # type: ignore[no-any-return]
 
     def __len__(self) -> int:
         return len(self.outcome)
@@ -131,10 +150,7 @@ class DataSet:
         return model.with_values(own)
 
     def verify(self) -> bool:
-        """True where the content still has the hash that was written with it. Reads the whole file.
-
-        (Of a folder of shards: where every file is as it was written.)
-        """
+        """True where the content still has its hash, or of shards every file is as it was written. Reads the whole file."""
         if self.shards:
             return all(state(path) == "whole" for path in (self.path / INDEX, *(path for _, _, path in self.shards)))
         with opened(self.path) as file:

@@ -6,8 +6,8 @@ import pytest
 
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.add_effect import add_effect, add_effects, as_json
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign

@@ -8,8 +8,8 @@ import pytest
 
 from testbed.analysis.comparison.compare import compare
 from testbed.analysis.fit.observe import observe
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from testbed.readers.assemble import Source, assemble
 from testbed.readers.bridge import bridged, unmeasured

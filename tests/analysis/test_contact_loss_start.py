@@ -9,8 +9,8 @@ from testbed.analysis.fit.effect_start import Origin, switched_on
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.candidate_round import candidate_of, with_effect
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from testbed.machine import Cutter, Cutting, Model, Structure
 from tests.support.synthetic_campaign import synthetic_record

@@ -10,8 +10,8 @@ from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.taken import taken_notes
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
 from testbed.engines import fast
 from testbed.workshop import RPM, Measurement, measured_cut

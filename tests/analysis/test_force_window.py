@@ -6,8 +6,8 @@ from scipy import signal
 from testbed.analysis.fit.force_window import windowed
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.files.campaign import Record
 from testbed.machine import Model, Structure
 from testbed.recording import Recording

@@ -8,8 +8,8 @@ from testbed.analysis.fit.effect_start import effect_parameters
 from testbed.analysis.force.explain_force import explanations
 from testbed.analysis.force.formula_trial import Jury, _Trial
 from testbed.analysis.force.trial_law import NAME, trial_law
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from tests.analysis.test_explain_force import WRONG, decays
 
 STRENGTH = 4e20

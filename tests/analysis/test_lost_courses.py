@@ -10,8 +10,8 @@ from testbed.analysis.fit.effect_start import extended
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.parts_of_passes import with_parts_of_passes
 from testbed.analysis.fit.starts import polish
+from testbed.api.fitting import plant_of, read_both
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of, read_both
 from tests.validation.outside.files import write
 from tests.validation.outside.plan import draw
 

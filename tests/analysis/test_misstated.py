@@ -11,8 +11,8 @@ from testbed.analysis.fit.starts import base_fit
 from testbed.analysis.search.diagnose import diagnose
 from testbed.analysis.search.misstated import misstated
 from testbed.analysis.search.unheard import agreed
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_record

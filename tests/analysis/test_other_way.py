@@ -9,8 +9,8 @@ from testbed.analysis.comparison.compare import compare
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.diagnose import diagnose
 from testbed.analysis.search.other_way import _ways, other_way_note
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign

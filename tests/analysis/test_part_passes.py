@@ -13,8 +13,8 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.own_course import own_course
 from testbed.analysis.fit.part_search import FINE, PARTS, VALLEYS, _parts, _placed, best_ends, reachable
 from testbed.analysis.fit.parts_of_passes import with_parts_of_passes
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.cut import Cut, Sampling, whole_cut_sampling
 from testbed.engines import fast, mujoco_engine
 from tests.effects.direct import KN, KT, MODEL, WINDOW, cut, error, integrate

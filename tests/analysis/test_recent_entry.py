@@ -13,8 +13,8 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.own_course import own_course
 from testbed.analysis.fit.pass_search import recently_entered, settle_passes
 from testbed.analysis.search.diagnose import diagnose
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import begun_later, synthetic_record

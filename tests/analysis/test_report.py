@@ -30,7 +30,7 @@ from testbed.analysis.report.story_page import addition_page, diagnosis_page
 from testbed.analysis.search.diagnosis import as_json, unaided
 from testbed.analysis.search.diagnosis import verdict_of as verdict_over
 from testbed.analysis.search.false_alarms import FalseAlarms
-from testbed.cli.diagnose import _force_maps
+from testbed.api.diagnose import _force_maps
 from tests.support import report_pages as pages
 from tests.support.campaign_files import BELIEVED, TRUE
 

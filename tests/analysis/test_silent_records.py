@@ -5,8 +5,8 @@ import numpy as np
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.diagnose import diagnose
 from testbed.analysis.search.diagnosis import SILENT
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.files.campaign import Record
 from testbed.files.manifest import Feed
 from testbed.recording import Recording

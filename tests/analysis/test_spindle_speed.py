@@ -11,8 +11,8 @@ from testbed.analysis.fit.spindle_speed import at_modelled_speed, speed_swing
 from testbed.analysis.records.spindle_clock import along_marks
 from testbed.analysis.search.add_effect import add_effect
 from testbed.analysis.search.diagnose import diagnose
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign

@@ -12,8 +12,8 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.candidate_round import candidate_of
 from testbed.analysis.search.steady_speed import no_swing
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import TESTS, synthetic_record

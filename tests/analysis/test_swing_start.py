@@ -12,8 +12,8 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.swing_start import Clock, marks_show, swing_clocks, swung_fit
 from testbed.analysis.search.add_effect import add_effect
 from testbed.analysis.search.diagnose import diagnose
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import TESTS, begun_later, synthetic_record

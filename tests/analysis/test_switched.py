@@ -8,8 +8,8 @@ import pytest
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.starts import base_fit
 from testbed.analysis.fit.switched import switch_note, switchable
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign

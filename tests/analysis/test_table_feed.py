@@ -13,8 +13,8 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.table_feed import feed_note, with_other_feed
 from testbed.analysis.fit.taken import taken_notes
 from testbed.analysis.search.diagnose import diagnose
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
 from testbed.engines import fast
 from testbed.files.manifest import Feed

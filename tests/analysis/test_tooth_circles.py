@@ -12,8 +12,8 @@ from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.tooth_circles import at_least_strength, direction_notes, unknown_directions
 from testbed.analysis.fit.waveform import Fitter
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from testbed.machine import Cutter, Cutting, Model, Structure
 from tests.support.synthetic_campaign import synthetic_record

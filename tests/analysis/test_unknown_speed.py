@@ -12,8 +12,8 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.records.noise import noise_floor
 from testbed.analysis.records.passing_speed import heard_speed, passing_speed
 from testbed.analysis.records.segments import Segment, find_segments
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.cut import Cut
 from testbed.engines import fast
 from testbed.files.manifest import Feed

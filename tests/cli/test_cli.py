@@ -225,7 +225,7 @@ BAD = {
     "absurd depth": ("model.yaml", MODEL, ["multipliers", "model.yaml", "--speed", "3000", "--depth", "5e6"],
                      "'--depth': 5e+06 mm is beyond any cut (1000 mm)"),
     "absurd speed": ("model.yaml", MODEL, ["multipliers", "model.yaml", "--speed", "0.01", "--depth", "2"],
-                     "--speed 0.01 rpm, --depth 2 mm: no multipliers of this cut can be had (the structure swings"),
+                     "speed 0.01 rpm, depth 2 mm: no multipliers of this cut can be had (the structure swings"),
     "absurd speed with an effect": ("model.yaml", MODEL + "effects: {process_damping: {coefficient: 1e5 N/m}}\n",
                                     ["multipliers", "model.yaml", "--speed", "0.01", "--depth", "2"],
                                     "the structure swings 8.85e+05 times within a tooth pass"),

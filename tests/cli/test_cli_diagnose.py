@@ -9,9 +9,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from testbed.api.diagnose import next_command
 from testbed.catalogue import catalogue
 from testbed.cli import main
-from testbed.cli.diagnose import next_command
 from testbed.effects import process_damping
 from testbed.engines import fast
 from testbed.files.campaign import load_campaign
@@ -95,6 +95,8 @@ def test_the_command_to_go_on_with_knows_the_user_s_own_effects(verdict, expecte
 
 
 def test_what_was_proposed_is_added_beside_the_user_s_own_effects(testbed, monkeypatch):
+    from testbed.api.believed import Effects
+    from testbed.api.diagnose import Diagnosis
     from testbed.cli import diagnose
     from testbed.cli._answer import Answer
 
@@ -104,7 +106,8 @@ def test_what_was_proposed_is_added_beside_the_user_s_own_effects(testbed, monke
     monkeypatch.setattr("testbed.analysis.force.explain_force.write_effect",
                         lambda _, folder, name: Path(folder) / f"{name}.py")
     monkeypatch.setattr("testbed.analysis.force.formula_trial.Jury", lambda *_: SimpleNamespace(likeliest=lambda one: one))
-    diagnose._propose(Answer(None, False), None, [], None, {}, "mine", "c.yaml", "m.yaml", ("more", "./mine"))
+    found = Diagnosis(None, None, Effects({}, ("more", "./mine")), [], (), {}, ("c.yaml", "m.yaml"))
+    diagnose._propose(Answer(None, False), found, "mine")
     said = testbed.capsys.readouterr().out
     assert "next: testbed add proposal -m m.yaml -c c.yaml --effects more --effects mine -o NEW.yaml\n" in said
 

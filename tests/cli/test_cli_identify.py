@@ -9,8 +9,8 @@ import pytest
 from testbed.analysis.estimate import Estimate
 from testbed.analysis.multipliers import identify as identification
 from testbed.analysis.multipliers.identify import at_an_end
-from testbed.cli._answer import interval_shown
-from testbed.cli._identification import identify_by_multipliers
+from testbed.api.identification import identify_by_multipliers
+from testbed.api.words import interval_shown
 from testbed.engines import fast
 from testbed.files.model_file import read_model
 from testbed.workshop import write_campaign

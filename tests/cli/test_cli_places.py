@@ -108,7 +108,7 @@ def test_a_file_where_a_folder_is_wanted_is_refused_before_the_work(testbed: She
     def read(*_: object) -> None:
         pytest.fail("the work had begun")
 
-    monkeypatch.setattr("testbed.cli._fitting.load_records", read)
+    monkeypatch.setattr("testbed.api.fitting.load_records", read)
     monkeypatch.setattr("testbed.analysis.records.inspection.inspect", read)
     assert "cannot be made" in testbed.refused(*arguments)
 

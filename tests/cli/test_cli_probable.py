@@ -9,8 +9,8 @@ import pytest
 
 from testbed.analysis.probable.chance import by_surface, chance_of, each_drawn
 from testbed.analysis.probable.draws import of_spreads
+from testbed.api.probable import filled
 from testbed.catalogue import catalogue
-from testbed.cli._probable import filled
 from testbed.engines import fast
 from testbed.workshop import RPM, write_campaign
 from tests.files.test_model_spreads import SIZES, SPREAD

@@ -13,8 +13,8 @@ from click.testing import CliRunner
 from testbed.analysis.records.inspection import inspect
 from testbed.analysis.records.inspection_plot import envelope
 from testbed.analysis.records.lines import follow_line
+from testbed.api.fitting import doubts
 from testbed.cli import main
-from testbed.cli._fitting import doubts
 from testbed.cli.inspect import _conditions, command
 from testbed.files.campaign import load_campaign
 from tests.support.campaign_files import TRUE

@@ -31,9 +31,9 @@ from testbed.analysis.records.segments import Kind
 from testbed.analysis.search import diagnosis
 from testbed.analysis.search.diagnosis import Candidate, Diagnosis, OtherForm
 from testbed.analysis.search.next_test import NextTest
+from testbed.api.result import plain
 from testbed.cli import doctor
 from testbed.cli import testbed as commands
-from testbed.cli._answer import plain
 from testbed.effect import HOOKS
 from testbed.engines import fast
 from testbed.recording import Outcome
@@ -168,7 +168,8 @@ def test_of_addition(shell):
     found = shell.json("add", "process_damping", "-c", "campaign.yaml", "-m", "model.yaml", "-o", "new.yaml")
     agree("add", found)
     assert found["parameters"]["process_damping.coefficient"]["value"] == 0.0  # nothing is hidden: so nothing is written
-    assert found["written"] is None and not Path("new.yaml").exists() and "not written: Process damping" in shell.err
+    assert found["vanished"] == ["process_damping"] and not Path("new.yaml").exists()
+    assert "not written: Process damping" in shell.err
 
 
 def _diagnosis():

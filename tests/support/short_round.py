@@ -10,8 +10,8 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.search import candidate_round as cr
 from testbed.analysis.search.begun_anew import from_believed
 from testbed.analysis.search.first_looks import Entry
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.synthetic_campaign import synthetic_campaign

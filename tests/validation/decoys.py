@@ -10,8 +10,8 @@ from concurrent.futures import ProcessPoolExecutor
 
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.diagnose import diagnose
+from testbed.api.fitting import plant_of
 from testbed.catalogue import DECOYS, catalogue
-from testbed.cli._fitting import plant_of
 from tests.validation.blind.draw import SINGLES, draw
 from tests.validation.blind.make import records_of
 from tests.validation.claims import Claim, Section

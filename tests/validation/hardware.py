@@ -6,7 +6,7 @@ import numpy as np
 
 from testbed.analysis.fit.prediction import predict as predict_forces
 from testbed.analysis.search.diagnosis import Candidate
-from testbed.cli.diagnose import MANY
+from testbed.api.diagnose import MANY
 from testbed.files.campaign import Record, load_campaign
 from testbed.machine import Cutter, Cutting, Model, Structure
 from tests.support.real_data import MANIFESTS, MEASUREMENTS

@@ -25,8 +25,8 @@ def _one(seconds: float, drifts: tuple[tuple[float, float], ...], seed: int) -> 
 
     from testbed.analysis.comparison.compare import compare
     from testbed.analysis.fit.observe import observe
+    from testbed.api.fitting import plant_of
     from testbed.catalogue import catalogue
-    from testbed.cli._fitting import plant_of
     from testbed.cut import Cut
     from testbed.engines.fast import simulate
     from testbed.workshop import RPM, Measurement, measured_cut

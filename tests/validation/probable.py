@@ -18,8 +18,8 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.linear.stability import sharpened_limit, stability_chart
 from testbed.analysis.probable.chance import by_surface, chance_of, each_drawn
 from testbed.analysis.probable.posterior import posterior, why_no_chance
+from testbed.api.probable import filled
 from testbed.catalogue import catalogue
-from testbed.cli._probable import filled
 from testbed.engines import fast, predict
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.workshop import RPM

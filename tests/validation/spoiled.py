@@ -18,8 +18,8 @@ from testbed.analysis.fit.estimates import estimates
 from testbed.analysis.fit.held_out import errors_in_fit, pooled
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from testbed.engines import fast
 from testbed.files.campaign import Record
 from testbed.machine import Cutter, Cutting, Model, Structure

@@ -25,8 +25,8 @@ from testbed.analysis.force.explain_force import formula_text, left_unexplained,
 from testbed.analysis.force.formula_trial import Jury
 from testbed.analysis.search.add_effect import add_effect
 from testbed.analysis.search.diagnose import diagnose
+from testbed.api.fitting import plant_of
 from testbed.catalogue import catalogue
-from testbed.cli._fitting import plant_of
 from tests.validation.blind.count import VISIBLE, misfit
 from tests.validation.blind.judge import ELSEWHERE, FOLDER, PLANT, RESULTS, answered, drawn, known_seeds
 from tests.validation.blind.make import records_of

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
-from testbed.cli._fitting import observed_records, plant_of
-from testbed.cli._records import unfit
+from testbed.api.fitting import observed_records, plant_of
+from testbed.api.records import unfit
 from testbed.problem import InputProblem
 
 MOTIONS = ("displacement", "velocity", "acceleration")
@@ -183,7 +183,7 @@ def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path
     """
     from testbed.analysis.multipliers.identify import beside
     from testbed.analysis.multipliers.recorded_cut import measured_multipliers
-    from testbed.cli.multipliers import multipliers
+    from testbed.api.multipliers import of_cut
 
     if not any(record.kind == "cut" and motion_channel(record) is not None for record in records):
         return ()
@@ -191,7 +191,7 @@ def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path
     for test in cut_tests(records, model.cutter.flutes, path):
         measured = measured_multipliers(test.recording, test.cut, model.cutter.flutes, test.channel)
         try:
-            found = multipliers(model, test.cut, catalogue, test.name)
+            found = of_cut(model, test.cut, catalogue, test.name)
             predicted = beside(measured, found["multipliers"]) if found["period_passes"] == 1 else ()
         except InputProblem:
             predicted = ()
@@ -202,13 +202,13 @@ def _multipliers_beside(model: Any, records: Sequence[Any], catalogue: Any, path
 def _multipliers_of(model: Any, fitter: Any, fit: Any, catalogue: Any) -> tuple[dict[str, Any], ...]:
     """The same of a machine in x and y: the model's own alone, since one channel holds several modes at once."""
     from testbed.analysis.fit.estimates import speed_factors
-    from testbed.cli.multipliers import multipliers
+    from testbed.api.multipliers import of_cut
 
     rows, cuts = [], [record for record in fitter.records if record.cut is not None]
     for record, factor in zip(cuts, speed_factors(fitter, fit), strict=True):
         cut = replace(record.cut, spindle_speed=record.cut.spindle_speed * factor)
         try:
-            found = multipliers(model, cut, catalogue, record.name)
+            found = of_cut(model, cut, catalogue, record.name)
             values, per = found["multipliers"], "revolution" if found["period_passes"] > 1 else "tooth"
         except InputProblem:
             values, per = (), ""

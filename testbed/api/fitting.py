@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from testbed.cli._records import load_records, unfit
+from testbed.api.believed import DataLike, ModelLike, model_of, name_of, refuse_planar
+from testbed.api.records import load_records, unfit
 from testbed.problem import InputProblem
 
 MOST_NOTES = 12
@@ -46,17 +45,16 @@ def observed_records(records: Sequence[Any], model: Any, path: object, model_fil
     return ready
 
 
-def read_both(campaign: str, model_file: str, catalogue: Any, planar: bool = False) -> tuple[Any, list[Any], tuple[Any, ...]]:
-    """(model, records ready for a fit, records as read) of a command's two files; planar: it takes a machine in x and y."""
+def read_both(campaign: DataLike, model_file: ModelLike, catalogue: Any,
+              planar: bool = False) -> tuple[Any, list[Any], tuple[Any, ...]]:
+    """(model, records ready for a fit, records as read) of a campaign and a model; planar: a machine in x and y is taken."""
     from testbed.analysis.fit.spindle_speed import at_modelled_speed
-    from testbed.cli._options import refuse_planar
-    from testbed.files.model_file import read_model
 
-    model = read_model(model_file, catalogue)
+    model, name = model_of(model_file, catalogue)
     if not planar:
-        refuse_planar(model, model_file)
+        refuse_planar(model, name)
     records = load_records(campaign)
-    observed = observed_records(records, model, campaign, Path(model_file))
+    observed = observed_records(records, model, name_of(campaign), Path(name))
     return model, at_modelled_speed(observed, model.effects, catalogue), records
 
 
@@ -136,18 +134,3 @@ def channel_units(records: Sequence[Any]) -> dict[str, str]:
     """The unit of every channel of the records, SI or its own, by its own name and by the engines'."""
     seen = [recording for record in records for recording in (record.recording, record.recording.in_the_plane())]
     return {name: unit for recording in seen for name, unit in recording.units.items()}
-
-
-@contextmanager
-def sign_of_life(title: str, quiet: bool = False) -> Iterator[Callable[[str], None]]:
-    """A function of what is being done now, shown on a terminal with the time gone by; nothing in a pipe."""
-    if quiet or not sys.stderr.isatty():
-        yield lambda text: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=None)
-        yield lambda text: bar.update(task, description=text)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-import click
-
-from testbed.cli._answer import Answer, progress, shown
+from testbed.api.believed import CampaignLike, ModelLike, name_of
+from testbed.api.watch import Watch
 from testbed.problem import InputProblem
 
 # seconds a cell, rounded up: one mode along the feed, a machine in x and y, a loop with effects
@@ -18,41 +16,30 @@ COST_S, PLANAR_COST_S, EFFECTS_COST_S = 1.5e-5, 2e-3, 25e-3
 MOST_S, WORTH_SAYING_S = 3600.0, 60.0
 
 
-class _Risk(click.ParamType):
-    """A chance between 0 and 1, or in percent."""
-
-    name = "chance"
-
-    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> float:
-        """The chance; click's error where it is none."""
-        from testbed.units import UnitProblem, parse_quantity
-
-        try:
-            risk = parse_quantity(value, "1")
-        except UnitProblem as problem:
-            self.fail(str(problem), parameter, context)
-        if not 0.0 < risk < 1.0:
-            self.fail(f"'{value}' is no chance between 0 and 100 %: give for example 5%", parameter, context)
-        return risk
-
-
-RISK = _Risk()
-
-
 @dataclass(frozen=True)
 class Asked:
-    """A question for chances: the model and its file, the campaign's or None, effects, the grid, and how to draw."""
+    """A question for chances: the model and how it was given, the campaign or None, effects, the grid, and how to draw."""
 
     model: Any
-    model_file: str
-    campaign: str | None
+    model_file: ModelLike
+    campaign: CampaignLike | None
     catalogue: Any
     speeds: Any
     depths: Any
     draws: int
     seed: int
     risk: float
-    quiet: bool
+    watch: Watch
+
+    @property
+    def model_name(self) -> str:
+        """The model's for messages."""
+        return name_of(self.model_file)
+
+    @property
+    def campaign_name(self) -> str:
+        """The campaign's for messages."""
+        return "" if self.campaign is None else name_of(self.campaign)
 
 
 @dataclass(frozen=True)
@@ -107,18 +94,18 @@ def with_chances(sure: Sure, asked: Asked) -> Sure:
     seconds = cost * charts * asked.speeds.size * asked.depths.size
     if seconds > MOST_S:
         most = MOST_S / (cost * charts)
-        raise InputProblem(asked.model_file, f"{charts} charts of {asked.speeds.size} x {asked.depths.size} cells would take "
+        raise InputProblem(asked.model_name, f"{charts} charts of {asked.speeds.size} x {asked.depths.size} cells would take "
                            f"some {seconds / 3600:.0f} h", f"give at most {most:.0f} cells"
                            + ("" if with_effects else ", or fewer --draws"))
-    if seconds > WORTH_SAYING_S and not asked.quiet:
-        click.echo(f"{charts} charts, about {seconds / 60:.0f} min of processor time", err=True)
+    if seconds > WORTH_SAYING_S:
+        asked.watch.warn(f"{charts} charts, about {seconds / 60:.0f} min of processor time")
     if with_effects:
         notes.append("chances with effects: the modulus is computed along the principal axes of what is known and summed, an "
                      "approximation where another multiplier takes over within the spread")
     road: Any = by_surface if with_effects else each_drawn
     fill: Callable[..., Any] = partial(filled, catalogue=asked.catalogue)
     try:
-        with progress("machines drawn", asked.quiet) as show:
+        with asked.watch.counted("machines drawn") as show:
             found = chance_of(road(fill, known, asked.speeds, asked.depths, asked.draws, asked.seed, show))
     except NoDraws as problem:
         return replace(sure, why_none=str(problem), notes=(*notes, f"no chance is given: {problem}"))
@@ -143,12 +130,12 @@ def filled(model: Any, speeds: Any, depths: Any, catalogue: Any) -> Any:
     import numpy as np
 
     from testbed.analysis.linear.stability import StabilityChart, stability_chart
-    from testbed.cli.chart import with_effects
+    from testbed.api.chart import with_effects
 
     if not model.effects:
         return stability_chart(model, speeds, depths)
     try:
-        return with_effects(model, speeds, depths, catalogue, True)
+        return with_effects(model, speeds, depths, catalogue, Watch())
     except InputProblem:
         nothing = np.full((depths.size, speeds.size), np.nan)
         return StabilityChart(speeds, depths, nothing + 0j, np.full(nothing.shape, -1, dtype=np.int8), nothing)
@@ -162,7 +149,7 @@ def _from_file(asked: Asked) -> Sure:
     from testbed.analysis.probable.draws import of_spreads
 
     known = of_spreads(asked.model, asked.catalogue)
-    note = f"chances: {asked.draws} machines drawn from the deviations in {asked.model_file}, each value by itself"
+    note = f"chances: {asked.draws} machines drawn from the deviations in {asked.model_name}, each value by itself"
     return Sure(asked.draws, asked.risk, asked.model, known, drawn=_drawn(known, asked.catalogue), notes=(note,))
 
 
@@ -170,22 +157,22 @@ def _from_campaign(asked: Asked) -> Sure:
     """What the campaign's records tell, after the fit that `compare` makes."""
     from testbed.analysis.comparison.compare import compare
     from testbed.analysis.probable.posterior import posterior, why_no_chance
-    from testbed.cli._fitting import notes_on, plant_of, read_both, sign_of_life
+    from testbed.api.fitting import notes_on, plant_of, read_both
 
     assert asked.campaign is not None
     believed, records, read = read_both(asked.campaign, asked.model_file, asked.catalogue)
     if not any(record.kind == "cut" for record in records):
-        raise InputProblem(asked.campaign, "holds no cut", "record a cut: nothing else tells of the cutting coefficients")
-    with sign_of_life("fitting the believed model to all records", asked.quiet):
+        raise InputProblem(asked.campaign_name, "holds no cut", "record a cut: nothing else tells of the cutting coefficients")
+    with asked.watch.busy("fitting the believed model to all records"):
         found = compare(plant_of(asked.catalogue), records, believed, asked.catalogue)
         why = why_no_chance(found)
         if why:
             return Sure(asked.draws, asked.risk, why_none=why,
-                        notes=(f"no chance is given, and the chart is that of {asked.model_file} as it stands: {why}",))
+                        notes=(f"no chance is given, and the chart is that of {asked.model_name} as it stands: {why}",))
         told = posterior(found.fitter, found.fit, found.parameters, believed, asked.catalogue)
     model = replace(told.known.model, spreads=(), not_determined=told.given)
-    notes = [*notes_on(read, believed), f"the chart is that of the machine fitted to {asked.campaign}, and its chances come "
-             f"from {asked.draws} machines drawn from the fit, correlations and all"]
+    notes = [*notes_on(read, believed), f"the chart is that of the machine fitted to {asked.campaign_name}, and its chances "
+             f"come from {asked.draws} machines drawn from the fit, correlations and all"]
     kept = [path for path, _ in believed.spreads if path not in told.known.paths]
     if kept:
         notes.append(f"{', '.join(kept)}: the records were fitted with the value as believed, whose deviation is left out")
@@ -212,16 +199,3 @@ def _of_blanks(found: Any) -> list[str]:
         notes.append(f"of up to {found.unknown.max():.1%} of the machines drawn a cell's multipliers are unknown: they do not "
                      "count there")
     return notes
-
-
-def said_chances(answer: Answer, sure: Sure) -> None:
-    """What was drawn, and the cut recommended, for people."""
-    answer.table(("drawn", "value", "standard deviation"),
-                 [(one["parameter"], shown(one["value"], one["unit"]), shown(one["standard_deviation"], one["unit"], 3))
-                  for one in sure.drawn])
-    best = sure.recommended
-    if best is None:
-        answer.say(f"no cut of the chart is stable at a risk of {sure.risk:.3g}, as far as {sure.draws} machines tell")
-        return
-    answer.say(f"most removal at a risk of at most {sure.risk:.3g}: {best.spindle_speed * 30 / math.pi:.0f} rpm, "
-               f"{best.axial_depth_of_cut * 1e3:.4g} mm, stable in {best.stable_probability:.1%} of the machines")

@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from testbed.api.believed import DataLike
 from testbed.problem import InputProblem
 
 KNOWN = ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth", "flutes")  # what a machinist knows of a cut
 
 
-def load_records(path: str | Path) -> tuple[Any, ...]:
+def load_records(path: DataLike) -> tuple[Any, ...]:
     """The records of a data set or a campaign (testbed.files.campaign.Record), each blow by itself.
 
-    InputProblem where the file is neither.
+    InputProblem where the file, or the object, is neither.
     """
-    from testbed.store.data_set import is_data_set, read_data_set
+    from testbed.store.data_set import DataSet, is_data_set, read_data_set
 
+    if not isinstance(path, (str, os.PathLike)):
+        from testbed.analysis.records.ring_downs import separated
+        from testbed.files.campaign import Campaign
+
+        if isinstance(path, DataSet):
+            return records_of(path)
+        if isinstance(path, Campaign):
+            return separated(path.records)
+        raise InputProblem("data", f"a {type(path).__name__} holds no records",
+                           "give a campaign.yaml or a data set, or what testbed.load makes of one")
     name = Path(path)
     if name.suffix.lower() in (".yaml", ".yml"):
         from testbed.analysis.records.ring_downs import separated
