@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from testbed.api.believed import CampaignLike, Effects, EffectsLike, File, ModelLike, effects_of, name_of
+from testbed.api.best_fit import force_maps, of_the_best_fit
 from testbed.api.fitting import channel_units, notes_on, plant_of, read_both
+from testbed.api.next_command import add_command, next_command
 from testbed.api.places import made_folder, page_place
 from testbed.api.result import Result, Table, plain, shown_here
 from testbed.api.watch import Progress, Watch
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from testbed.analysis.search.next_test import NextTest
     from testbed.machine import Model
 
-_EXPLAINS = ("adequate", "missing_effect")  # verdicts by which the best model leaves no physics out
 MANY = 6  # effects that `until_adequate` adds at the most
 
 
@@ -116,7 +116,7 @@ class Diagnosis(Result):
                 return Proposal(explanation.sentence, None, "", said)
             path = write_effect(explanation, place, free_name(place, "proposal"))
             every = {os.path.realpath(one): one for one in (*self.known.folders, place)}  # none is named twice
-            return Proposal(explanation.sentence, path, _add((path.stem,), *self.place, tuple(every.values())),
+            return Proposal(explanation.sentence, path, add_command((path.stem,), *self.place, tuple(every.values())),
                             said | {"file": str(path)})
 
     def false_alarms(self, count: int, seed: int = 0, progress: Progress = None) -> FalseAlarms:
@@ -142,7 +142,7 @@ class Diagnosis(Result):
                 next_step = next_command(self.detail, campaign, model_file, False, self.known.folders)
             page = diagnosis_page(self.detail, dict(said or self.said), self.believed, self.known.known,
                                   channel_units(self.read), notes=[f"{campaign} against {model_file}", *self.notes],
-                                  next_step=next_step, force_maps=_force_maps(self.detail, self.known.known))
+                                  next_step=next_step, force_maps=force_maps(self.detail, self.known.known))
             return page.write(place)
 
     def plot(self) -> Figure:
@@ -240,7 +240,7 @@ def _diagnosed(given: tuple[CampaignLike, ModelLike], known: Effects, until_adeq
         turned = []
         if found.candidates:  # else no search was made, for what was found before it
             turned = other_way_note(plant, records, model, catalogue, found.with_effects, found.noise_floor)
-    stuck, guesses, of_the_fit, tapped = _of_the_best_fit(found, records, model, catalogue)
+    stuck, guesses, of_the_fit, tapped = of_the_best_fit(found, records, model, catalogue)
     notes = [*notes_on(read, model), *turned, *of_the_fit]
     said = as_json(found, model) | {"rules": rules_of(found), "at_bound": list(stuck), "tap": tapped, "notes": notes}
     for name, one in said["base_parameters"].items():
@@ -256,67 +256,3 @@ def _decoys(found: Diagnosed, catalogue: Any) -> dict[str, Any]:
 
     offered = [name for name, effect in catalogue.items() if effect.path is not None and effect.path.parent == DECOYS]
     return {"offered": offered, "named": [name for name in found.effects if name in offered]}
-
-
-def _of_the_best_fit(found: Any, records: Any, model: Any, catalogue: Any
-                     ) -> tuple[tuple[str, ...], tuple[str, ...], list[str], list[dict[str, Any]]]:  # fmt: skip
-    """(parameters at a bound, those not determined, notes, rows beside the tap) of the fit of the best set of effects."""
-    from testbed.analysis.comparison.tapped import beside_the_tap, said_of_the_tap
-    from testbed.analysis.fit.estimates import (
-        at_bound,
-        clock_note,
-        estimates,
-        not_determined,
-        said_at_bound,
-        said_not_determined,
-    )
-    from testbed.analysis.fit.plausible import remarks_on
-    from testbed.analysis.fit.taken import taken_notes
-    from testbed.analysis.search.diagnosis import ADEQUATE
-    from testbed.analysis.search.mark_delay import delay_note
-
-    fitter, fit = found.best.fitter, found.best.fit
-    if fitter is None or fit is None:
-        return (), (), [], []
-    told = estimates(fitter, fit, catalogue)
-    stuck, guesses = at_bound(fitter.free, told), not_determined(told)
-    notes = [*taken_notes(records, fitter.records), *delay_note(records, fitter, fit), *clock_note(fitter, fit),
-             *(note for note in remarks_on(model, fit.state.model) if note.partition(":")[0] not in found.sentence)]
-    notes += [said_not_determined(guesses)] if guesses else []
-    explained = fit.converged and found.best.error_held_out <= ADEQUATE * found.noise_floor and found.verdict in _EXPLAINS
-    tapped = beside_the_tap(model, told, explained)
-    notes += [*([said_at_bound(stuck)] if stuck else []),
-              *said_of_the_tap(tapped, any(one.kind == "cut" for one in fitter.records))]
-    return stuck, guesses, notes, [one.as_json() for one in tapped]
-
-
-def _force_maps(found: Any, catalogue: Any) -> list[Any]:
-    """Force-state maps of what the best model still lacks; none where that is but noise."""
-    from testbed.analysis.force.force_state import force_states
-    from testbed.analysis.search.diagnosis import ADEQUATE
-
-    best = found.best
-    if best.fit is None or best.error_held_out <= ADEQUATE * found.noise_floor:
-        return []
-    states = force_states(plant_of(catalogue), best.fitter, best.fit, best.errors, catalogue)
-    return [(one.name, one.x, one.v, one.force) for one in states]
-
-
-def next_command(found: Any, campaign: str, model_file: str, proposed: bool, folders: tuple[str, ...] = ()) -> str:
-    """The command to go on with; empty where there is none, or where it is told with what was proposed.
-
-    folders: of the user's own effects, which the command will know no more than this one did without them.
-    """
-    if found.verdict == "missing_effect":
-        return _add(found.effects, campaign, model_file, folders)
-    if found.verdict == "unexplained" and found.candidates and not proposed:  # without candidates no effect was looked for
-        return shlex.join(["testbed", "diagnose", campaign, "-m", model_file, *_own(folders), "--propose", "DIR"])
-    return ""
-
-
-def _add(effects: tuple[str, ...], campaign: str, model_file: str, folders: tuple[str, ...]) -> str:
-    return shlex.join(["testbed", "add", *effects, "-m", model_file, "-c", campaign, *_own(folders), "-o", "NEW.yaml"])
-
-
-def _own(folders: tuple[str, ...]) -> list[str]:
-    return [word for folder in folders for word in ("--effects", folder)]

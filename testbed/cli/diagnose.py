@@ -42,7 +42,8 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 
     An honest "these records cannot tell" is an answer too. Only --false-alarms draws random numbers, from --seed.
     """
-    from testbed.api.diagnose import diagnose, next_command
+    from testbed.api.diagnose import diagnose
+    from testbed.api.next_command import next_command
     from testbed.files.model_file import effect_text
 
     answer = Answer(json_file, quiet)

@@ -30,7 +30,7 @@ from testbed.analysis.report.story_page import addition_page, diagnosis_page
 from testbed.analysis.search.diagnosis import as_json, unaided
 from testbed.analysis.search.diagnosis import verdict_of as verdict_over
 from testbed.analysis.search.false_alarms import FalseAlarms
-from testbed.api.diagnose import _force_maps
+from testbed.api.best_fit import force_maps
 from tests.support import report_pages as pages
 from tests.support.campaign_files import BELIEVED, TRUE
 
@@ -317,9 +317,9 @@ def test_maps_in_and_out_of_the_cut_are_drawn_apart():
 
 def test_diagnose_maps_what_its_best_model_still_lacks():
     found = pages.diagnosis()
-    assert _force_maps(found, pages.CATALOGUE) == []  # with process damping only noise is left
+    assert force_maps(found, pages.CATALOGUE) == []  # with process damping only noise is left
     lacking = replace(found, best=found.base)
-    maps = _force_maps(lacking, pages.CATALOGUE)
+    maps = force_maps(lacking, pages.CATALOGUE)
     worst = max(found.base.errors, key=lambda one: one.error / one.noise_floor)
     assert {name.split(",")[0] for name, *_ in maps} == {worst.name}
     said = {"next_test": None}

@@ -41,8 +41,8 @@ effects: {process_damping: {coefficient: 1.0e5 N/m}}
 """)
     ours = "import numpy; numpy.ones((500, 500)) @ numpy.ones((500, 500)); import testbed; " \
            "print(testbed.multipliers('model.yaml', '3810 rpm', '2.9 mm').json, end='')"
-    theirs = "from testbed.cli import main; main(['multipliers', 'model.yaml', '--speed', '3810', '--depth', '2.9', '--json', " \
-             "'-'])"
+    theirs = "from testbed.cli import main; " \
+             "main(['multipliers', 'model.yaml', '--speed', '3810', '--depth', '2.9', '--json', '-'])"
     bare = {name: value for name, value in os.environ.items() if name not in THREADS}
     bare["PYTHONPATH"] = os.pathsep.join(place for place in sys.path if place)
     one, other = (subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path,

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from testbed.api.diagnose import next_command
+from testbed.api.next_command import next_command
 from testbed.catalogue import catalogue
 from testbed.cli import main
 from testbed.effects import process_damping
