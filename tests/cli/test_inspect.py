@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from testbed.analysis.records.inspection import inspect
-from testbed.analysis.records.inspection_plot import envelope
-from testbed.analysis.records.lines import follow_line
+from testbed.analysis.records.inspection_plot import _LINE_COLOURS, envelope
+from testbed.analysis.records.lines import LineKind, follow_line
 from testbed.api.fitting import doubts
 from testbed.cli import main
 from testbed.cli.inspect import _conditions, command
@@ -174,6 +175,10 @@ def test_compare_says_what_reading_found_doubtful_and_a_speed_that_the_signal_co
     fast = TRUE.with_values({"natural_frequency": 6000.0})
     slow = [note for note in doubts(load_campaign(campaign).records, fast) if "sampled" in note]
     assert slow and all("less than 2.5 times the model's natural frequency 6000 Hz" in note for note in slow)
+
+
+def test_every_kind_of_line_has_a_colour() -> None:
+    assert set(_LINE_COLOURS) == set(get_args(LineKind))
 
 
 def test_thinning_for_a_picture_keeps_the_extremes_and_the_whole_length() -> None:
