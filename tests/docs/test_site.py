@@ -8,6 +8,7 @@ import click
 import h5py
 import pytest
 
+import testbed
 from testbed.catalogue import catalogue
 from testbed.cli import testbed as commands
 from testbed.files.synonyms import meant
@@ -76,15 +77,20 @@ def test_commands_that_a_page_names_exist(page):
     assert {line.split()[1] for line in lines if line.startswith("testbed")} <= known
 
 
-REFERENCE = re.findall(r"^::: (\S+)\n(?:    options:\n      members: \[(.*)\])?", doc_pages.read("python.md"), re.MULTILINE)
+REFERENCE = re.findall(r"^::: (\S+)\n    options:\n      (?:members: \[(.*)\]|heading: testbed\.(\w+))",
+                       doc_pages.read("python.md"), re.MULTILINE)
 
 
-@pytest.mark.parametrize(("module", "members"), REFERENCE, ids=[module for module, _ in REFERENCE])
-def test_what_the_python_reference_shows_has_docstrings(module, members):
-    shown = import_module(module)
-    names = members.split(", ") if members else [name for name in shown.__all__ if name not in ("__version__",)]
-    assert names and shown.__doc__
-    for one in (getattr(shown, name) for name in names):
+def test_the_python_reference_shows_every_command_that_the_package_has():
+    shown = {name for _, _, name in REFERENCE if name}
+    assert {name for name in testbed.__all__ if name in commands.list_commands(click.Context(commands))} <= shown
+    assert all(getattr(testbed, name).__module__ + "." + name == path for path, _, name in REFERENCE if name)
+
+
+@pytest.mark.parametrize(("path", "members", "name"), REFERENCE, ids=[path for path, _, _ in REFERENCE])
+def test_what_the_python_reference_shows_has_docstrings(path, members, name):
+    shown = [getattr(testbed, name)] if name else [getattr(import_module(path), one) for one in members.split(", ")]
+    for one in shown:
         parts = [value for name, value in vars(one).items() if not name.startswith("_") and (callable(value) or
                  isinstance(value, (property, classmethod, staticmethod)))] if isinstance(one, type) else []
         assert all(each.__doc__ for each in (one, *parts)), one
