@@ -14,7 +14,7 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.starts import at_a_bound, base_fit
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.answer import as_json
-from testbed.analysis.search.candidate import Candidate
+from testbed.analysis.search.candidate import Candidate, Tried
 from testbed.analysis.search.candidate_round import candidate_of
 from testbed.analysis.search.diagnose import diagnose
 from testbed.analysis.search.diagnosis import never_nothing, told_of_base, verdict_of
@@ -93,7 +93,7 @@ def test_an_effect_led_astray_by_what_the_base_model_made_up_for_is_fitted_anew(
     (("edge_force", "helix", "tool_wear"), 1.01, "missing_effect"),
 ])
 def test_three_effects_are_missing_only_where_they_leave_nothing(names, left, verdict):
-    base, best = (Candidate(effects, {}, error, error, 0.0, True) for effects, error in (((), 3.0), (names, left)))
+    base, best = (Tried(effects, {}, error, error, 0.0, True) for effects, error in (((), 3.0), (names, left)))
     found = verdict_of(base, best, [base, best], (), 1.0, ())
     assert found.verdict == verdict and found.effects == names
 
@@ -107,7 +107,7 @@ def test_three_effects_are_missing_only_where_they_leave_nothing(names, left, ve
     (9.24, 1.52, 1.30, False),  # half of it is not
 ])
 def test_of_the_faint_rest_of_a_strong_effect_another_must_take_most(before, first, second, worth):
-    base, current, other = (Candidate(effects, {}, error, error, 75.0, True)
+    base, current, other = (Tried(effects, {}, error, error, 75.0, True)
                             for effects, error in (((), before), (("edge_force",), first), (("edge_force", "helix"), second)))
     assert worth_naming(other, current, base, 1.0) is worth
 
@@ -120,14 +120,14 @@ def test_of_the_faint_rest_of_a_strong_effect_another_must_take_most(before, fir
     (("cubic_stiffness",), 1.18, 1.03, "missing_effect"),
 ])
 def test_an_effect_is_named_by_what_it_leaves_and_by_what_it_takes(names, baseline, left, verdict):
-    base, best = (Candidate(one, {}, error, error, 50.0, True) for one, error in (((), baseline), (names, left)))
+    base, best = (Tried(one, {}, error, error, 50.0, True) for one, error in (((), baseline), (names, left)))
     found = verdict_of(base, best, [base, best], (), 1.0, ())
     assert (found.verdict, found.effects) == (verdict, names)
     assert "100%" not in found.sentence
 
 
 def test_where_the_model_is_adequate_no_set_that_is_not_named_is_told():
-    base, best = (Candidate(names, {}, error, error, 20.0, True) for names, error in (((), 1.034), (("helix",), 1.021)))
+    base, best = (Tried(names, {}, error, error, 20.0, True) for names, error in (((), 1.034), (("helix",), 1.021)))
     told = verdict_of(base, best, [base, best], (best,), 1.0, ())
     assert told.verdict == "adequate" and told.with_effects == 1.021
     told = told_of_base(told)
@@ -146,7 +146,7 @@ def test_of_candidates_that_leave_but_noise_the_likeliest_is_chosen(second, gain
         rest = np.random.default_rng(1).normal(size=2000) * np.sqrt(cost / 1000.0)
         return SimpleNamespace(residuals=(rest,), squares=float(rest @ rest), names=("a", "b"), parts=())
 
-    first, other = (Candidate((name,), {}, error, error, 100.0, True, fitted(cost))
+    first, other = (Candidate((name,), {}, error, error, 100.0, True, fit=fitted(cost), fitter=None)
                     for name, error, cost in (("a", 1.0, 1000.0), ("b", second, 1000.0 * np.exp(-gain / 2000.0))))
     assert likeliest([first, other], 1.0) is (first, other)[chosen]
 
@@ -154,14 +154,15 @@ def test_of_candidates_that_leave_but_noise_the_likeliest_is_chosen(second, gain
 @pytest.mark.parametrize(("extent", "nothing"), [(0.0, True), (0.4, False)])
 def test_an_effect_that_ended_where_it_vanishes_is_none(extent, nothing):
     model = BELIEVED.with_effect("entry_ramp", extent=extent)
-    one = Candidate(("entry_ramp",), {}, 1.0, 1.0, 1476.0, True, SimpleNamespace(state=SimpleNamespace(model=model)))
+    one = Candidate(("entry_ramp",), {}, 1.0, 1.0, 1476.0, True, fitter=None,
+                    fit=SimpleNamespace(state=SimpleNamespace(model=model)))
     assert vanishes(one, catalogue()) is nothing
 
 
 @pytest.mark.parametrize(("left", "worth"), [(1.031, False), (1.005, True)])
 def test_of_the_little_that_two_effects_leave_a_third_must_take_half(left, worth):
     two = ("contact_loss", "runout")
-    base, current, other = (Candidate(effects, {}, error, error, 75.0, True)
+    base, current, other = (Tried(effects, {}, error, error, 75.0, True)
                             for effects, error in (((), 2.2), (two, 1.036), ((*two, "entry_ramp"), left)))
     assert worth_naming(other, current, base, 1.0) is worth
 
@@ -173,13 +174,13 @@ def test_of_the_little_that_two_effects_leave_a_third_must_take_half(left, worth
 ])
 def test_below_a_noise_that_was_only_guessed_no_gain_makes_a_further_effect_certain(left, basis, below):
     fitter = SimpleNamespace(records=[SimpleNamespace(noise_basis=basis)] * 2)
-    assert below_a_guess(Candidate(("cubic_stiffness",), {}, left, left, 75.0, True, fitter=fitter), 1.0) is below
+    assert below_a_guess(Candidate(("cubic_stiffness",), {}, left, left, 75.0, True, fit=None, fitter=fitter), 1.0) is below
 
 
 @pytest.mark.parametrize(("gain", "beside", "certain"), [(127.0, 0.0, True), (127.0, 3e5, False), (900.0, 3e5, True)])
 def test_beside_a_strong_effect_a_small_gain_may_be_the_form_of_its_law(gain, beside, certain):
     named = ("speed_droop",) if beside else ()
-    base, current, other = (Candidate(effects, {}, error, error, delta, True) for effects, error, delta in
+    base, current, other = (Tried(effects, {}, error, error, delta, True) for effects, error, delta in
                             (((), 9.0, 0.0), (named, 1.003, beside), ((*named, "process_damping"), 1.0, gain)))
     assert bool(certain_ones([other], current, base, 1.0)) is certain
 
@@ -191,7 +192,7 @@ def test_beside_a_strong_effect_a_small_gain_may_be_the_form_of_its_law(gain, be
 def test_a_weak_effect_that_is_certain_is_never_called_nothing(doubt, verdict):
     noise = 0.1
     known = RecordError("cut", 0.1, noise, np.zeros((1, 9)), 0.01, 1.0, noise**2, doubt)
-    base, weak = (Candidate(names, {}, error, error, gain, True, errors=(replace(known, squares=error**2),))
+    base, weak = (Tried(names, {}, error, error, gain, True, errors=(replace(known, squares=error**2),))
                   for names, error, gain in (((), 0.10067, 0.0), (("helix",), 0.10062, 182.0)))
     passing = certain_ones([weak], base, base, noise)
     assert bool(passing) is (verdict == "missing_effect")

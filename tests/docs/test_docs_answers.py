@@ -29,7 +29,7 @@ from testbed.analysis.records.noise import Basis
 from testbed.analysis.records.ring_downs import RingDown, RungMode
 from testbed.analysis.records.segments import Kind
 from testbed.analysis.search import answer, diagnosis
-from testbed.analysis.search.candidate import Candidate
+from testbed.analysis.search.candidate import Tried
 from testbed.analysis.search.diagnosis import Diagnosis, OtherForm
 from testbed.analysis.search.next_test import NextTest
 from testbed.api.result import plain
@@ -180,7 +180,7 @@ def test_of_addition(shell):
 
 def _diagnosis():
     """A diagnosis with all that one can hold."""
-    tried = Candidate(("helix",), {"helix.angle": 0.1}, 0.1, 0.1, 20.0, True)
+    tried = Tried(("helix",), {"helix.angle": 0.1}, 0.1, 0.1, 20.0, True)
     form = OtherForm("quadratic_damping", 2.0, 3.0, 2.9, 3.1, 50.0, 1.01, {"coefficient": 1.0}, ("dry_friction",))
     return Diagnosis("unexplained", ("helix",), "It is.", 0.2, 0.1, 0.1, (tried,), tried, tried, (tried,),
                      NextTest(1.0, 1e-3, 5.0), ("helix", "sensor_lag"), form, ("feed", 0.5))
