@@ -5,8 +5,8 @@
     python -m tests.validation.golden --only "blind 3002"   some campaigns alone; the text may be part of a name
 
 A trace has the verdict, each step of the search (effects, cost, errors, gain in BIC), the parameters of the best set, the
-simulations of every record that were spent, and what the search said on its way. The campaigns: cheap ones of each maker, another
-cause each, so that all of them take some minutes on two cores. Add others to the tuples below, and write.
+simulations of every record that were spent, and what the search said on its way. The campaigns: cheap ones of each maker,
+another cause each, so that all of them take some minutes on two cores. Add others to the tuples below, and write.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from tests.validation.blind.make import records_of
 from tests.validation.outside import files, plan
 
 KEPT = Path(__file__).with_suffix(".jsonl")
-BLIND = (3002, 3006, 3010, 3024, 3032, 3085, 3019, 4002, 4012, 4014, 4045, 4075)  # 3000 on: the published rig; 4000: any workshop
+BLIND = (3002, 3006, 3010, 3024, 3032, 3085, 3019, 4002, 4012, 4014, 4045, 4075)  # 3000 on: the rig; 4000: any machine
 OUTSIDE = (22,)
 CAMPAIGNS = tuple(f"blind {seed}" for seed in BLIND) + tuple(f"outside {seed}" for seed in OUTSIDE)
 SAME = 1e-6  # relative: beyond rounding, short of any step of a fit
