@@ -2,6 +2,7 @@
 
 import os
 import sys
+import traceback
 from dataclasses import replace
 from pathlib import Path
 
@@ -80,8 +81,12 @@ def test_a_shard_is_whole_or_not_there_wherever_its_writing_is_cut(tmp_path):
     while not survived:
         child = os.fork()
         if child == 0:
-            _die_at(killed)
-            compute(job, 0, 6)
+            try:
+                _die_at(killed)
+                compute(job, 0, 6)
+            except BaseException:
+                traceback.print_exc()
+                os._exit(1)  # else the child would go on with the other tests
             os._exit(0)
         _, status = os.waitpid(child, 0)
         shards = find(tmp_path)
@@ -100,8 +105,7 @@ def _die_at(number):
     """Kill this process before file operation `number` (from 0): Python's own, and those that have HDF5 write."""
     import h5py
 
-    import testbed.store.seal
-    import testbed.store.store
+    from testbed.store import store
     from testbed.store.chunk_writer import ChannelWriter
 
     left = [number]
@@ -123,4 +127,4 @@ def _die_at(number):
     h5py.File.__exit__ = lambda self, *_: self.close() if self.id else None
     h5py.Dataset.__setitem__ = counted(h5py.Dataset.__setitem__)
     ChannelWriter.flush = counted(ChannelWriter.flush)
-    testbed.store.seal = counted(testbed.seal.seal)
+    store.seal = counted(store.seal)
