@@ -46,7 +46,7 @@ blind: $(VENV)/ready
 	$(BIN)/python -m tests.validation.blind.propose
 	$(BIN)/python -m tests.validation.outside.judge --count 120
 
-# How a dozen campaigns walk through the diagnosis, compared with what is kept: before and after a change of the search
+# How some campaigns walk through the diagnosis, compared with what is kept: before and after a change of the search
 golden: $(VENV)/ready
 	$(BIN)/python -m tests.validation.golden
 

@@ -146,7 +146,8 @@ def test_diagnose_names_what_is_hidden(diagnosed):
     assert frequency["before"] == 148.0 and frequency["unit"] == "Hz"
     assert abs(frequency["after"] - TRUE.structure.natural_frequency) < 0.05
     assert re.search(r"^0 +refitted, no effect +0\.\d+", text, re.MULTILINE) and "as believed" not in text
-    assert "missing effect: process_damping" in text and "testbed add process_damping -m " in text
+    assert "missing effect: Process damping (ploughing of the flank) [process_damping]" in text
+    assert "testbed add process_damping -m " in text
 
 
 def test_add_lets_the_error_fall_to_the_noise(added):
