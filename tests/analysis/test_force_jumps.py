@@ -102,4 +102,4 @@ def test_a_displacement_has_no_jumps():
     record = measured_cut(partial(fast.simulate, steps=61), TRUE, Cut(3810 * RPM, 2e-3, 0.1016e-3, 15, 40, 25),
                           Measurement(), 3, "smooth")
     fitter, _ = FITTED(records=[observe(record, BELIEVED)], model=BELIEVED)
-    assert fitter.records[0].believed is None and fitter.records[0].count == fitter.records[0].samples
+    assert fitter.records[0].mask is None and fitter.records[0].count == fitter.records[0].samples
