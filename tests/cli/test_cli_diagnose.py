@@ -106,7 +106,7 @@ def test_what_was_proposed_is_added_beside_the_user_s_own_effects(testbed, monke
     monkeypatch.setattr("testbed.analysis.force.explain_force.write_effect",
                         lambda _, folder, name: Path(folder) / f"{name}.py")
     monkeypatch.setattr("testbed.analysis.force.formula_trial.Jury", lambda *_: SimpleNamespace(likeliest=lambda one: one))
-    found = Diagnosis(None, None, Effects({}, ("more", "./mine")), [], (), {}, ("c.yaml", "m.yaml"))
+    found = Diagnosis(BELIEVED, None, Effects({}, ("more", "./mine")), [], (), {}, ("c.yaml", "m.yaml"))
     diagnose._propose(Answer(None, False), found, "mine")
     said = testbed.capsys.readouterr().out
     assert "next: testbed add proposal -m m.yaml -c c.yaml --effects more --effects mine -o NEW.yaml\n" in said
