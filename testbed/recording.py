@@ -59,6 +59,14 @@ def quantity_of(channel: str) -> str:
     return channel.removeprefix("tool_").split("_")[0]
 
 
+def channel_in_words(channel: str) -> str:
+    """A channel by the name that a campaign has for it, and whether its sensor sits on the tool."""
+    sensor = sensor_of(channel)
+    if sensor is None:
+        return channel
+    return f"{quantity_of(channel)}_{'xy'[sensor.axis]}{' of the tool' if sensor.on == 'tool' else ''}"
+
+
 @dataclass(frozen=True, repr=False)
 class Recording:
     """Channels sampled together.

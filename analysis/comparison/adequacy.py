@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc, fdtrc
 
-from testbed.analysis.fit.fit_state import Jacobian, WaveformFit
+from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.held_out import RecordError, conditions_of
 from testbed.analysis.fit.least_squares import COLLINEAR
 from testbed.analysis.fit.nuisances import Nuisances
@@ -105,7 +105,7 @@ def less_open(fitter: Fitter, fit: WaveformFit, errors: Sequence[RecordError]) -
     tests: list[Adequacy] = []
     if len(groups) < 2:
         return found, tests
-    told = [_told(part) for part in fit.parts]
+    told = [part.information for part in fit.parts]
     whole, pull = (sum(each[1:], each[0]) for each in map(list, zip(*told, strict=True)))
     axes = _axes(whole)
     for group in groups:
@@ -122,13 +122,6 @@ def less_open(fitter: Fitter, fit: WaveformFit, errors: Sequence[RecordError]) -
         statistic = float(np.sum(at_rest**2 / (share * (1.0 - share))))
         tests.append(Adequacy(fitter.records[group[0]].name, "parameters", statistic, float(chdtrc(len(share), statistic))))
     return found, tests
-
-
-def _told(part: Jacobian) -> tuple[np.ndarray, np.ndarray]:
-    """Information of one record on the shared unknowns, in natural steps, and its pull on them, own unknowns eliminated."""
-    own, cross, pulled, shared, gradient = part.products
-    taken = cross.T @ np.linalg.pinv(own) if len(own) else cross.T
-    return shared - taken @ cross, gradient - taken @ pulled
 
 
 def _axes(information: np.ndarray) -> np.ndarray:

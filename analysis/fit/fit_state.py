@@ -144,6 +144,13 @@ class Jacobian:
         own, shared, rest = self.own.T, self.shared.T, self.residual
         return Products(own @ own.T, own @ shared.T, own @ rest, shared @ shared.T, shared @ rest)
 
+    @property
+    def information(self) -> tuple[np.ndarray, np.ndarray]:
+        """What the record tells of the shared unknowns with its own eliminated: (shared, shared), and its pull on them."""
+        own, cross, pulled, shared, gradient = self.products
+        taken = cross.T @ np.linalg.pinv(own) if len(own) else cross.T
+        return shared - taken @ cross, gradient - taken @ pulled
+
     @cached_property
     def _own_basis(self) -> np.ndarray:
         return np.linalg.qr(self.own)[0] if self.own.shape[1] else self.own

@@ -42,7 +42,7 @@ def how_a_mode_rings(records: Sequence[Observed], model: Model, place: int) -> l
     mode = model.structure.modes[place]
     free = [
         FreeParameter(model.mode_path(place, "natural_frequency"), 0.01 * mode.natural_frequency,
-             frequency_bounds(records, mode.natural_frequency)),
+                      frequency_bounds(records, mode.natural_frequency)),
         FreeParameter(model.mode_path(place, "damping_ratio"), max(0.2 * mode.damping_ratio, 1e-4), _DAMPING_BOUNDS),
     ]
     if model.structure.planar:

@@ -26,7 +26,7 @@ from testbed.analysis.fit.structure_start import structure_start
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import CARRIERS, Model, base_parameter
-from testbed.recording import motion_channel, quantity_of, sensor_of
+from testbed.recording import channel_in_words, motion_channel
 from testbed.units import format_quantity
 
 # natural steps of a parameter by which a belief may be off: frequency 2 %, damping ratio 20 %, mass 20 %, direction 10 deg,
@@ -56,7 +56,7 @@ class Untold:
         """In words, for records of these channels."""
         usual = {"N/m^2": "N/mm^2", "rad": "deg"}.get(self.unit, self.unit)
         held = f"{format_quantity(self.value, usual, 4)}, as the model has it"
-        only = f"{' and '.join(map(_in_words, channels))} alone" if len(channels) < 3 else "these channels"
+        only = f"{' and '.join(map(channel_in_words, channels))} alone" if len(channels) < 3 else "these channels"
         if self.entangled:
             first = f"{only} cannot tell {self.path} from {', '.join(self.entangled)}: {self.path} is held at {held}"
             first += ", and were it 1 % more, the others would follow" if self.path.endswith("mass") else ""
@@ -80,7 +80,7 @@ class Identifiable:
 
 
 def identifiable_parameters(engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
-                 helps: bool = True) -> Identifiable:  # fmt: skip
+                            helps: bool = True) -> Identifiable:  # fmt: skip
     """The parameters that a fit of these records may leave free; of one mode along the feed all that are known to be told.
 
     helps: whether it is asked, too, which other sensors would tell what is held.
@@ -151,14 +151,6 @@ def spread_by_held(fitter: Fitter, fit: WaveformFit, believed: Model) -> dict[st
     follows = np.linalg.lstsq(information[np.ix_(rest, rest)], information[np.ix_(rest, places)] * doubt, rcond=1e-12)[0]
     moved = np.sqrt(np.sum(follows**2, axis=1))
     return {one.path: float(size) * one.scale for one, size in zip(fitter.free, moved, strict=False)}
-
-
-def _in_words(channel: str) -> str:
-    """A channel by the name that a campaign has for it, and whether its sensor sits on the tool."""
-    sensor = sensor_of(channel)
-    if sensor is None:
-        return channel
-    return f"{quantity_of(channel)}_{'xy'[sensor.axis]}{' of the tool' if sensor.on == 'tool' else ''}"
 
 
 def _held(known: np.ndarray, doubt: np.ndarray, free: Sequence[FreeParameter]) -> list[int]:

@@ -94,9 +94,8 @@ def covariance(parts: Sequence[Jacobian], steps: np.ndarray, variance: float = 1
     """
     normal, whole = np.zeros((len(steps), len(steps))), np.zeros(len(steps))
     for part in parts:
-        own, cross, _, by_shared, _ = part.products
-        whole += np.diag(by_shared)
-        normal += by_shared - (cross.T @ np.linalg.pinv(own) @ cross if len(own) else 0.0)
+        whole += np.diag(part.products.shared)
+        normal += part.information[0]
     size = np.sqrt(np.maximum(np.diag(normal), np.maximum(FAINTEST**2, ROUNDED * whole)))
     values, vectors = np.linalg.eigh(normal / np.outer(size, size))
     inverse = (vectors / np.maximum(values, COLLINEAR)) @ vectors.T

@@ -52,15 +52,22 @@ class Chance:
         """The cut of the largest speed times depth (with flutes, feed and radial depth as they are: removal rate) that is
         unstable with a probability of at most `risk`; None where there is none.
 
-        Of n machines the chance that one more is stable is taken as stable ones / (n + 1), so that few draws promise little.
         """
-        enough = np.nan_to_num(self.probability) * self.draws / (self.draws + 1.0) >= 1.0 - risk
+        enough = safe(self.probability, self.draws, risk)
         rate = np.where(enough, self.axial_depths[:, None] * self.spindle_speeds, 0.0)
         if not rate.max(initial=0.0) > 0.0:
             return None
         row, column = np.unravel_index(int(np.argmax(rate)), rate.shape)
         return Recommended(float(self.spindle_speeds[column]), float(self.axial_depths[row]),
                            float(self.probability[row, column]))
+
+
+def safe(probability: np.ndarray, draws: int, risk: float) -> np.ndarray:
+    """Where a cut is unstable with a probability of at most `risk`; not where its chance is NaN.
+
+    Of n machines the chance that one more is stable is taken as stable ones / (n + 1), so that few draws promise little.
+    """
+    return np.nan_to_num(probability) * draws / (draws + 1.0) >= 1.0 - risk
 
 
 def chance_of(charts: Iterable[StabilityChart]) -> Chance:

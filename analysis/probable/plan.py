@@ -9,13 +9,15 @@ Bhattacharyya distance of what they foretell (Kolchinsky and Tracey 2017, Entrop
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Engine
+from testbed.analysis.probable.chance import safe
 from testbed.analysis.probable.draws import Known
 from testbed.analysis.search.next_test import proposed, seen, without
 from testbed.cut import Cut, Sampling
@@ -61,6 +63,18 @@ class Planned:
     def information_per_minute(self) -> float:
         """What the cuts are ranked by."""
         return self.information / self.minutes
+
+    def as_json(self) -> dict[str, Any]:
+        """Its row of the answer of `testbed plan --json`."""
+        return vars(self) | {"information_per_minute": self.information_per_minute}
+
+
+def safe_cuts(probability: np.ndarray, speeds: Iterable[float], depths: Iterable[float], draws: int, risk: float
+              ) -> list[tuple[float, float, float]]:  # fmt: skip
+    """Cuts (rad/s, m, chance of being stable) of a grid of chances (B, S) from so many draws that are safe at a risk."""
+    enough = safe(probability, draws, risk)
+    return [(float(speed), float(depth), float(probability[row, column])) for row, depth in enumerate(depths)
+            for column, speed in enumerate(speeds) if depth > 0.0 and enough[row, column]]
 
 
 def plan(engine: Engine, like: Observed, explanations: Sequence[Explanation], cuts: Sequence[tuple[float, float, float]],

@@ -16,10 +16,11 @@ LEVELS = (0.0, 0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 0.99, 1.0)
 _COLOURS = ("#b2182b", "#d6604d", "#f4a582", "#fddbc7", "#d1e5f0", "#92c5de", "#4393c3", "#2166ac")
 
 
-def plot_chance(chance: Chance, plain_limit: np.ndarray, best: Recommended | None, risk: float,
+def plot_chance(chance: Chance, plain_limit: np.ndarray | None, best: Recommended | None, risk: float,
                 before: tuple[np.ndarray, np.ndarray] | None = None) -> Figure:  # fmt: skip
     """The chance by colour; the limits of 5, 50 and 95 % of the machines, dashed; the plain limit (m), (S,), black; the cut
-    recommended. before: speeds (rad/s) and limits (m), each (T,), of the machine without what was added to it."""
+    recommended. A limit that no two neighbouring speeds have is no line. before: speeds (rad/s) and limits (m), each (T,), of
+    the machine without what was added to it."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.figure import Figure
@@ -38,9 +39,11 @@ def plot_chance(chance: Chance, plain_limit: np.ndarray, best: Recommended | Non
     bar.ax.set_yticklabels([f"{100 * level:g} %" for level in LEVELS])
     bar.set_label("chance of a stable cut")
     for share, limit, dashes in zip(QUANTILES, chance.limits, (":", "--", "-."), strict=True):
-        label = f"limit, {100 * share:g} % quantile of the machines"
-        axes.plot(speed, limit * 1e3, dashes, color="0.15", lw=1.0, label=label)
-    axes.plot(speed, plain_limit * 1e3, color="black", lw=1.8, label="limit of the machine in the middle")
+        if _is_line(limit):
+            label = f"limit, {100 * share:g} % quantile of the machines"
+            axes.plot(speed, limit * 1e3, dashes, color="0.15", lw=1.0, label=label)
+    if plain_limit is not None and _is_line(plain_limit):
+        axes.plot(speed, plain_limit * 1e3, color="black", lw=1.8, label="limit of the machine in the middle")
     if before is not None:
         axes.plot(before[0] * 30.0 / math.pi, before[1] * 1e3, color="#8e2fb5", lw=1.8,
                   label="limit before the effect was added")
@@ -56,3 +59,9 @@ def plot_chance(chance: Chance, plain_limit: np.ndarray, best: Recommended | Non
         if values.size > 1:
             limits(values[0], values[-1])
     return figure
+
+
+def _is_line(limit: np.ndarray) -> bool:
+    """Whether two neighbouring speeds have a limit."""
+    known = np.isfinite(limit)
+    return bool(np.any(known[1:] & known[:-1]))

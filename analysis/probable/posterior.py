@@ -121,8 +121,7 @@ def _joined(fitter: Fitter, fit: WaveformFit, joined: list[FreeParameter], devia
     every = Fitter(fitter.engine, fitter.records, [*fitter.unknowns, *joined])
     information = np.zeros((len(every.names),) * 2)
     for part in every.linearise_all(fit.state):
-        own, cross, _, shared, _ = part.products
-        information += shared - (cross.T @ np.linalg.pinv(own) @ cross if len(own) else 0.0)
+        information += part.information[0]
     information /= wider**2 * np.outer(every.steps, every.steps)
     for one in joined:
         place = every.names.index(one.path)

@@ -16,7 +16,7 @@ import numpy as np
 from testbed.analysis.fit.fit_state import FreeParameter
 from testbed.analysis.fit.observed import Observed
 from testbed.machine import CARRIERS, DIRECTIONS, Mode, Model, Structure
-from testbed.recording import motion_channel, quantity_of, sensor_of
+from testbed.recording import channel_in_words, motion_channel, quantity_of, sensor_of
 
 PITCH_STEP = 0.02  # rad: a natural step of a tooth's pitch
 UNEVEN = 0.02  # rad, by which the fit of unequal pitches begins uneven: of equal ones the engine knows no slope
@@ -70,7 +70,8 @@ def _of_channels(records: Sequence[Observed], model: Model) -> Iterator[Slip]:
         yield renamed(motions, _other_part, "if the sensors on tool and workpiece are exchanged (`on` of every channel), or "
                                             "tool and workpiece in the model's modes")
     for group in _groups_turned(channels, motions, parts["tool"]):
-        told = f"if {', '.join(map(_in_words, group))} {'count' if len(group) > 1 else 'counts'} the other way (scale: -1)"
+        said = ", ".join(map(channel_in_words, group))
+        told = f"if {said} {'count' if len(group) > 1 else 'counts'} the other way (scale: -1)"
         yield Slip("sign", [_turned(record, group) for record in records], model, partial(_plainly, told))
 
 
@@ -169,13 +170,6 @@ def _other_part(channel: str) -> str:
     sensor = sensor_of(channel)
     assert sensor is not None
     return motion_channel(f"{quantity_of(channel)}_{'xy'[sensor.axis]}", "workpiece" if sensor.on == "tool" else "tool")
-
-
-def _in_words(channel: str) -> str:
-    sensor = sensor_of(channel)
-    if sensor is None:
-        return channel
-    return f"{quantity_of(channel)}_{'xy'[sensor.axis]}{' of the tool' if sensor.on == 'tool' else ''}"
 
 
 def _turned(record: Observed, names: Sequence[str]) -> Observed:

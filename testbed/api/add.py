@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from testbed.api.believed import CampaignLike, Effects, EffectsLike, File, ModelLike, effects_of, name_of
 from testbed.api.fitting import channel_units, engine_of, notes_on, of_what_is_held, read_both
-from testbed.api.places import check_place, page_place
+from testbed.api.places import page_place, save_fitted
 from testbed.api.result import Result, Table, estimates_table, shown_here
 from testbed.api.watch import Progress, Watch
 from testbed.api.working import working
@@ -88,12 +88,7 @@ class Addition(Result):
 
     def save_model(self, path: File) -> Path:
         """Write the model with the effects as a model.yaml; an older one there is replaced. InputProblem."""
-        from testbed.analysis.fit.plausible import unlike_a_machine
-        from testbed.files.model_file import write_model
-
-        check_place(path)
-        write_model(self.model, Path(path), self.known.known, unlike_a_machine(self.model))
-        return Path(path)
+        return save_fitted(self.model, path, self.known.known)
 
     def report(self, path: File) -> Path:
         """Write the page of this addition into a folder (as report.html), or as the .html file named; returns its path."""
@@ -156,7 +151,7 @@ def _added(names: tuple[str, ...], given: tuple[CampaignLike, ModelLike], known:
 
     catalogue, place = known.known, (name_of(given[0]), name_of(given[1]))
     chosen = _effects(names, catalogue)
-    model, records, read = read_both(*given, catalogue, planar=True)
+    model, records, read = read_both(*given, catalogue)
     for name in names:
         if name in model.effects:
             raise InputProblem(place[1], f"has {name} already", "to fit it again, use testbed identify --method waveform")

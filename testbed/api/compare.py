@@ -273,14 +273,13 @@ def _compared(campaign: CampaignLike, given: ModelLike, effects: Effects, watch:
     from testbed.analysis.fit.identifiable import identifiable_parameters
     from testbed.analysis.fit.plausible import remarks_on
     from testbed.analysis.fit.record_hypotheses import taken_notes
-    from testbed.analysis.fit.spindle_speed import at_modelled_speed
     from testbed.analysis.fit.switched import switch_note
     from testbed.analysis.search.mark_delay import delay_note
     from testbed.analysis.search.sign_check import other_way_note
 
     catalogue, engine = effects.known, engine_of(effects.known)
-    model, records, read = read_both(campaign, given, catalogue, planar=True)
-    told = identifiable_parameters(engine, at_modelled_speed(records, model.effects, catalogue), model, catalogue)
+    model, records, read = read_both(campaign, given, catalogue)
+    told = identifiable_parameters(engine, records, model, catalogue)
     for note in told.notes:
         watch.note(note)
     with watch.busy("fitting the believed model to all records"):

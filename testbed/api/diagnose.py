@@ -251,7 +251,7 @@ def _diagnosed(given: tuple[CampaignLike, ModelLike], known: Effects, until_adeq
     from testbed.analysis.search.sign_check import other_way_note
 
     catalogue, engine = known.known, engine_of(known.known)
-    model, records, read = read_both(*given, catalogue, planar=True)
+    model, records, read = read_both(*given, catalogue)
     with watch.busy("fitting the believed model to all records") as progress:
         found = searched(engine, records, model, catalogue, progress=progress, budget=BUDGET if budget is None else budget,
                          **({"most": MANY} if until_adequate else {}))

@@ -1,4 +1,4 @@
-"""What the commands that fit a model to a campaign share: the records made ready, the engine, and a sign of life."""
+"""What the commands that fit a model to a campaign share: the records made ready, the engine, and notes on them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from testbed.api.believed import DataLike, ModelLike, model_of, name_of, refuse_planar
+from testbed.api.believed import DataLike, ModelLike, model_of, name_of
 from testbed.api.records import load_records, unfit
 from testbed.problem import InputProblem
 
@@ -45,14 +45,12 @@ def observed_records(records: Sequence[Any], model: Any, path: object, model_fil
     return ready
 
 
-def read_both(campaign: DataLike, model_file: ModelLike, catalogue: Any,
-              planar: bool = False) -> tuple[Any, list[Any], tuple[Any, ...]]:
-    """(model, records ready for a fit, records as read) of a campaign and a model; planar: a machine in x and y is taken."""
+def read_both(campaign: DataLike, model_file: ModelLike, catalogue: Any) -> tuple[Any, list[Any], tuple[Any, ...]]:
+    """(model, records ready for a fit, at the speed that the model's effects ask for, records as read) of a campaign and a
+    model."""
     from testbed.analysis.fit.spindle_speed import at_modelled_speed
 
     model, name = model_of(model_file, catalogue)
-    if not planar:
-        refuse_planar(model, name)
     records = load_records(campaign)
     observed = observed_records(records, model, name_of(campaign), Path(name))
     return model, at_modelled_speed(observed, model.effects, catalogue), records

@@ -21,7 +21,7 @@ from testbed.api.believed import (
 )
 from testbed.api.fitting import doubts, of_the_mass, of_the_parts, uncalibrated
 from testbed.api.identification import RATIO_DOUBT, Identified, identify_by_multipliers, identify_by_waveform
-from testbed.api.places import check_place
+from testbed.api.places import save_fitted
 from testbed.api.records import load_records
 from testbed.api.result import Result, Table, estimates_table, shown_here
 from testbed.api.watch import Progress, Watch
@@ -78,12 +78,7 @@ class Identification(Result):
 
     def save_model(self, path: File) -> Path:
         """Write the model with the values found as a model.yaml; an older one there is replaced. InputProblem."""
-        from testbed.analysis.fit.plausible import unlike_a_machine
-        from testbed.files.model_file import write_model
-
-        check_place(path)
-        write_model(self.model, Path(path), self.effects.known, unlike_a_machine(self.model))
-        return Path(path)
+        return save_fitted(self.model, path, self.effects.known)
 
     def plot(self) -> Figure:
         """Measured multipliers of every test and those of the model, in the complex plane."""

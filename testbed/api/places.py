@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,8 @@ from testbed.problem import InputProblem
 
 if TYPE_CHECKING:
     from testbed.api.believed import File
+    from testbed.effect import Effect
+    from testbed.machine import Model
 
 LONGEST_NAME = 235  # bytes: file systems take 255, and a file is first written under a longer name
 PAGE = "report.html"
@@ -29,6 +32,16 @@ def check_place(path: File | None) -> None:
         raise InputProblem(path, f"there is no folder {folder}", "make it first, or choose another place")
     if not os.access(folder, os.W_OK):
         raise InputProblem(path, "cannot be written (permission denied)", "choose another place")
+
+
+def save_fitted(model: Model, path: File, effects: Mapping[str, Effect]) -> Path:
+    """Write a model that was fitted as a model.yaml, with what of it no machine has as remarks. InputProblem."""
+    from testbed.analysis.fit.plausible import unlike_a_machine
+    from testbed.files.model_file import write_model
+
+    check_place(path)
+    write_model(model, Path(path), effects, unlike_a_machine(model))
+    return Path(path)
 
 
 def made_folder(path: File) -> Path:

@@ -61,7 +61,7 @@ class Plan(Result):
         return shown_here(figure)  # type: ignore[no-any-return]
 
     def _answer(self) -> Mapping[str, Any]:
-        return {"next": [vars(one) | {"information_per_minute": one.information_per_minute} for one in self.next],
+        return {"next": [one.as_json() for one in self.next],
                 "explanations": self.explanations, "no_plan": self.no_plan, "risk": self.risk,
                 "most_vibration": self.most_vibration, "draws": self.draws, "candidates": self.candidates, "notes": self.notes}
 
@@ -109,9 +109,10 @@ def _planned(given: tuple[CampaignLike, ModelLike], reach: tuple[list[float], li
     import numpy as np
 
     from testbed.analysis.probable.plan import plan as ranked
+    from testbed.analysis.probable.plan import safe_cuts
 
     (campaign, model_given), (speeds, depths), (risk, draws, seed, calm) = given, reach, how
-    model, records, _ = read_both(campaign, model_given, catalogue, planar=True)
+    model, records, _ = read_both(campaign, model_given, catalogue)
     cuts = [record for record in records if record.kind == "cut"]
     if not cuts:
         raise InputProblem(name_of(campaign), "holds no cut", "record one: what a cut shows is foretold from those there are")
@@ -122,8 +123,7 @@ def _planned(given: tuple[CampaignLike, ModelLike], reach: tuple[list[float], li
         return nothing
     asked = Asked(model, model_given, campaign, catalogue, np.array(speeds), np.array(depths), draws, seed, risk, watch)
     stable, notes = _stable(open_, asked)
-    within = [(at, b, float(stable[row, column])) for row, b in enumerate(depths) for column, at in enumerate(speeds)
-              if b > 0.0 and stable[row, column] * draws / (draws + 1.0) >= 1.0 - risk]
+    within = safe_cuts(stable, speeds, depths, draws, risk)
     with watch.counted("cuts foretold") as show:
         found = ranked(engine_of(catalogue), max(cuts, key=lambda one: one.samples), open_, within, show)
     kept = [one for one in found if calm is None or one.vibration <= calm]

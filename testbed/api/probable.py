@@ -162,7 +162,7 @@ def _from_campaign(asked: Asked) -> Sure:
     from testbed.api.fitting import engine_of, notes_on, read_both
 
     assert asked.campaign is not None
-    believed, records, read = read_both(asked.campaign, asked.model_file, asked.catalogue, planar=True)
+    believed, records, read = read_both(asked.campaign, asked.model_file, asked.catalogue)
     if not any(record.kind == "cut" for record in records) and not {"tangential_coefficient"} & set(dict(believed.spreads)):
         raise InputProblem(asked.campaign_name, "holds no cut", "record one, or give the cutting coefficients a deviation in "
                            f"{asked.model_name} (550 +- 50 N/mm^2): nothing else tells of them")

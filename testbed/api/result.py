@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -50,7 +51,7 @@ class Table(NamedTuple):
     units: Mapping[str, str]
 
 
-class Result:
+class Result(ABC):
     """The base of every answer. Answers are frozen: to ask otherwise, call the function again.
 
     Values are SI: rad/s, m, N/m^2. NaN, or None, stands where nothing is known.
@@ -84,16 +85,17 @@ class Result:
                                {name: (name, list(values)) for name, values in table.columns.items() if name == dimension})
         return with_units(found, table.units)  # type: ignore[no-any-return]
 
+    @abstractmethod
     def _answer(self) -> Mapping[str, Any]:
         """What `--json` writes, not yet plain."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _table(self) -> Table:
-        raise NotImplementedError
+        """The main table of the answer."""
 
+    @abstractmethod
     def _headline(self) -> str:
         """The answer in a line."""
-        raise NotImplementedError
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self._headline()}>"

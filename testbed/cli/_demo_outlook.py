@@ -23,8 +23,7 @@ class Outlook:
 
     def as_json(self) -> dict[str, Any]:
         """Its part of the demo's JSON."""
-        planned = [vars(one) | {"information_per_minute": one.information_per_minute} for one in self.planned]
-        return self.sure.as_json() | {"limit_before": self.before[1], "next": planned}
+        return self.sure.as_json() | {"limit_before": self.before[1], "next": [one.as_json() for one in self.planned]}
 
 
 def outlook(sealed: Any, loop: Any) -> Outlook | None:
@@ -32,7 +31,7 @@ def outlook(sealed: Any, loop: Any) -> Outlook | None:
     import numpy as np
 
     from testbed.analysis.linear.stability import sharpened_limit, stability_chart
-    from testbed.analysis.probable.plan import Explanation, plan
+    from testbed.analysis.probable.plan import Explanation, plan, safe_cuts
     from testbed.api.fitting import engine_of, read_both
     from testbed.api.probable import Asked, chances
     from testbed.api.watch import Watch
@@ -49,12 +48,10 @@ def outlook(sealed: Any, loop: Any) -> Outlook | None:
     before = fine, sharpened_limit(stability_chart(plain, fine, np.linspace(0.02 * depths[-1], depths[-1], FINE)), plain)
     if sure.chance is None:
         return Outlook(sure, before, ())
-    chance = sure.chance.probability
-    safe = [(float(speed), float(depth), float(chance[row, column])) for row, depth in enumerate(depths)
-            for column, speed in enumerate(speeds) if chance[row, column] * DRAWS / (DRAWS + 1.0) >= 1.0 - RISK]
+    within = safe_cuts(sure.chance.probability, speeds, depths, DRAWS, RISK)
     _, records, _ = read_both(str(sealed.campaign), str(loop.written), effects)
     known = [Explanation(" + ".join(model.effects), sure.known)]
-    told = plan(engine_of(effects), max(records, key=lambda one: one.samples), known, safe)
+    told = plan(engine_of(effects), max(records, key=lambda one: one.samples), known, within)
     return Outlook(sure, before, [one for one in told if one.vibration <= MOST_VIBRATION_M][:SHOWN])
 
 

@@ -58,66 +58,30 @@ class _Noise(click.ParamType):
 NOISE = _Noise()
 
 
-class _Risk(click.ParamType):
-    """A chance between 0 and 1, or in percent."""
+class _Quantity(click.ParamType):
+    """A number with its unit; becomes SI. holds: whether there may be such a one; refused: what is said where not."""
 
-    name = "chance"
-
-    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> float:
-        """The chance; click's error where it is none."""
-        from testbed.units import UnitProblem, parse_quantity
-
-        try:
-            risk = parse_quantity(value, "1")
-        except UnitProblem as problem:
-            self.fail(str(problem), parameter, context)
-        if not 0.0 < risk < 1.0:
-            self.fail(f"'{value}' is no chance between 0 and 100 %: give for example 5%", parameter, context)
-        return risk
-
-
-class _Length(click.ParamType):
-    """A length above 0 with its unit, in m."""
-
-    name = "length"
+    def __init__(self, name: str, unit: str, holds: Callable[[float], bool], refused: str) -> None:
+        self.name, self.unit, self.holds, self.refused = name, unit, holds, refused
 
     def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> float:
-        """The length; click's error where it is none."""
-        from testbed.units import UnitProblem, parse_quantity
-
-        try:
-            length = parse_quantity(value, "m")
-        except UnitProblem as problem:
-            self.fail(str(problem), parameter, context)
-        if not length > 0.0:
-            self.fail(f"'{value}' is not above 0: give for example 0.2mm", parameter, context)
-        return length
-
-
-RISK, LENGTH = _Risk(), _Length()
-
-
-class _Rate(click.ParamType):
-    """A sampling rate such as `10kHz`; becomes Hz."""
-
-    name = "rate"
-
-    def convert(self, value: Any, parameter: click.Parameter | None, context: click.Context | None) -> float:
-        """Hz above 0; click's error for what is none."""
+        """The SI value; click's error where it is none."""
         if isinstance(value, float):
             return value
         from testbed.units import UnitProblem, parse_quantity
 
         try:
-            rate = parse_quantity(value, "Hz")
+            number = parse_quantity(value, self.unit)
         except UnitProblem as problem:
             self.fail(str(problem), parameter, context)
-        if not (math.isfinite(rate) and rate > 0):
-            self.fail(f"'{value}' must be above 0: give a rate such as 10kHz", parameter, context)
-        return rate
+        if not self.holds(number):
+            self.fail(f"'{value}' {self.refused}", parameter, context)
+        return number
 
 
-RATE = _Rate()
+RISK = _Quantity("chance", "1", lambda risk: 0.0 < risk < 1.0, "is no chance between 0 and 100 %: give for example 5%")
+LENGTH = _Quantity("length", "m", lambda length: length > 0.0, "is not above 0: give for example 0.2mm")
+RATE = _Quantity("rate", "Hz", lambda rate: 0.0 < rate < math.inf, "must be above 0: give a rate such as 10kHz")
 
 
 def shared(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -249,7 +249,7 @@ class _Demo:
         for line in said(found):
             self._say(line)
         if found.sure.chance is not None:
-            drawn = plot_chance(found.sure.chance, found.sure.chance.limits[1], found.sure.recommended, RISK, found.before)
+            drawn = plot_chance(found.sure.chance, None, found.sure.recommended, RISK, found.before)
             self._picture(drawn, "probable_stability", "the chance of stability, and the limit before the effect was added")
             self._code(f"testbed plan {sealed.campaign} -m {loop.written} {CELLS} --vibration 0.5mm")
             self._table(*cuts_table(found))

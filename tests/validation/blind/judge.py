@@ -27,6 +27,7 @@ from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.diagnose import diagnose
+from testbed.analysis.search.diagnosis import Diagnosis
 from testbed.catalogue import catalogue
 from testbed.engines import predict
 from tests.validation.blind.draw import draw
@@ -64,22 +65,29 @@ def judged(seed: int) -> dict[str, Any]:
         return told | {"made": True, "fault": repr(problem)}
 
 
+def said(found: Diagnosis) -> dict[str, Any]:
+    """What a diagnosis says, as it is counted."""
+    return {"verdict": found.verdict, "effects": list(found.effects), "baseline": found.baseline,
+            "with_effects": found.with_effects, "noise_floor": found.noise_floor,
+            "other_law": None if found.form is None else found.form.as_json()}
+
+
+def beside_the_truth(best: Candidate, known: Any, true: Callable[[str, float], float | None]) -> dict[str, Any]:
+    """The parameters of a set of effects as found, each with its true value. true: of a path, near the value found."""
+    return {path: {"value": one.value, "low": one.low, "high": one.high, "true": true(path, one.value)}
+            for path, one in estimates(best.fitter, best.fit, known).items() if path != "mark_angle"}
+
+
 def _diagnosed(truth: Any, records: Any, known: Any) -> dict[str, Any]:
     begin, processor = time.perf_counter(), time.process_time()
     observed = [observe(record, truth.believed) for record in records]
     found = diagnose(ENGINE, observed, truth.believed, known)
-    told = {"made": True, "seconds": time.perf_counter() - begin, "processor": time.process_time() - processor,
-            "verdict": found.verdict, "effects": list(found.effects), "baseline": found.baseline,
-            "with_effects": found.with_effects, "noise_floor": found.noise_floor,
-            "other_law": None if found.form is None else found.form.as_json()}
+    told = {"made": True, "seconds": time.perf_counter() - begin, "processor": time.process_time() - processor} | said(found)
     if truth.seed >= FAINT:  # by what the answer came about
         told["candidates"] = [{"effects": list(one.effects), "delta_bic": one.delta_bic, "error_held_out": one.error_held_out}
                               for one in found.fitted]
     if isinstance(found.best, Candidate):
-        told["parameters"] = {
-            path: {"value": one.value, "low": one.low, "high": one.high, "true": _true(truth, path)}
-            for path, one in estimates(found.best.fitter, found.best.fit, known).items() if path != "mark_angle"
-        }
+        told["parameters"] = beside_the_truth(found.best, known, lambda path, _: _true(truth, path))
     if truth.kind == "pair":
         told["alone"] = {name: _left_by(name, truth, observed, known) for name in truth.effects}
     return told

@@ -16,16 +16,16 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
-from testbed.analysis.fit.estimates import estimates
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.diagnose import diagnose
 from testbed.catalogue import catalogue
 from testbed.files.campaign import Record
 from tests.validation.blind.count import counted, share
-from tests.validation.blind.judge import ENGINE, FOLDER, answered, known_seeds, options_of
+from tests.validation.blind.judge import ENGINE, FOLDER, answered, beside_the_truth, known_seeds, options_of, said
 from tests.validation.blind.plane_made import Hidden, draw, measured
 from tests.validation.claims import Claim, Section
 
@@ -62,18 +62,12 @@ def answer(truth: Hidden, records: Sequence[Record], **more: Any) -> dict[str, A
     processor, known = time.process_time(), catalogue()
     observed = [observe(record, truth.believed) for record in records]
     found = diagnose(ENGINE, observed, truth.believed, known, **more)
-    told = {"made": True, "processor": round(time.process_time() - processor, 1), "verdict": found.verdict,
-            "effects": list(found.effects), "sentence": found.sentence, "baseline": found.baseline,
-            "with_effects": found.with_effects, "noise_floor": found.noise_floor,
-            "other_law": None if found.form is None else found.form.as_json()}
+    told = {"made": True, "processor": round(time.process_time() - processor, 1), "sentence": found.sentence} | said(found)
     if truth.kind == "pair":
         told["alone"] = dict.fromkeys(truth.effects, math.inf)
     best = found.best
     if isinstance(best, Candidate) and truth.effects and set(found.effects) == set(truth.effects):
-        told["parameters"] = {
-            path: {"value": one.value, "low": one.low, "high": one.high, "true": _true(truth, path, one.value)}
-            for path, one in estimates(best.fitter, best.fit, known).items() if path != "mark_angle"
-        }
+        told["parameters"] = beside_the_truth(best, known, partial(_true, truth))
     return told
 
 
