@@ -119,8 +119,11 @@ def _of_pitch(records: Sequence[Observed], model: Model) -> Slip:
     believed = "as believed" if cutter.pitch_angles else "equal"
 
     def said(fitted: Model) -> str:
-        angles = ", ".join(_degrees(angle) for angle in fitted.cutter.pitches)  # type: ignore[union-attr]
-        return f"if the pitches of the teeth are not {believed} but {angles}, one after the other (`pitch` of the cutter)"
+        pitches = fitted.cutter.pitches  # type: ignore[union-attr]
+        least = pitches.index(min(pitches))  # which tooth is the first no record tells
+        angles = ", ".join(map(_degrees, (*pitches[least:], *pitches[:least])))
+        return f"if the pitches of the teeth are not {believed} but {angles}, in this order round the cutter, from any tooth " \
+               "(`pitch` of the cutter)"
 
     free = tuple(FreeParameter(path, PITCH_STEP, bounds) for path in paths)
     return Slip("pitch", records, model.with_values(begun), said, free)
