@@ -25,7 +25,7 @@ LEAST_NORMAL_OVER_TANGENTIAL, MOST_NORMAL_OVER_TANGENTIAL = 0.0, 2.0
 LEAST_DAMPING_RATIO, MOST_DAMPING_RATIO = 1e-5, 0.5
 
 STRUCTURE = ("mass", "natural_frequency", "damping_ratio")
-_MODE_PATH = re.compile(r"modes\[(\d+)\]\.(\w+)")
+_MODE_PATH = re.compile(r"modes\[(0|[1-9]\d*)\]\.(\w+)")
 _PITCH_PATH = re.compile(r"pitch\[(\d+)\]")  # of a tooth; the last one closes the circle
 CUTTING = ("immersion", "tangential_coefficient", "normal_coefficient")
 BASE_UNITS = {"mass": "kg", "natural_frequency": "Hz", "damping_ratio": "1", "direction": "rad", "pitch": "rad",
@@ -162,9 +162,10 @@ class Model:
         found = _MODE_PATH.fullmatch(path)
         if found is None:
             return 0, None
-        if path not in self.base_parameters:
+        place, name = int(found[1]), found[2]
+        if not self.structure.planar or name not in (*STRUCTURE, "direction") or place >= len(self.structure.modes):
             raise KeyError(path)
-        return int(found[1]), found[2]
+        return place, name
 
     def _tooth(self, path: str) -> int | None:
         """The tooth whose pitch a path names, any but the last; None where it names none."""

@@ -108,7 +108,7 @@ class Structure(Mode):
         frequencies = [mode.natural_frequency for mode in self.modes]
         return min(frequencies), max(frequencies)
 
-    @property
+    @cached_property
     def planar(self) -> bool:
         """True for anything but one mode of the workpiece along the feed, the machine of the paper."""
         return bool(self.further) or self.shape != (1.0, 0.0) or self.on != "workpiece"

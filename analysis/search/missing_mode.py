@@ -18,7 +18,7 @@ from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.free_parameters import how_a_mode_rings, mass_of_a_mode
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.analysis.fit.starts import alternate_fit_and_passes, at_a_bound
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.records.lines import standing_out
 from testbed.analysis.search.candidate import ADEQUATE, Candidate
@@ -36,6 +36,7 @@ STIFFER = (1.0, 6.0)  # times the softest mode's stiffness, as that of the new m
 DAMPING = 0.015  # damping ratio that it begins with
 SCREENED = 3  # records by which starts are compared
 STEPS = 20  # of a first fit of the likeliest,
+RINGS = 0.1  # damping ratio up to which a mode shows as a line: beyond, what was fitted is but a compliance
 NEAR_BEST = 1.5  # times whose cost the other may leave there to be fitted to the end
 
 
@@ -62,7 +63,10 @@ class FoundMode:
 
 
 def missing_mode(base: Candidate, model: Model, progress: Callable[[str], None]) -> FoundMode | None:
-    """The mode with which the believed `model`, fitted as `base`, leaves but noise; None where none does, or all is along x."""
+    """The mode with which the believed `model`, fitted as `base`, leaves but noise; None where none does, or all is along x.
+
+    A mode that hardly rings is none: it follows the force at once, and would stand for any law of the cut.
+    """
     if not base.fit.state.model.structure.planar or base.error_where_known <= ADEQUATE * pooled(base.errors)[1]:
         return None
     whole = by_noise(base)
@@ -81,6 +85,8 @@ def missing_mode(base: Candidate, model: Model, progress: Callable[[str], None])
     if one.error_where_known > ADEQUATE * pooled(one.errors)[1]:
         return None
     mode = _unbelieved(one.fit.state.model, model)
+    if mode.damping_ratio > RINGS or at_a_bound(one.fitter.free, one.fit.state.model):
+        return None
     return FoundMode(replace(mode, direction=mode.direction % math.pi), one)
 
 

@@ -21,6 +21,10 @@ and each of its places a constant with a name. `packing` makes them of a model a
 | work    | 11, states          | Y, Y at the step's end, D at both, and what `advance` needs          | `fast_kernel.advance`|
 | left    | 4, edges            | what the edges leave at a step's start, end, middle, and at a sample | `fast_kernel`        |
 | tooth   | edges               | which tooth an edge belongs to                                       | `fast_kernel`        |
+| modes   | modes, MODE_SIZE    | of a machine in the plane: direction, mass, damping, stiffness, part | `plane_kernel`       |
+| Q       | modes, 2            | their coordinates and rates, where nothing else is a state           | `modes_kernel`       |
+| kappa   | rows, 4             | of base models: the force under a chip, along and across             | `plane_linear_kernel`|
+| memory  | rows, 2             | of base models: where the tool was one tooth pass before             | `plane_linear_kernel`|
 | clock   | 2                   | time of the first sample (s), sampling rate (Hz)                     | `sampling_kernel`    |
 | out     | channels, samples   | the record; NaN before the structure is let go and after a divergence | `sampling_kernel`   |
 

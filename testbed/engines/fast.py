@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -16,14 +15,14 @@ from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
 from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, compose
+from testbed.engines.kernel_runs import UNEVEN, run_linear, run_plane_linear, run_uneven
 from testbed.engines.measure import measured_channels, senses
-from testbed.engines.model_arrays import active_names, each_once, kind_of, runs_by
+from testbed.engines.model_arrays import active_names, each_once, kind_of, layout_of, runs_by
 from testbed.engines.packing import Stack, pack_many
 from testbed.engines.stiffening import stiffening, stiffens
 from testbed.machine import Cutter, Model
 from testbed.recording import ENGINE_UNITS, MOTION_UNITS, Outcome, Recording, Records
 
-_NO_EFFECTS: Mapping[str, Effect] = MappingProxyType({})
 STIFFER = 1.05  # a structure stiffened beyond this, in frequency, is run again with finer steps
 STIFFEST = 6.0  # in frequency: what seems stiffer diverged, by its steps or by itself, and would take for ever
 REFINEMENTS = 4  # how often: after a coarse run the motion itself may still change
@@ -74,6 +73,7 @@ class _Batch:
     forces: bool
     shape: tuple[int, int, int]  # channels, samples, passes
     most_steps: float  # within one sample, beyond which a run is not followed
+    asked: Sequence[int] | None  # channels that `out` is to hold alone; None: the first `shape[0]`
 
     def of(self, runs: Sequence[int] | np.ndarray) -> _Batch:
         """The same of some runs."""
@@ -101,7 +101,8 @@ class _Batch:
         if len(followed) == len(self.models):
             return self._simulated(packed, linear, planar, uneven)
         runs, (signals, count, passes) = len(self.models), self.shape
-        whole = BatchResult(np.full((runs, signals, count), np.nan), np.full((runs, passes + 1), np.nan),
+        rows = signals if self.asked is None else len(self.asked)
+        whole = BatchResult(np.full((runs, rows, count), np.nan), np.full((runs, passes + 1), np.nan),
                             np.full((runs, passes + 1, 2), np.nan), np.full(runs, fk.OUTCOME_DIVERGED),
                             np.zeros(runs))  # fmt: skip
         if len(followed):
@@ -113,35 +114,26 @@ class _Batch:
     def _simulated(self, packed: Stack, linear: bool, planar: bool, uneven: bool) -> BatchResult:
         """The runs of one kind as they are packed, all of them followed."""
         runs, (signals, count, passes) = len(self.models), self.shape
-        A, P, G, I, O, Y = packed.arrays()  # noqa: E741
-        result = BatchResult(np.empty((runs, signals, count)), np.empty((runs, passes + 1)), np.empty((runs, passes + 1, 2)),
-                             np.empty(runs, dtype=np.int64), np.empty(runs))  # fmt: skip
+        asked = range(signals) if self.asked is None else self.asked
+        lean = linear and planar  # such a kernel fills nothing that is not asked for
+        result = BatchResult(np.empty((runs, len(asked) if lean else signals, count)), np.empty((runs, passes + 1)),
+                             np.empty((runs, passes + 1, 2)), np.empty(runs, dtype=np.int64), np.empty(runs))  # fmt: skip
         found = result.arrays()
-        if linear:
-            kernel = compose(_NO_EFFECTS, (*FAST, "linear_kernel", "silent_kernel"))
-            groups, others = packed.side_by_side(kernel.LANES) if count == 0 else (np.empty((0, 1), np.intp), np.arange(runs))
-            if len(groups):
-                kernel.run_silent_batch(G, I, Y, groups, LIMIT, *found[1:])
-            if len(others) == runs:
-                kernel.run_linear_batch(G, I, Y, self.clock, LIMIT, *found)
-            elif len(others):
-                some = [array[others] for array in found]
-                kernel.run_linear_batch(G[others], I[others], Y[others], self.clock[others], LIMIT, *some)
-                for array, part in zip(found, some, strict=True):
-                    array[others] = part
+        if lean:
+            run_plane_linear(packed, layout_of(self.effects), asked, self.clock, LIMIT, found)
+        elif linear:
+            run_linear(packed, self.clock, LIMIT, found)
         elif uneven:
-            kernel = compose(self.effects, (*FAST, "turn_kernel", "uneven_kernel"), True)
-            for run, turn in enumerate(packed.turns):
-                result.outcome[run], result.outcome_time[run] = kernel.run_uneven(
-                    A[run], P[run], G[run], I[run], O[run, : I[run, fk.CARRIED]], Y[run], turn.corners, turn.steps, turn.firsts,
-                    turn.tooth, self.table[run], self.clock[run], self.forces, LIMIT,
-                    *(array[run] for array in found[:3]))  # fmt: skip
+            run_uneven(packed, compose(self.effects, UNEVEN, True), self.table, self.clock, self.forces, LIMIT, found)
         else:
             kernel = compose(self.effects, FAST, planar)
-            kernel.run_batch(A, P, G, I, O, Y, self.table, self.clock, self.forces, LIMIT, *found)
+            kernel.run_batch(*packed.arrays(), self.table, self.clock, self.forces, LIMIT, *found)
         if not planar and signals > sk.N_CHANNELS:
             result.out[:, sk.N_CHANNELS :] = 0.0 * result.out[:, :1]  # NaN where the run diverged
-        return result
+        if lean or self.asked is None:
+            return result
+        side_by_side = list(asked) == list(range(asked[0], asked[0] + len(asked)))  # then nothing has to be copied
+        return replace(result, out=result.out[:, slice(asked[0], asked[-1] + 1) if side_by_side else list(asked)])
 
 
 def simulate_batch(
@@ -158,6 +150,7 @@ def simulate_batch(
     alike: bool = False,
     refinement: int = 1,
     most_steps: float = math.inf,
+    asked: Sequence[int] | None = None,
 ) -> BatchResult:
     """Simulate runs side by side; every run's samples and passes are padded with NaN to the longest.
 
@@ -167,7 +160,8 @@ def simulate_batch(
     motion along the feed), 6 or 15 (see `sampling_kernel`; what is across the feed or on the tool is filled for structures
     that move there). alike: the runs differ little, and all may have steps as fine as the first needs. refinement: how many
     times as many steps as are chosen, a whole number. most_steps: within one sample; a run that takes more is not followed:
-    NaN, outcome "diverged" at 0. Arrays are as the sensor sits on the structure, before any effect of the sensor itself.
+    NaN, outcome "diverged" at 0. asked: those channels that `out` is to hold alone, by their places. Arrays are as the sensor
+    sits on the structure, before any effect of the sensor itself.
     """
     effects, columns = known_effects() if catalogue is None else catalogue, Cuts.of(cuts)
     passes = int(columns.total_passes.max())
@@ -176,7 +170,8 @@ def simulate_batch(
         row[: len(values)] = values
     clock = np.array([[sampling.start, sampling.rate] for sampling in samplings]) if samplings else np.ones((len(models), 2))
     batch = _Batch(models, columns, effects, clock, table, steps, refinement, forces,
-                   (signals, max((sampling.count for sampling in samplings or ()), default=0), passes), most_steps)  # fmt: skip
+                   (signals, max((sampling.count for sampling in samplings or ()), default=0), passes), most_steps,
+                   asked)  # fmt: skip
     assumed = np.ones(len(models))
     if not (general or forces or table.shape[1]) and all(kind_of(model, effects)[2] for model in each_once(models)):
         return batch.run(assumed, linear=True)

@@ -168,7 +168,7 @@ def of_model(model: Model, catalogue: Mapping[str, Effect]) -> OfModel:
                CARRIED: motion.rates[0], INTEGRATED: motion.rates[1], TURNING: motion.turning,
                OWN: max(mode.natural_frequency_rad for mode in model.structure.modes), EXACT: motion.exact,
                STEADY: "speed" not in hooks, WANDERS: "engagement" in hooks}  # fmt: skip
-    base = not planar and not any(_touches_loop(catalogue[name]) for name in active)
+    base = not cutter.pitch_angles and not any(_touches_loop(catalogue[name]) for name in active)
     found = OfModel(model, {name: catalogue[name] for name in model.effects}, layout, active, cutter, cutting, A, P, motion,
                      tuple(float(numbers[place]) for place in range(len(numbers))), base, planar)
     with _turn:

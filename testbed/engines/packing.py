@@ -12,6 +12,8 @@ from testbed.cut import Cut, Cuts
 from testbed.effect import Effect
 from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
+from testbed.engines import plane_kernel as pk
+from testbed.engines.compose import Layout
 from testbed.engines.grid import Pace, Turn, steps_of_segments
 from testbed.engines.model_arrays import (
     CARRIED,
@@ -71,6 +73,14 @@ class Stack:
     def arrays(self) -> tuple[np.ndarray, ...]:
         """A, P, G, I, O, Y."""
         return self.A, self.P, self.G, self.I, self.O, self.Y
+
+    def modes(self, layout: Layout) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of motion in the plane, what `plane_linear_kernel` takes: the modes' numbers (runs, modes, MODE_SIZE), how many modes
+        each run has (runs,), and their coordinates and rates (runs, modes, 2)."""
+        first, runs = layout.parameters + 1, len(self.Y)
+        rates = np.concatenate([self.Y[:, :2], self.Y[:, 3 + len(layout.state) :]], axis=1)
+        modes = np.ascontiguousarray(self.P[:, first:]).reshape(runs, -1, pk.MODE_SIZE)
+        return modes, self.P[:, first - 1].astype(np.int64), rates.reshape(runs, -1, 2)
 
     def some(self, runs: np.ndarray) -> Stack:
         """These runs alone."""

@@ -59,14 +59,14 @@ def predict_cuts(
     sensed = any(senses(model, effects) for model in models)
     firsts = _motions(models, cuts, samplings, durations, effects) if sensed else list(range(len(models)))
     moved = sorted(set(firsts))
+    places = [fast.CHANNELS[name] for name in channels]
     result = fast.simulate_batch(
         [models[run] for run in moved], [cuts[run] for run in moved], [samplings[run] for run in moved], forces=forces,
         catalogue=effects, durations=None if durations is None else [durations[run] for run in moved], general=forces,
-        refinement=refinement, alike=True, signals=signals, most_steps=MOST_STEPS * refinement)  # fmt: skip
+        refinement=refinement, alike=True, signals=signals, most_steps=MOST_STEPS * refinement,
+        asked=None if sensed else places)  # fmt: skip
     if not sensed:
-        places = [fast.CHANNELS[name] for name in channels]
-        side_by_side = places == list(range(places[0], places[0] + len(places)))  # then nothing has to be copied
-        return result.out[:, slice(places[0], places[-1] + 1) if side_by_side else places, : samplings[0].count]
+        return result.out[..., : samplings[0].count]
     outs = dict(zip(moved, result.out, strict=True))
     return np.stack([_sensed(models[run], effects, outs[first], channels, samplings[run], cuts[run])
                      for run, first in enumerate(firsts)])  # fmt: skip

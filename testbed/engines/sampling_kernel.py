@@ -37,19 +37,26 @@ def skip_held(G, clock, out):
 
 
 @inner
-def fill_quintic(out, row, position, u, dt, x0, v0, a0, x1, v1, a1):
-    """One sample of displacement, velocity and acceleration, from `row` on, at the share u of a step of dt."""
+def quintic(u, dt, x0, v0, a0, x1, v1, a1):
+    """(displacement, velocity, acceleration) at the share u of a step of dt, from those at its ends."""
     rise = (x1 - x0) / dt - v0 - 0.5 * a0 * dt  # what the three powers above the second must make up
     gain = v1 - v0 - a0 * dt
     bend = (a1 - a0) * dt
     c3 = 10.0 * rise - 4.0 * gain + 0.5 * bend
     c4 = -15.0 * rise + 7.0 * gain - bend
     c5 = 6.0 * rise - 3.0 * gain + 0.5 * bend
-    out[row, position] = x0 + dt * u * (v0 + u * (0.5 * a0 * dt + u * (c3 + u * (c4 + u * c5))))
-    if out.shape[0] == 1:
-        return
-    out[row + 1, position] = v0 + u * (a0 * dt + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))
-    out[row + 2, position] = a0 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5)) / dt
+    return (x0 + dt * u * (v0 + u * (0.5 * a0 * dt + u * (c3 + u * (c4 + u * c5)))),
+            v0 + u * (a0 * dt + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5))),
+            a0 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5)) / dt)  # fmt: skip
+
+
+@inner
+def fill_quintic(out, row, position, u, dt, x0, v0, a0, x1, v1, a1):
+    """One sample of displacement, velocity and acceleration, from `row` on, at the share u of a step of dt."""
+    moved, rising, bent = quintic(u, dt, x0, v0, a0, x1, v1, a1)
+    out[row, position] = moved
+    if out.shape[0] > 1:
+        out[row + 1, position], out[row + 2, position] = rising, bent
 
 
 @inner

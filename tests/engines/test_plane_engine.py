@@ -188,3 +188,35 @@ def test_unequal_teeth_are_simulated_beside_equal_ones():
     assert apart(together.pass_states[0], together.pass_states[1]) > 0.01
     with pytest.raises(InputProblem, match="pitch"):
         mujoco_engine.simulate(models[0], cut, sampling)
+
+
+@pytest.mark.parametrize("modes", [1, 2, 3, 4])
+def test_the_kernel_of_base_models_gives_what_the_general_one_gives(modes):
+    """Whatever a record begins with, and from whatever channels are asked for."""
+    rng = np.random.default_rng([77, modes])
+    for number in range(5):
+        model = random_machine(rng, modes)
+        cut = Cut(rng.uniform(200.0, 900.0), rng.uniform(0.05e-3, 0.4e-3), idle_passes=int(rng.integers(1, 6)), passes=14,
+                  ring_down_passes=6, late_entry=0.3 * (number % 2), early_exit=0.2, initial_displacement=1e-5,
+                  initial_velocity=2e-3, swung_front=number == 2, held_until=0.002 * (number == 3),
+                  states=(("modes[1].velocity", 1e-2),) if modes > 1 else ())  # fmt: skip
+        sampling = Sampling(float(rng.choice([2000.0, 10000.0])), 900, 0.001)
+        names = [f"{place}{quantity}_{axis}" for place in ("", "tool_") for quantity in MOTION_UNITS for axis in "xy"]
+        asked = [fast.CHANNELS[name] for name in rng.permutation(names)[: 3 + number]]
+        lean = fast.simulate_batch([model], [cut], [sampling], signals=15, asked=asked)
+        whole = fast.simulate_batch([model], [cut], [sampling], signals=15, general=True)
+        true = whole.out[0, asked]
+        assert np.array_equal(np.isnan(lean.out[0]), np.isnan(true)) and np.isfinite(true).any()
+        size = np.nanmax(np.abs(whole.out[0, [0, 6, 9, 12]])) * (2000.0 * math.pi) ** (np.array(asked) % 3)[:, None]
+        assert np.nanmax(np.abs(lean.out[0] - true) / size) < 1e-9
+        assert apart(lean.pass_states[0], whole.pass_states[0]) < 1e-11
+        assert np.allclose(lean.pass_times, whole.pass_times, 1e-13)
+
+
+def test_a_base_model_that_diverges_is_told_so_by_its_kernel():
+    model = Model(MACHINE, Cutter(2), Cutting("down-milling", 0.5, 6e9, 2e9))
+    cut = Cut(500.0, 20e-3, passes=400)
+    lean, whole = (fast.simulate_batch([model], [cut], [Sampling(1000.0, 200)], signals=15, general=general)
+                   for general in (False, True))  # fmt: skip
+    assert lean.outcome[0] == whole.outcome[0] == 1 and np.isnan(lean.out[0, :, -1]).all()
+    assert np.isnan(lean.pass_states[0]).any() and np.array_equal(np.isnan(lean.pass_states), np.isnan(whole.pass_states))

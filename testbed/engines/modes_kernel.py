@@ -1,0 +1,138 @@
+"""Modes in the plane that nothing but a force along x and y moves: carried exactly in free flight, summed, sampled.
+
+modes (modes, 6) holds what `plane_kernel` says of each mode, Q (modes, 2) their coordinates (m) and rates (m/s).
+"""
+
+from testbed.engines.compiled import inner
+from testbed.engines.oscillator_kernel import oscillator_map
+from testbed.engines.plane_kernel import MODE_DAMPING, MODE_MASS, MODE_STIFFNESS, ON_TOOL, SHAPE_X, SHAPE_Y
+from testbed.engines.sampling_kernel import quintic, samples_until
+
+
+@inner
+def fill_mode_maps(modes, dt, E):
+    """The exact maps of every mode over dt (s), into E (modes, 4)."""
+    for mode in range(modes.shape[0]):
+        mass = modes[mode, MODE_MASS]
+        a, b, c, d = oscillator_map(modes[mode, MODE_STIFFNESS] / mass, modes[mode, MODE_DAMPING] / mass, dt)
+        E[mode, 0], E[mode, 1], E[mode, 2], E[mode, 3] = a, b, c, d
+
+
+@inner
+def carried_on(modes, Q, E):
+    """(x, y) of all modes, m, after the time of the maps E."""
+    x, y = 0.0, 0.0
+    for mode in range(modes.shape[0]):
+        moved = E[mode, 0] * Q[mode, 0] + E[mode, 1] * Q[mode, 1]
+        x += modes[mode, SHAPE_X] * moved
+        y += modes[mode, SHAPE_Y] * moved
+    return x, y
+
+
+@inner
+def carry_modes(Q, E):
+    """Q after the time of the maps E, in place."""
+    for mode in range(Q.shape[0]):
+        q, r = Q[mode, 0], Q[mode, 1]
+        Q[mode, 0], Q[mode, 1] = E[mode, 0] * q + E[mode, 1] * r, E[mode, 2] * q + E[mode, 3] * r
+
+
+@inner
+def in_the_plane(modes, Q, order):
+    """(x, y) of all modes' coordinates (order 0) or rates (order 1)."""
+    x, y = 0.0, 0.0
+    for mode in range(modes.shape[0]):
+        x += modes[mode, SHAPE_X] * Q[mode, order]
+        y += modes[mode, SHAPE_Y] * Q[mode, order]
+    return x, y
+
+
+@inner
+def compliance(modes, F):
+    """(xx, xy, yy): how far the force of one newton, kept up for a second's share, moves all modes by the maps F; m/(N s)."""
+    xx, xy, yy = 0.0, 0.0, 0.0
+    for mode in range(modes.shape[0]):
+        share = F[mode, 1] / modes[mode, MODE_MASS]
+        xx += share * modes[mode, SHAPE_X] * modes[mode, SHAPE_X]
+        xy += share * modes[mode, SHAPE_X] * modes[mode, SHAPE_Y]
+        yy += share * modes[mode, SHAPE_Y] * modes[mode, SHAPE_Y]
+    return xx, xy, yy
+
+
+@inner
+def acceleration_of(modes, Q, mode, force_x, force_y):
+    """Second derivative of a mode's coordinate under a force on the workpiece, m/s^2."""
+    push = modes[mode, SHAPE_X] * force_x + modes[mode, SHAPE_Y] * force_y
+    return (push - modes[mode, MODE_DAMPING] * Q[mode, 1] - modes[mode, MODE_STIFFNESS] * Q[mode, 0]) / modes[mode, MODE_MASS]
+
+
+@inner
+def seen(modes, mode, group):
+    """How much of a mode a group of rows sees: the motion along x, y on the workpiece (0, 1) and on the tool (2, 3)."""
+    if modes[mode, ON_TOOL] != group // 2:
+        return 0.0
+    return modes[mode, group % 2] if group < 2 else -modes[mode, group % 2]
+
+
+@inner
+def sample_modes(modes, rows, clock, t0, dt, Q0, Q1, x0, y0, x1, y1, out, position):
+    """Fill the samples that fall into a step from Q0 to Q1, under the forces (x0, y0) first and (x1, y1) last; the next one.
+
+    rows (4, 3): where `out` has displacement, velocity and acceleration of each group of `seen`, -1 where nobody asks.
+    """
+    start, rate = clock[0], clock[1]
+    if position >= out.shape[1] or start + position / rate > t0 + dt:
+        return position
+    stop = samples_until(start, rate, t0 + dt, position, out.shape[1])
+    for group in range(4):
+        if max(rows[group, 0], rows[group, 1], rows[group, 2]) >= 0:
+            d0, v0, a0, d1, v1, a1 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for mode in range(modes.shape[0]):
+                shape = seen(modes, mode, group)
+                d0, d1 = d0 + shape * Q0[mode, 0], d1 + shape * Q1[mode, 0]
+                v0, v1 = v0 + shape * Q0[mode, 1], v1 + shape * Q1[mode, 1]
+                a0 += shape * acceleration_of(modes, Q0, mode, x0, y0)
+                a1 += shape * acceleration_of(modes, Q1, mode, x1, y1)
+            for place in range(position, stop):
+                moved, rising, bent = quintic((start + place / rate - t0) / dt, dt, d0, v0, a0, d1, v1, a1)
+                if rows[group, 0] >= 0:
+                    out[rows[group, 0], place] = moved
+                if rows[group, 1] >= 0:
+                    out[rows[group, 1], place] = rising
+                if rows[group, 2] >= 0:
+                    out[rows[group, 2], place] = bent
+    return stop
+
+
+@inner
+def sample_free_modes(modes, rows, clock, t0, dt, Q, W, E, out, position):
+    """Fill the samples of a free flight of length dt from Q at t0; return the next sample. W, E are scratch."""
+    start, rate = clock[0], clock[1]
+    first = start + position / rate
+    if position >= out.shape[1] or first > t0 + dt:
+        return position
+    stop = samples_until(start, rate, t0 + dt, position, out.shape[1])
+    fill_mode_maps(modes, first - t0, E)
+    for mode in range(modes.shape[0]):
+        W[mode, 0], W[mode, 1] = Q[mode, 0], Q[mode, 1]
+    carry_modes(W, E)
+    fill_mode_maps(modes, 1.0 / rate, E)
+    for group in range(4):
+        for order in range(3):
+            row = rows[group, order]
+            if row >= 0:
+                for place in range(position, stop):
+                    out[row, place] = 0.0
+    for mode in range(modes.shape[0]):
+        a, b, c, d = E[mode, 0], E[mode, 1], E[mode, 2], E[mode, 3]
+        pull, drag = modes[mode, MODE_STIFFNESS] / modes[mode, MODE_MASS], modes[mode, MODE_DAMPING] / modes[mode, MODE_MASS]
+        for group in range(4):
+            shape = seen(modes, mode, group)
+            for order in range(3):
+                row = rows[group, order]
+                if row >= 0 and shape != 0.0:
+                    q, r = W[mode, 0], W[mode, 1]
+                    for place in range(position, stop):
+                        out[row, place] += shape * (q if order == 0 else r if order == 1 else -pull * q - drag * r)
+                        q, r = a * q + b * r, c * q + d * r
+    return stop
