@@ -25,7 +25,7 @@ and each of its places a constant with a name. `packing` makes them of a model a
 | Q       | modes, 2            | their coordinates and rates, where nothing else is a state           | `modes_kernel`       |
 | kappa   | rows, 4             | of base models: the force under a chip, along and across             | `plane_linear_kernel`|
 | memory  | rows, 2             | of base models: where the tool was one tooth pass before             | `plane_linear_kernel`|
-| clock   | 2                   | time of the first sample (s), sampling rate (Hz)                     | `sampling_kernel`    |
+| clock   | 2, or 2 + channels  | time of the first sample (s), sampling rate (Hz); what is asked for  | `sampling_kernel`    |
 | out     | channels, samples   | the record; NaN before the structure is let go and after a divergence | `sampling_kernel`   |
 
 Row 2k of a table is the end of step k, row 2k + 1 the middle of the step that follows.

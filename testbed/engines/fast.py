@@ -15,7 +15,7 @@ from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
 from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, compose
-from testbed.engines.kernel_runs import UNEVEN, run_linear, run_plane_linear, run_uneven
+from testbed.engines.kernel_runs import UNEVEN, run_linear, run_plane_linear, run_uneven, with_motions_asked
 from testbed.engines.measure import measured_channels, senses
 from testbed.engines.model_arrays import active_names, each_once, kind_of, layout_of, runs_by
 from testbed.engines.packing import Stack, pack_many
@@ -119,15 +119,16 @@ class _Batch:
         result = BatchResult(np.empty((runs, len(asked) if lean else signals, count)), np.empty((runs, passes + 1)),
                              np.empty((runs, passes + 1, 2)), np.empty(runs, dtype=np.int64), np.empty(runs))  # fmt: skip
         found = result.arrays()
+        clock = with_motions_asked(self.clock, self.asked, self.models, self.effects) if planar else self.clock
         if lean:
             run_plane_linear(packed, layout_of(self.effects), asked, self.clock, LIMIT, found)
         elif linear:
             run_linear(packed, self.clock, LIMIT, found)
         elif uneven:
-            run_uneven(packed, compose(self.effects, UNEVEN, True), self.table, self.clock, self.forces, LIMIT, found)
+            run_uneven(packed, compose(self.effects, UNEVEN, True), self.table, clock, self.forces, LIMIT, found)
         else:
             kernel = compose(self.effects, FAST, planar)
-            kernel.run_batch(*packed.arrays(), self.table, self.clock, self.forces, LIMIT, *found)
+            kernel.run_batch(*packed.arrays(), self.table, clock, self.forces, LIMIT, *found)
         if not planar and signals > sk.N_CHANNELS:
             result.out[:, sk.N_CHANNELS :] = 0.0 * result.out[:, :1]  # NaN where the run diverged
         if lean or self.asked is None:

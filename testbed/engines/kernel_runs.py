@@ -11,11 +11,28 @@ from testbed.effect import Effect
 from testbed.engines import fast_kernel as fk
 from testbed.engines import sampling_kernel as sk
 from testbed.engines.compose import FAST, Layout, compose
+from testbed.engines.model_arrays import active_names, each_once
 from testbed.engines.packing import Stack
+from testbed.machine import Model
 
 UNEVEN = (*FAST, "turn_kernel", "uneven_kernel")
 _NO_EFFECTS: Mapping[str, Effect] = MappingProxyType({})
 _MOTIONS = [first + order for first in (sk.SENSED_X, sk.ACROSS, sk.TOOL_X, sk.TOOL_Y) for order in range(sk.N_MOTION)]
+
+
+def with_motions_asked(clock: np.ndarray, asked: Sequence[int] | None, models: Sequence[Model],
+                       effects: Mapping[str, Effect]) -> np.ndarray:  # fmt: skip
+    """The clocks of runs in the plane, and behind them, where the structure's own motion is all that is asked for, what of it.
+
+    See `sampling_kernel.CLOCK`.
+    """
+    if asked is None or not set(asked) <= set(_MOTIONS):
+        return clock
+    hooks = {hook for model in each_once(models) for name in active_names(model, effects) for hook in effects[name].hooks}
+    if any(hook.startswith("sensed_") for hook in hooks):
+        return clock
+    rows = np.isin(np.arange(sk.N_PLANE), asked).astype(float)
+    return np.concatenate([clock, np.tile(rows, (len(clock), 1))], axis=1)
 
 
 def run_plane_linear(packed: Stack, layout: Layout, asked: Sequence[int], clock: np.ndarray, limit: float,

@@ -8,11 +8,24 @@ from testbed.engines.array_kernel import copy
 from testbed.engines.compiled import inner
 from testbed.engines.hooks import PLANAR, hook_sensed_displacement, hook_sensed_velocity
 from testbed.engines.loop_kernel import HELD_UNTIL, SLICES, cutting_force
-from testbed.engines.oscillator_kernel import carry, free_slope, set_maps
-from testbed.engines.plane_kernel import sensed, sensed_across, sensed_on_tool
+from testbed.engines.oscillator_kernel import carry, free_slope, oscillator_map, set_maps
+from testbed.engines.plane_kernel import (
+    COUNT,
+    FIRST_MODE,
+    MODE_DAMPING,
+    MODE_MASS,
+    MODE_SIZE,
+    MODE_STIFFNESS,
+    ON_TOOL,
+    mode_place,
+    sensed,
+    sensed_across,
+    sensed_on_tool,
+)
 
 SENSED_X, SENSED_V, SENSED_A, FORCE_X, FORCE_Y, ANGLE, N_CHANNELS = range(7)
 N_MOTION = 3  # the first of them
+CLOCK = 2  # numbers of a clock; behind them, where the structure's own motion is all that is asked for, 1 or 0 for each row
 ACROSS, TOOL_X, TOOL_Y, N_PLANE = 6, 9, 12, 15  # each the first of displacement, velocity, acceleration
 
 
@@ -67,18 +80,51 @@ def angle_between(u, dt, angle0, angle1, w0, w1):
 
 
 @inner
+def wanted(clock, row):
+    """Whether anybody asks for a row of `out`: any but some motions of the structure alone, see CLOCK."""
+    return clock.shape[0] == CLOCK or clock[CLOCK + row] != 0.0
+
+
+@inner
 def sample_plane(A, P, clock, Y0, D0, Y1, D1, out, position, stop):
     """The samples from `position` to `stop` of one step, across the feed and on the tool."""
     dt = Y1[2] - Y0[2]
     for row in (ACROSS, TOOL_X, TOOL_Y):
-        if row == ACROSS:
-            (x0, v0, a0), (x1, v1, a1) = sensed_across(A, P, Y0, D0), sensed_across(A, P, Y1, D1)
-        else:
-            axis = 0 if row == TOOL_X else 1
-            (x0, v0, a0), (x1, v1, a1) = sensed_on_tool(P, Y0, D0, axis), sensed_on_tool(P, Y1, D1, axis)
-        for place in range(position, stop):
-            u = (clock[0] + place / clock[1] - Y0[2]) / dt
-            fill_quintic(out, row, place, u, dt, x0, v0, a0, x1, v1, a1)
+        if wanted(clock, row) or wanted(clock, row + 1) or wanted(clock, row + 2):
+            if row == ACROSS:
+                (x0, v0, a0), (x1, v1, a1) = sensed_across(A, P, Y0, D0), sensed_across(A, P, Y1, D1)
+            else:
+                axis = 0 if row == TOOL_X else 1
+                (x0, v0, a0), (x1, v1, a1) = sensed_on_tool(P, Y0, D0, axis), sensed_on_tool(P, Y1, D1, axis)
+            for place in range(position, stop):
+                u = (clock[0] + place / clock[1] - Y0[2]) / dt
+                fill_quintic(out, row, place, u, dt, x0, v0, a0, x1, v1, a1)
+
+
+@inner
+def fill_free_motion(P, clock, Y, out, position, stop):
+    """The samples from `position` to `stop` of the structure's own motion from the state Y on: those that are asked for."""
+    for row in range(min(out.shape[0], N_PLANE)):
+        if wanted(clock, row):
+            for place in range(position, stop):
+                out[row, place] = 0.0
+    begun = clock[0] + position / clock[1] - Y[2]
+    for mode in range(int(P[COUNT])):
+        at, from_ = FIRST_MODE + mode * MODE_SIZE, mode_place(mode)
+        pull, drag = P[at + MODE_STIFFNESS] / P[at + MODE_MASS], P[at + MODE_DAMPING] / P[at + MODE_MASS]
+        a, b, c, d = oscillator_map(pull, drag, begun)
+        q0, r0 = a * Y[from_] + b * Y[from_ + 1], c * Y[from_] + d * Y[from_ + 1]
+        a, b, c, d = oscillator_map(pull, drag, 1.0 / clock[1])
+        on_tool = P[at + ON_TOOL] == 1.0
+        for axis in range(2):
+            shape = -P[at + axis] if on_tool else P[at + axis]
+            first = TOOL_X + N_MOTION * axis if on_tool else ACROSS * axis
+            for order in range(N_MOTION if first < out.shape[0] else 0):
+                if first + order < out.shape[0] and wanted(clock, first + order):
+                    q, r = q0, r0
+                    for place in range(position, stop):
+                        out[first + order, place] += shape * (q if order == 0 else r if order == 1 else -pull * q - drag * r)
+                        q, r = a * q + b * r, c * q + d * r
 
 
 @inner
@@ -163,13 +209,16 @@ def sample_flight(A, P, G, O, clock, Y, middle, dt, angle0, span, w0, w1, W, D, 
     first = start + position / rate
     if position >= count or first > Y[2] + dt:
         return position
+    stop = samples_until(start, rate, Y[2] + dt, position, count)
+    if PLANAR and clock.shape[0] > CLOCK:
+        fill_free_motion(P, clock, Y, out, position, stop)
+        return max(position, stop)
     copy(Y, W)
     for place in range(D.shape[0]):
         D[place] = 0.0
     set_maps(O, first - Y[2], E)
     carry(O, E, W)
     set_maps(O, 1.0 / rate, E)
-    stop = samples_until(start, rate, Y[2] + dt, position, count)
     if O.shape[0] == 1 and out.shape[0] == 1 and not PLANAR:
         fill_flight(A, P, E, W, middle, out, position, stop)
         return max(position, stop)
