@@ -15,14 +15,14 @@ from testbed.analysis.tap.decays import UNKNOWN_MASS, decays_of
 from testbed.analysis.tap.frequency_response import FEWEST_LINES, FrequencyResponse
 from testbed.analysis.tap.order import MOST_MODES, choose
 from testbed.analysis.tap.poles import poles
-from testbed.analysis.tap.real_modes import Fit, Lines, fit_modes, residues, shapes_of
+from testbed.analysis.tap.real_modes import Fit, Lines, fit_modes, levels, residues, shapes_of
 from testbed.analysis.tap.result import BlowSeen, FoundMode, Group, TapResult
 from testbed.analysis.tap.sensors import exchanged, sign_share, turned, unloaded
 from testbed.analysis.tap.uncertain import estimates
 from testbed.problem import InputProblem
 from testbed.recording import Recording
 
-SEARCH_ERROR = 0.01  # of a response, that a model of real modes is taken to miss while modes are counted
+_SEARCH_ERROR = 0.01  # of a response, that a model of real modes is taken to miss while modes are counted
 _LEAST_ERROR = 1e-4  # likewise of the last fit, however well it goes
 _EXCHANGED = 0.2  # of the misfit, that exchanged axes may leave at the most to be believed
 _SETTLING = 10  # steps of a fit that is asked for its misfit alone
@@ -174,7 +174,7 @@ def _misfit(responses: list[FrequencyResponse], band: tuple[float, float]) -> fl
             continue
         own, masks = [one for one, _ in kept], [mask for _, mask in kept]
         stable = poles(own, masks).stable[:MOST_MODES]
-        lines = Lines(own, masks, _basis(own), SEARCH_ERROR)
+        lines = Lines(own, masks, _basis(own), _search_errors(own, masks))
         at = np.column_stack([2.0 * np.pi * stable[:, 0], stable[:, 1]])
         shapes, signs = shapes_of(lines, residues(lines, at[:, 0], at[:, 1])[0])
         total += fit_modes(lines, np.column_stack([np.log(at), shapes]), signs, _SETTLING).cost
@@ -219,7 +219,7 @@ def _group(responses: list[FrequencyResponse], low: float, high: float, most: in
     found = poles(responses, masks)
     basis = _basis(responses)
     against = len(basis) == 1 and any(one.drive_point and abs(sign_share(one, low, high)) < _ALL_WITH for one in responses)
-    lines = Lines(responses, masks, basis, SEARCH_ERROR, against)
+    lines = Lines(responses, masks, basis, _search_errors(responses, masks), against)
     steps, chosen = choose(lines, found, most)
     if chosen == 0:
         raise InputProblem(place, f"tap '{responses[0].name}' holds no mode: no pole of its response holds",
@@ -234,16 +234,23 @@ def _group(responses: list[FrequencyResponse], low: float, high: float, most: in
     return Group(tuple(responses), found, tuple(steps), fit, residuals)
 
 
+def _search_errors(responses: Sequence[FrequencyResponse], masks: Sequence[np.ndarray]) -> list[np.ndarray]:
+    return [_SEARCH_ERROR * level for level in levels(responses, masks)]
+
+
 def _weighed(lines: Lines, fit: Fit) -> Fit:
-    """The last fit: lines weighed by their noise and by how far real modes miss them."""
-    error = SEARCH_ERROR
+    """The last fit: lines weighed by their noise and by how far real modes miss them: by a share of each mode's part.
+
+    A share of the measured response would make the lines where modes cancel, and where all their errors stand, the surest.
+    """
+    error = _SEARCH_ERROR
     for _ in range(3):
         size = fit.cost / max(1, lines.count - fit.parameters.size)
         again = min(1.0, max(_LEAST_ERROR, error * (math.sqrt(size) if size > 1.0 else size)))
         if abs(again - error) < 0.1 * error:
             break
         error = again
-        lines = Lines(lines.responses, lines.masks, lines.basis, error, lines.against)
+        lines = Lines(lines.responses, lines.masks, lines.basis, [error * size for size in fit.size_of_parts()], lines.against)
         fit = fit_modes(lines, fit.parameters, fit.signs)
     return fit
 
