@@ -19,6 +19,7 @@ from tests.validation.claims import Claim, Section, below
 
 MACHINES = SENSORS = 50
 CLOSE = 0.03  # of a frequency, that the modes of a close pair are apart
+LEAST_FACTOR, MOST_FACTOR = 1.5, 1000.0  # of a scale that is wrong
 NAMES = ("natural_frequency", "damping_ratio", "mass")
 HALF_DOWN = (math.pi / 2, math.pi)  # rad, from entry to exit
 TEETH, TANGENTIAL, NORMAL_SHARE = 2, 1319.4e6, 788.8 / 1319.4  # the cutter of B2
@@ -101,7 +102,7 @@ def one(seed: int) -> dict[str, Any]:
 
 
 def wrong(seed: int) -> dict[str, bool]:
-    """One sensor of a machine of oblique modes turned round, and the axes exchanged: whether each is told and mended."""
+    """A sensor of a machine of oblique modes turned round or of a wrong scale, the axes exchanged: whether each is told."""
     random = np.random.default_rng([78, seed])
     frequencies = np.cumprod(random.uniform(1.2, 1.6, 3)) * 400.0
     modes = [Mode(10 ** random.uniform(-1.0, 0.0), float(one), random.uniform(0.01, 0.03), random.uniform(-1.4, 1.4), "tool")
@@ -118,9 +119,23 @@ def wrong(seed: int) -> dict[str, bool]:
             places[2].rename(places[0])
             places[1].rename(places[2])
         swapped = tap_test(load_taps(path))
-    return {"turned": _told(turned, "turned round") and _right(turned, modes),
+    factor = math.exp(random.uniform(math.log(LEAST_FACTOR), math.log(MOST_FACTOR)) * random.choice([-1.0, 1.0]))
+    scaled = {pairs: measured(modes, hammer, seed, pairs, {pair: factor for pair in pairs.split() if pair[1] == axis})
+              for pairs in ("xx yy xy yx", "xx yy xy")}
+    true = factor if axis == "y" else 1.0 / factor
+    right = measured(modes, hammer, seed, "xx yy xy yx")
+    return {"four": _scale_told(scaled["xx yy xy yx"], true), "three": _scale_told(scaled["xx yy xy"], true),
+            "right": [check.agrees for check in right.scales] == [True] and _right(right, modes),
+            "turned": _told(turned, "turned round") and _right(turned, modes),
             "alone": _told(plain, "turned round") and _right(plain, straight),
             "exchanged": _told(swapped, "exchanged") and _right(swapped, modes)}
+
+
+def _scale_told(found: TapResult, factor: float) -> bool:
+    """Whether the factor by which y reads too much against x is told within 10 %, and no mass is."""
+    (check,) = found.scales
+    return (check.agrees is False and abs(check.ratio.value / factor - 1.0) < 0.1
+            and not any(mode.mass.determined for mode in found.modes))
 
 
 def _told(found: TapResult, words: str) -> bool:
@@ -172,11 +187,14 @@ def check() -> Section:
               below("random machines: least limit of a cut", 100 * max(abs(one["limit"]) for one in machines), 2.0, " %"),
               Claim("random machines: 95 % intervals that hold the truth", "90 to 99 %", f"{share:.1f} %", 90 <= share <= 99,
                     f"{len(held)} intervals")]
-    for name, said in (("turned", "one axis' sensor turned round, four responses"),
-                       ("alone", "a sensor turned round, one response"),
-                       ("exchanged", "sensors' axes exchanged, four responses")):
+    for name, said in (("turned", "told and mended: one axis' sensor turned round, four responses"),
+                       ("alone", "told and mended: a sensor turned round, one response"),
+                       ("exchanged", "told and mended: sensors' axes exchanged, four responses"),
+                       ("four", "told: one axis' scale wrong, four responses"),
+                       ("three", "told: one axis' scale wrong, one cross response"),
+                       ("right", "nothing wrong, four responses: nothing told, modes right")):
         right = sum(found[name] for found in sensors)
-        claims.append(Claim(f"told and mended: {said}", f"{SENSORS} of {SENSORS}", f"{right} of {SENSORS}",
+        claims.append(Claim(said, f"{SENSORS} of {SENSORS}", f"{right} of {SENSORS}",
                             right == SENSORS))
     rows = [(str(found["seed"]), str(found["blows"]), f"{found['found']} of {found['true']}", f"{100 * found['limit']:.2f}",
              *(f"{100 * max(map(abs, found['errors'][name])):.3f}" for name in NAMES),
@@ -184,5 +202,5 @@ def check() -> Section:
     return Section("The tap test", tuple(claims), (("Random machines (errors in %, the largest of the machine)",
                    ("seed", "blows", "modes", "limit", "frequency", "damping", "mass", "intervals that hold"), tuple(rows)),),
                    "Blows with noise of 0.03 % of the peak in the force and 0.1 % in the response. 2 to 6 modes along x and y, "
-                   "half the machines with a pair within 3 %, 1 to 8 blows. A scale that is wrong by ten is told by nothing, "
-                   "nor axes exchanged without cross responses.")
+                   "half the machines with a pair within 3 %, 1 to 8 blows. Scales wrong by 1.5 to 1000, either way. A factor "
+                   "common to all responses is told by nothing, nor axes exchanged without cross responses.")
