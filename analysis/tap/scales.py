@@ -117,7 +117,8 @@ def _factor(ratios: np.ndarray, count: float) -> Estimate:
     away = float(np.median(np.abs(ratios - middle)))
     wide = Z_95 * _MEDIAN * _DEVIATION * away / np.sqrt(max(count, 1.0))
     told = away <= max(_CONSTANT * abs(middle), np.log(_CALIBRATED))
-    return Estimate(*(float(np.exp(one)) for one in (middle, middle - wide, middle + wide)), "1", bounded=bool(told))
+    value, low, high = (float(np.exp(one)) for one in (middle, middle - wide, middle + wide))
+    return Estimate(value, low, high, "1", bounded=bool(told))
 
 
 def _by_reciprocity(four: dict[tuple, FrequencyResponse], on: str, band: tuple[float, float]) -> ScaleCheck | None:
