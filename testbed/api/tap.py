@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from testbed.analysis.tap.result import BlowSeen, FoundMode, TapResult
+    from testbed.analysis.tap.scales import ScaleCheck
     from testbed.files.taps_file import Taps
     from testbed.machine import Mode, Model
 
@@ -54,6 +55,11 @@ class TapTest(Result):
     def blows(self) -> tuple[BlowSeen, ...]:
         """Every blow: when, how hard, used or why not."""
         return self.detail.blows
+
+    @property
+    def scales(self) -> tuple[ScaleCheck, ...]:
+        """What was measured twice, and whether it has one scale. None of them tells a factor common to all."""
+        return self.detail.scales
 
     @property
     def notes(self) -> tuple[str, ...]:  # type: ignore[override]

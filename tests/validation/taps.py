@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tempfile
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ from testbed.analysis.tap.tap import TapResult, tap_test
 from testbed.files.taps_file import load_taps
 from testbed.machine import Mode
 from tests.support.made_taps import B2, B3, Hammer, write_taps
+from tests.support.real_data import MEASUREMENTS
 from tests.validation.claims import Claim, Section, below
 
 MACHINES = SENSORS = 50
@@ -173,15 +175,44 @@ def _published() -> list[Claim]:
     return claims
 
 
+def _measured_tool() -> list[Claim]:
+    """A measured tool (tap_test), by its hammer record and by its receptance: 300 to 3000 Hz."""
+    if not (MEASUREMENTS / "tap_test").is_dir():
+        return [Claim("measured tool: residual, record and receptance", "<= 9 %", "not measured", None, "tap_test is not here")]
+    found = []
+    for file, columns in (("impact_Point1_time.txt", "time: {column: 1, unit: s}, force: {column: 2, unit: N}, "
+                           "response: {column: 3, unit: m/s^2}"),
+                          ("FRF_Point_1.txt", "frequency: {column: 1, unit: Hz}, real: {column: 2, unit: m/N}, "
+                           "imaginary: {column: 3, unit: m/N}")):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "taps.yaml"
+            path.write_text(f"folder: {json.dumps(str(MEASUREMENTS / 'tap_test'))}\nband: [300 Hz, 3000 Hz]\n"
+                            f"taps: [{{file: {file}, direction: x, on: tool, {columns}}}]\n")
+            found.append(tap_test(load_taps(path)))
+    record, spectrum = found
+    both = [(getattr(one, name), getattr(other, name)) for one, other in zip(record.modes, spectrum.modes, strict=False)
+            for name in NAMES]
+    alike = sum(max(one.low, other.low) <= min(one.high, other.high) for one, other in both)
+    return [below("measured tool: residual, record and receptance", 100 * max(one.residual for one in found), 9.0, " %"),
+            Claim("measured tool: modes", "5", " and ".join(str(len(one.modes)) for one in found),
+                  all(len(one.modes) == 5 for one in found), "five real modes leave 10 % at the least, however weighed"),
+            Claim("measured tool: intervals of record and receptance that overlap", f"{len(both)} of {len(both)}",
+                  f"{alike} of {len(both)}", alike == len(both))]
+
+
 def check() -> Section:
     """The section of VALIDATION.md."""
     with ProcessPoolExecutor(2) as pool:
         machines = list(pool.map(one, range(MACHINES)))
         sensors = list(pool.map(wrong, range(SENSORS)))
+    return _section(machines, sensors)
+
+
+def _section(machines: Sequence[dict[str, Any]], sensors: Sequence[dict[str, bool]]) -> Section:
     held = [inside for found in machines for inside in found["held"]]
     counted = sum(found["true"] == found["found"] for found in machines)
     share = 100 * sum(held) / len(held)
-    claims = [*_published(),
+    claims = [*_published(), *_measured_tool(),
               Claim("random machines: number of modes right", f"{MACHINES} of {MACHINES}", f"{counted} of {MACHINES}",
                     counted == MACHINES),
               below("random machines: least limit of a cut", 100 * max(abs(one["limit"]) for one in machines), 2.0, " %"),
@@ -194,8 +225,8 @@ def check() -> Section:
                        ("three", "told: one axis' scale wrong, one cross response"),
                        ("right", "nothing wrong, four responses: nothing told, modes right")):
         right = sum(found[name] for found in sensors)
-        claims.append(Claim(said, f"{SENSORS} of {SENSORS}", f"{right} of {SENSORS}",
-                            right == SENSORS))
+        claims.append(Claim(said, f"{SENSORS} of {SENSORS}", f"{right} of {len(sensors)}",
+                            right == len(sensors)))
     rows = [(str(found["seed"]), str(found["blows"]), f"{found['found']} of {found['true']}", f"{100 * found['limit']:.2f}",
              *(f"{100 * max(map(abs, found['errors'][name])):.3f}" for name in NAMES),
              f"{sum(found['held'])} of {len(found['held'])}") for found in machines]
