@@ -138,10 +138,12 @@ def _fill(machine, speeds, depth, lag, places, smooth, tolerance, tables):
     largest, error = np.full(speeds.size, complex(math.nan, math.nan)), np.full(speeds.size, math.nan)
     for cell in range(speeds.size):
         cut = (speeds[cell], depth, lag)
-        last, modulus = _largest(machine, cut, places, smooth, MORE[0], tables), 0.0
-        for more in MORE[1:]:
+        last, modulus = complex(math.nan, math.nan), 0.0
+        for more in MORE:  # one call: a second one, with a constant, would compile all below it twice
             value = _largest(machine, cut, places, smooth, more, tables)
-            error[cell], modulus, last = abs(value - last), max(modulus, abs(abs(value) - abs(last))), value
+            if more > MORE[0]:
+                error[cell], modulus = abs(value - last), max(modulus, abs(abs(value) - abs(last)))
+            last = value
             if error[cell] <= tolerance * max(1.0, abs(value)):
                 break
         if modulus <= tolerance * abs(last):  # of two that are of one modulus, now the one, now the other

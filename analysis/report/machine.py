@@ -6,9 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from testbed.analysis.comparison.residual_views import shown_unit
 from testbed.analysis.estimate import Estimate
-from testbed.analysis.fit.estimates import said_at_bound
 from testbed.analysis.report.page import Page
 from testbed.machine import Model
 from testbed.units import format_quantity
@@ -51,6 +49,8 @@ def settled(converged: bool, stuck: Sequence[str]) -> str:
     """Whether the fit settled, and where."""
     if not converged:
         return "The fit did not settle: these are the values of its last step."
+    from testbed.analysis.fit.estimates import said_at_bound
+
     return f"The fit settled, with {said_at_bound(stuck)}." if stuck else "The fit settled."
 
 
@@ -85,6 +85,8 @@ def add_parameters(
 
 def add_nuisances(page: Page, records: Sequence[Any], shared: Mapping[str, float], units: Mapping[str, str]) -> None:
     """What was estimated of each record and belongs to no machine: offset, drift, true speed, entry and exit."""
+    from testbed.analysis.comparison.residual_views import shown_unit  # here: pages of taps need no fit of records
+
     page.heading("What was unknown about the records themselves, and what was it found to be?")
     cuts = [one for one in records if one.kind == "cut"]
     said = []

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from testbed.analysis.estimate import Estimate
 from testbed.analysis.report.machine import interval, shown
 from testbed.analysis.report.packed import listed
 from testbed.analysis.report.page import Page, Panel
@@ -28,7 +29,7 @@ def tap_page(found: TapResult, name: str = "") -> Page:
     names = ("natural_frequency", "damping_ratio", "mass", "direction")
     page.table(("mode", "on", *(one.replace("_", " ") for one in names), "intervals, 95 %"),
                [(str(number), mode.on, *(shown(getattr(mode, one).value, getattr(mode, one).unit) for one in names),
-                 "; ".join(interval(getattr(mode, one)) for one in names[:3])) for number, mode in enumerate(found.modes)])
+                 "; ".join(_told(getattr(mode, one)) for one in names[:3])) for number, mode in enumerate(found.modes)])
     if found.decays:
         _decays(page, found)
     if found.groups:
@@ -55,6 +56,10 @@ def tap_page(found: TapResult, name: str = "") -> Page:
     return page
 
 
+def _told(one: Estimate) -> str:
+    return interval(one) if one.determined else "not determined"
+
+
 def _decays(page: Page, found: TapResult) -> None:
     """What rings after each blow whose force nobody measured."""
     page.heading("What rings after each blow without force?")
@@ -73,9 +78,9 @@ def _line(x: np.ndarray, y: np.ndarray, name: str, colour: str, **more: Any) -> 
 def _response(page: Page, group: Group, place: int) -> None:
     one, mask = group.responses[place], group.fit.lines.masks[place]
     frequency, fitted = one.frequency[mask], group.fit.fitted()[place]
-    last = min(len(mask), int(np.flatnonzero(mask)[-1]) + 10)
-    step = max(1, last // _POINTS)
-    every, fine = slice(None, last, step), slice(None, None, max(1, len(frequency) // _POINTS))
+    drawn = group.drawn(place)
+    every = slice(drawn.start, drawn.stop, max(1, (drawn.stop - drawn.start) // _POINTS))
+    fine = slice(None, None, max(1, len(frequency) // _POINTS))
     unit = 1e6  # um/N
     traces = [_line(one.frequency[every], np.abs(one.receptance[every]) * unit, "measured", _MEASURED),
               _line(frequency[fine], np.abs(fitted[fine]) * unit, "fitted", _FITTED)]

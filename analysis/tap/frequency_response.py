@@ -58,6 +58,11 @@ class FrequencyResponse:
         """The response of the same sensor, turned round."""
         return replace(self, receptance=-self.receptance, deviations=-self.deviations)
 
+    def scaled(self, factor: float) -> FrequencyResponse:
+        """The response times a factor above 0."""
+        return replace(self, receptance=self.receptance * factor, deviations=self.deviations * factor,
+                       floor=None if self.floor is None else self.floor * factor)
+
     @cached_property
     def noise(self) -> np.ndarray:
         """Standard deviation (lines,), m/N, of a line about what its neighbours foretell, at least the sensors' own."""
@@ -111,6 +116,12 @@ class FrequencyResponse:
         if self.coherence is not None:
             share = np.minimum(share, maximum_filter1d(uniform_filter1d(self.coherence, _SMOOTH, mode="nearest"), _SMOOTH))
         return _runs(inside & (share > _BELIEVED))
+
+
+def axis_of(vector: tuple[float, float]) -> tuple[float, float]:
+    """A direction without its sign."""
+    x, y = vector
+    return (abs(x), abs(y)) if abs(x) < 1e-12 or abs(y) < 1e-12 else (x, y) if x > 0 else (-x, -y)
 
 
 def _runs(good: np.ndarray) -> np.ndarray:

@@ -59,8 +59,8 @@ def criterion(lines: Lines, fit: Fit, goes: float) -> float:
     return rows * np.log(max(fit.cost, 1e-300) / rows) + unknowns * np.log(rows)
 
 
-def choose(lines: Lines, found: Stabilisation, asked: int | None = None) -> tuple[list[Step], int]:
-    """Fits with 0, 1, 2, ... modes, and how many are chosen: as many as `asked`, if stable poles go so far.
+def choose(lines: Lines, found: Stabilisation, asked: int | None = None) -> tuple[list[Step], int, int]:
+    """Fits with 0, 1, 2, ... modes, how many are chosen: as many as `asked`, if stable poles go so far; how many data ask for.
 
     A mode more is asked for where BIC falls by DECISIVE with it and it takes away enough of what is no noise: real structures
     are no sum of a few real modes, and small modes would mend that for ever. Two modes more may earn it together. While a fit
@@ -68,7 +68,8 @@ def choose(lines: Lines, found: Stabilisation, asked: int | None = None) -> tupl
     """
     empty = fit_modes(lines, np.empty((0, 2 + lines.basis.shape[0])), np.empty(0))
     steps, chosen, size = [Step(empty, 0.0, 1.0)], 0, empty.cost
-    while len(steps) <= MOST_MODES and (asked or len(steps) - chosen <= _AHEAD or steps[-1].fit.cost > _MUCH**2 * size):
+    while len(steps) <= MOST_MODES and (len(steps) <= (asked or 0) or len(steps) - chosen <= _AHEAD
+                                        or steps[-1].fit.cost > _MUCH**2 * size):
         much = steps[-1].fit.cost > _MUCH**2 * size
         trial = _one_more(lines, steps[-1].fit, found, much)
         if trial is None or not much and trial.cost > _SOME * steps[-1].fit.cost:
@@ -80,11 +81,7 @@ def choose(lines: Lines, found: Stabilisation, asked: int | None = None) -> tupl
         more, least = len(steps) - 1 - chosen, steps[chosen].fit.beyond_noise
         if steps[-1].gain > DECISIVE * more and trial.beyond_noise <= TAKES**more * least:
             chosen = len(steps) - 1
-        if asked and len(steps) > asked:
-            break
-    if asked:
-        chosen = min(asked, len(steps) - 1)
-    return steps, chosen
+    return steps, min(asked, len(steps) - 1) if asked else chosen, chosen
 
 
 def _one_more(lines: Lines, fit: Fit, found: Stabilisation, much: bool) -> Fit | None:

@@ -26,12 +26,12 @@ _LEAST_DAMPING, _MOST_DAMPING = 1e-5, 0.5
 class Lines:
     """What a fit looks at: the believed lines of several responses of one carrier, stacked as real and imaginary parts.
 
-    against: whether modes may answer against the force. weights: one over the
-    uncertainty of each line, its noise and a share `model_error` of its size together.
+    errors: (lines,) of each response, m/N, by how much real modes are taken to miss each believed line. against: whether modes
+    may answer against the force. weights: one over the uncertainty of each line, its noise and its error together.
     """
 
     def __init__(self, responses: Sequence[FrequencyResponse], masks: Sequence[np.ndarray], basis: np.ndarray,
-                 model_error: float, against: bool = False) -> None:
+                 errors: Sequence[np.ndarray], against: bool = False) -> None:
         self.responses, self.basis, self.against = tuple(responses), basis, against
         self.masks = tuple(masks)
         self.laplace = [one.laplace[mask] for one, mask in zip(responses, masks, strict=True)]
@@ -39,11 +39,10 @@ class Lines:
         self.sensed = np.array([one.sensed for one in responses]) @ basis.T
         self.along = np.array([one.along for one in responses]) @ basis.T
         self.weights, self._rests = [], []
-        for one, mask, laplace in zip(responses, masks, self.laplace, strict=True):
-            level = uniform_filter1d(np.abs(one.receptance), _SMOOTH, mode="nearest")[mask]
-            weight = 1.0 / np.sqrt(one.noise[mask] ** 2 + (model_error * level) ** 2)
+        for one, mask, laplace, error in zip(responses, masks, self.laplace, errors, strict=True):
+            weight = 1.0 / np.sqrt(one.noise[mask] ** 2 + error**2)
             self.weights.append(weight)
-            columns = _stacked(np.column_stack([1.0 / laplace**2, np.ones(len(laplace))]) * weight[:, None])
+            columns = _stacked(_residual_columns(laplace) * weight[:, None])
             self._rests.append(np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0])
         self.count = 2 * sum(map(len, self.laplace))
         self.noise_cost = float(sum(np.sum((one.noise[mask] * weight) ** 2)
@@ -60,15 +59,25 @@ class Lines:
         return column - rest @ (rest.T @ column)
 
     def rest_terms(self, parts: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """The residual terms' own values (lines,) for what the modes leave of each response."""
+        """The two residual terms' values (lines, 2) for what the modes leave of each response."""
         found = []
         for part, weight, laplace in zip(parts, self.weights, self.laplace, strict=True):
-            columns = np.column_stack([1.0 / laplace**2, np.ones(len(laplace))])
+            columns = _residual_columns(laplace)
             scaled = _stacked(columns * weight[:, None])
             size = np.linalg.norm(scaled, axis=0)
             terms = np.linalg.lstsq(scaled / size, _stacked(part * weight), rcond=None)[0] / size
-            found.append(columns @ terms)
+            found.append(columns * terms)
         return found
+
+
+def levels(responses: Sequence[FrequencyResponse], masks: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Size of each response about its believed lines, (lines,), m/N."""
+    return [uniform_filter1d(np.abs(one.receptance), _SMOOTH, mode="nearest")[mask]
+            for one, mask in zip(responses, masks, strict=True)]
+
+
+def _residual_columns(laplace: np.ndarray) -> np.ndarray:
+    return np.column_stack([1.0 / laplace**2, np.ones(len(laplace))])
 
 
 def _stacked(values: np.ndarray) -> np.ndarray:
@@ -101,9 +110,20 @@ class Fit:
 
     def fitted(self) -> list[np.ndarray]:
         """The fitted receptance of each response at its believed lines."""
-        modal = [part.sum(axis=1) for part in _modal(self.lines, self.parameters, self.signs)]
-        left = [measured - part for measured, part in zip(self.lines.measured, modal, strict=True)]
-        return [part + rest for part, rest in zip(modal, self.lines.rest_terms(left), strict=True)]
+        return [parts.sum(axis=1) for parts in self._parts()]
+
+    def size_of_parts(self) -> list[np.ndarray]:
+        """Root of the summed squares of the modes' and residual terms' parts in each believed line, (lines,), m/N.
+
+        Where modes cancel one another, what each is wrong by does not cancel.
+        """
+        return [np.sqrt((np.abs(parts) ** 2).sum(axis=1)) for parts in self._parts()]
+
+    def _parts(self) -> list[np.ndarray]:
+        """Of each response (lines, modes + 2): what each mode and each residual term is of it."""
+        modal = _modal(self.lines, self.parameters, self.signs)
+        left = [measured - part.sum(axis=1) for measured, part in zip(self.lines.measured, modal, strict=True)]
+        return [np.column_stack([part, rest]) for part, rest in zip(modal, self.lines.rest_terms(left), strict=True)]
 
 
 def _unit(lines: Lines, omega: np.ndarray, zeta: np.ndarray) -> list[np.ndarray]:

@@ -13,7 +13,10 @@ from testbed.analysis.tap.frequency_response import FrequencyResponse
 from testbed.analysis.tap.order import Step
 from testbed.analysis.tap.poles import Stabilisation
 from testbed.analysis.tap.real_modes import Fit
+from testbed.analysis.tap.scales import ScaleCheck
 from testbed.machine import Carrier, Mode
+
+_BESIDE = 10  # lines drawn below and above those used
 
 
 @dataclass(frozen=True)
@@ -57,10 +60,15 @@ class Group:
     fit: Fit
     residuals: tuple[float, ...]
 
+    def drawn(self, place: int) -> slice:
+        """The lines of a response that are worth a picture: those used, and some to either side."""
+        used = np.flatnonzero(self.fit.lines.masks[place])
+        return slice(max(0, int(used[0]) - _BESIDE), int(used[-1]) + _BESIDE)
+
 
 @dataclass(frozen=True)
 class TapResult:
-    """All that a tap test gave. residual: pooled over all believed lines."""
+    """All that a tap test gave. residual: pooled over all believed lines. scales: what told them, and how they came out."""
 
     modes: tuple[FoundMode, ...]
     residual: float
@@ -68,6 +76,7 @@ class TapResult:
     groups: tuple[Group, ...]
     notes: tuple[str, ...]
     decays: tuple[DecaySeen, ...] = ()
+    scales: tuple[ScaleCheck, ...] = ()
 
     def responses_json(self) -> list[dict[str, Any]]:
         """What was fitted of each response, for `--json`."""

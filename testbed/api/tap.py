@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from testbed.analysis.tap.result import BlowSeen, FoundMode, TapResult
+    from testbed.analysis.tap.scales import ScaleCheck
     from testbed.files.taps_file import Taps
     from testbed.machine import Mode, Model
 
@@ -54,6 +55,11 @@ class TapTest(Result):
     def blows(self) -> tuple[BlowSeen, ...]:
         """Every blow: when, how hard, used or why not."""
         return self.detail.blows
+
+    @property
+    def scales(self) -> tuple[ScaleCheck, ...]:
+        """What was measured twice, and whether it has one scale. None of them tells a factor common to all."""
+        return self.detail.scales
 
     @property
     def notes(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -98,9 +104,8 @@ class TapTest(Result):
             axes.set(xlabel="natural frequency [Hz]", ylabel="damping ratio [1]")
             return shown_here(figure)  # type: ignore[no-any-return]
         for axes, (one, group, place) in zip(figure.subplots(len(curves), 1, squeeze=False)[:, 0], curves, strict=True):
-            mask, fitted = group.fit.lines.masks[place], group.fit.fitted()[place]
-            last = min(len(mask), int(np.flatnonzero(mask)[-1]) + 10)
-            axes.semilogy(one.frequency[:last], np.abs(one.receptance[:last]) * 1e6, color="#2b7bba", label="measured")
+            mask, fitted, drawn = group.fit.lines.masks[place], group.fit.fitted()[place], group.drawn(place)
+            axes.semilogy(one.frequency[drawn], np.abs(one.receptance[drawn]) * 1e6, color="#2b7bba", label="measured")
             axes.semilogy(one.frequency[mask], np.abs(fitted) * 1e6, color="#d1495b", label="fitted")
             axes.set(title=f"{one.name}, on the {one.on}", ylabel="receptance [um/N]")
             axes.legend(fontsize=8)
@@ -114,7 +119,8 @@ class TapTest(Result):
     def _answer(self) -> Mapping[str, Any]:
         found = self.detail
         return {"modes": [mode.as_json() for mode in found.modes], "residual": found.residual, "blows": found.blows,
-                "responses": found.responses_json(), "decays": [one.as_json() for one in found.decays], "notes": found.notes}
+                "responses": found.responses_json(), "decays": [one.as_json() for one in found.decays],
+                "scales": [one.as_json() for one in found.scales], "notes": found.notes}
 
     def _table(self) -> Table:
         columns: dict[str, list[Any]] = {"mode": list(range(len(self.modes)))}
@@ -160,6 +166,8 @@ def _model_of_the_modes(found: TapResult, base: Model | None, taps_file: str) ->
     from testbed.machine import CUTTING, Model, Structure
 
     known = [(mode, mode.mode()) for mode in found.modes if mode.mass.determined]
+    if any(check.agrees is False for check in found.scales):
+        known = [(mode, mode.mode()) for mode in found.modes]  # with masses that are marked as guesses
     known = known or _with_believed_masses(found, base, taps_file)
     try:
         structure = Structure.of([mode for _, mode in known])

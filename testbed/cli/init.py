@@ -25,21 +25,23 @@ def command(files: tuple[str, ...], output: str, published: str | None, quiet: b
     """Write model.yaml, campaign.yaml and scenario.yaml to start from; none that is there already is touched.
 
     FILE: measured files. The campaign names them, with the columns, units and sampling rates found in them, and with speeds and
-    depths that their names tell (cut_3810rpm_2.9mm.csv). What nobody can guess is FILL_IN, to be replaced.
+    depths that their names tell (cut_3810rpm_2.9mm.csv). What nobody can guess is FILL_IN, to be replaced. Hammer blows with
+    their force (hammer_x.csv, tap_y.csv) are named in a taps.yaml, too.
     """
-    from testbed.files.starter import MODEL, SCENARIO, campaign_text, channels_of, not_named
+    from testbed.files.starter import MODEL, SCENARIO, campaign_text, channels_of, not_named, taps_text
     from testbed.system.atomic import write_text
 
     answer = Answer(None, quiet)
     folder = output_folder(output)
     if published:
         found: list[Any] = []
-        left: list[str] = []
+        left: dict[str, list[str]] = {}
         contents = {"campaign.yaml": _campaign_of(published, files, folder)}
     else:
         found = [_look(file) for file in files]
-        text, left = campaign_text(found, folder)
-        contents = {"model.yaml": MODEL, "campaign.yaml": text, "scenario.yaml": SCENARIO}
+        texts = {"campaign.yaml": campaign_text(found, folder), "taps.yaml": taps_text(found, folder)}
+        left = {name: unknown for name, (_, unknown) in texts.items()}
+        contents = {"model.yaml": MODEL, **{name: text for name, (text, _) in texts.items() if text}, "scenario.yaml": SCENARIO}
     for name, content in contents.items():
         place = folder / name
         if place.exists():
@@ -54,8 +56,9 @@ def command(files: tuple[str, ...], output: str, published: str | None, quiet: b
         answer.say(f"{one.path}: {seen}" + (f", {one.rate:.7g} Hz" if one.rate else ""))
     for line in not_named(found):
         answer.say(line)
-    if left:
-        answer.say(f"to be filled in, in {folder / 'campaign.yaml'}: {', '.join(left)}")
+    for name, unknown in left.items():
+        if unknown:
+            answer.say(f"to be filled in, in {folder / name}: {', '.join(unknown)}")
 
 
 def _campaign_of(published: str, files: tuple[str, ...], folder: Path) -> str:

@@ -40,8 +40,9 @@ def command(taps_file: str, model_file: str | None, output: str | None, report: 
     _say(answer, found.detail)
     if output is not None:
         found.save_model(output)
-        masses = any(path.endswith("mass") for path in found.guessed)
-        answer.say(f"written: {output}" + (". Its masses are guesses, for no force was measured" if masses else ""))
+        guessed = any(path.endswith("mass") for path in found.guessed)
+        why = "scales disagree" if found.detail.groups else "no force was measured"
+        answer.say(f"written: {output}" + (f". Its masses are guesses, for {why}" if guessed else ""))
     if folder is not None:
         answer.say(f"written: {found.report(folder)}")
     answer.finish(found.to_dict())

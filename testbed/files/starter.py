@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from testbed.recording import MOTION_UNITS
 from testbed.units import UnitProblem, factor_to
 
 MODEL = """\
@@ -135,8 +136,38 @@ def campaign_text(files: Sequence[Found], folder: Path) -> tuple[str, list[str]]
         lines.append(f"  - {{{', '.join(f'{key}: {value}' for key, value in said.items())}}}")
     if not files:
         lines.append(f"  - {{file: {FILL_IN}, kind: cut, spindle_speed: {FILL_IN}, depth_of_cut: {FILL_IN}, feed: {FILL_IN}}}")
-    left = dict.fromkeys(key for line in lines[1:] for key in re.findall(rf"(\w+): {FILL_IN}", line))
-    return "\n".join(lines) + "\n", list(left)
+    return "\n".join(lines) + "\n", _left(lines)
+
+
+def taps_text(files: Sequence[Found], folder: Path) -> tuple[str, list[str]]:
+    """(a taps.yaml of the hammer blows whose force was measured, "" without any; what is left to fill in)."""
+    rows = [row for one in files if (row := _tap(one, folder))]
+    if not rows:
+        return "", []
+    rates = [one.rate for one in files if _tap(one, folder)]
+    lines = [f"# How the machine was struck. Replace every {FILL_IN}, then: testbed tap taps.yaml -m model.yaml -o new.yaml",
+             f"on: {FILL_IN}          # what was struck and carries the sensor: tool or workpiece",
+             *([f"sampling_rate: {FILL_IN}          # such as 51200 Hz"] if None in rates else []), "taps:", *rows]
+    return "\n".join(lines) + "\n", _left(lines)
+
+
+def _tap(found: Found, folder: Path) -> str:
+    """The line of a record of blows; "" of any other."""
+    said, channels = _record(found, folder), channels_of(found)
+    force = next((at for name, at in channels.items() if name.startswith("force")), None)
+    motion = next((at for name, at in channels.items() if name.partition("_")[0] in MOTION_UNITS), None)
+    if said["kind"] != "excited" or force is None or motion is None:
+        return ""
+    axis = _AXIS.search(found.path.stem)
+    parts = {"file": said["file"], "direction": (axis[1] or axis[2]).lower() if axis else FILL_IN}
+    parts |= {name: f"{{column: {quoted(column)}, unit: {quoted(unit) if unit else FILL_IN}}}"
+              for name, (column, unit) in (("force", force), ("response", motion))}
+    return f"  - {{{', '.join(f'{key}: {value}' for key, value in parts.items())}}}"
+
+
+def _left(lines: Sequence[str]) -> list[str]:
+    """The keys that are to be filled in, but for the first line, which says so."""
+    return list(dict.fromkeys(key for line in lines[1:] for key in re.findall(rf"(\w+): {FILL_IN}", line)))
 
 
 def not_named(files: Iterable[Found]) -> list[str]:

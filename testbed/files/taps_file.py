@@ -142,6 +142,7 @@ class _Reading:
     common: TapsEntry
     entry: TapEntry
     place: tuple[str | int, ...]
+    read: dict[tuple[str, str | None], Table] = field(default_factory=dict)  # by file and key: force and response share one
 
     def value(self, name: str) -> Any:
         """The entry's own value, else the file's; of a channel, key by key."""
@@ -155,15 +156,18 @@ class _Reading:
         """The table of the entry's file, or of the channel's own."""
         name = (channel.file if channel else None) or self.entry.file
         key = (channel.key if channel else None) or self.value("key")
+        if (name, key) in self.read:
+            return self.read[name, key]
         try:
-            return read_table(self.home / name, skip_rows=self.value("skip_rows") or 0, delimiter=self.value("delimiter"),
-                              key=key)
+            found = read_table(self.home / name, skip_rows=self.value("skip_rows") or 0, delimiter=self.value("delimiter"),
+                               key=key)
         except InputProblem:
             if not os.path.exists(self.home / name):
                 where = (*self.place, *((at,) if channel and channel.file else ()), "file")
                 do = neighbours(self.home / name) or "check the path in the file"
                 raise self.document.problem(where, f"no such file {name}", do) from None
             raise
+        return self.read.setdefault((name, key), found)
 
     def problem(self, what: str, do: str, *at: str) -> InputProblem:
         """A complaint about this entry."""

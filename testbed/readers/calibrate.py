@@ -61,7 +61,7 @@ def unit_of(table: Table, name: str, source: Source, notes: list[str]) -> tuple[
     if not text:
         raise InputProblem(
             table.path,
-            f"channel {name}: no unit, neither in campaign.yaml nor in the file",
+            f"channel {name}: no unit, neither stated nor in the file",
             f"give `unit: {wanted}`, or `unit: V` for an uncalibrated channel",
         )
     try:

@@ -274,6 +274,6 @@ def settle(
         return TimeBase(in_file, 0.0, ("the sampling rate was taken from the file",))
     raise InputProblem(
         path,
-        "no sampling rate: none in campaign.yaml, none in the file, no time column",
-        "give `sampling_rate: 12800 Hz`, or `time: {column: 1, unit: s}` under `channels`",
+        "no sampling rate: none stated, none in the file, no time column",
+        "give `sampling_rate: 12800 Hz`, or `time: {column: 1, unit: s}`, in campaign.yaml under `channels`",
     )

@@ -41,11 +41,11 @@ def receptance(modes, frequency):
                                                   + mode.natural_frequency_rad**2)) for mode in modes)
 
 
-def close(found, modes):
+def close(found, modes, frequency=1e-3):
     """Whether modes, lowest first, are found within 0.1 % in frequency, 2 % in damping and stiffness, and 1 degree."""
     true = sorted(modes, key=lambda mode: mode.natural_frequency)
     assert [mode.natural_frequency.value for mode in found.modes] == pytest.approx(
-        [mode.natural_frequency for mode in true], rel=1e-3)
+        [mode.natural_frequency for mode in true], rel=frequency)
     for one, mode in zip(found.modes, true, strict=True):
         assert one.damping_ratio.value == pytest.approx(mode.damping_ratio, rel=0.02)
         assert one.mode().stiffness == pytest.approx(mode.stiffness, rel=0.02)
@@ -210,7 +210,7 @@ def test_windows_and_the_sensor_s_mass_are_undone(tmp_path):
     table[:, 1] *= np.exp(-(np.arange(len(table)) - peak) / 25600.0 / 0.05)
     np.savetxt(tmp_path / "xx.csv", table, delimiter=",", header="F,a", comments="")
     path.write_text(path.read_text() + "exponential_window: 50 ms\n")
-    close(tap_test(load_taps(path)), B2[:2])
+    close(tap_test(load_taps(path)), B2[:2], 3e-3)  # one blow, of which the window leaves little: its interval is 0.75 %
     mode = Mode(0.2, 800.0, 0.02, 0.0, "tool")
     loaded = Mode(0.21, 800.0 * np.sqrt(0.2 / 0.21), 0.02 * np.sqrt(0.2 / 0.21), 0.0, "tool")
     path = write_taps(tmp_path, [loaded], "xx", FAST)
@@ -255,12 +255,15 @@ def test_a_measured_tool_s_record_and_its_receptance_agree(shell, tmp_path):
                                                             columns=columns))
         found[file] = shell.json("tap", "taps.yaml")
     record, spectrum = found.values()
-    assert max(record["residual"], spectrum["residual"]) < 0.11
-    for hertz, kilograms in ((1066.0, 0.525), (1262.0, 1.9), (1992.0, 0.31)):
-        for one in (record, spectrum):
-            mode = min(one["modes"], key=lambda mode: abs(mode["natural_frequency"]["value"] - hertz))
-            assert mode["natural_frequency"]["value"] == pytest.approx(hertz, rel=5e-3)
-            assert mode["mass"]["value"] == pytest.approx(kilograms, rel=0.1)
+    assert max(record["residual"], spectrum["residual"]) < 0.09
+    assert len(record["modes"]) == len(spectrum["modes"]) == 6
+    for one, other in zip(record["modes"], spectrum["modes"], strict=True):
+        for name in ("natural_frequency", "damping_ratio", "mass"):
+            assert max(one[name]["low"], other[name]["low"]) < min(one[name]["high"], other[name]["high"]), name
+    for hertz, kilograms in ((1067.0, 0.513), (1264.0, 1.9), (1989.0, 0.302)):
+        mode = min(record["modes"], key=lambda mode: abs(mode["natural_frequency"]["value"] - hertz))
+        assert mode["natural_frequency"]["value"] == pytest.approx(hertz, rel=2e-3)
+        assert mode["mass"]["value"] == pytest.approx(kilograms, rel=0.05)
 
 
 @needs("plate_hammer")

@@ -11,6 +11,7 @@ from testbed.cli import main
 from testbed.files.campaign import load_campaign
 from testbed.files.model_file import read_model
 from testbed.files.starter import FILL_IN, channel_of
+from testbed.files.taps_file import load_taps
 from testbed.scenario.scenario_file import read_scenario
 
 
@@ -85,3 +86,20 @@ def test_a_file_that_is_none_is_refused(folder, capsys):
     (folder / "x.yaml").write_text("a: 1\n")
     assert run("init", "nothing.csv") == 2 and run("init", "x.yaml") == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 2 and not (folder / "model.yaml").exists()
+
+
+def test_hammer_blows_with_their_force_are_taps_too(folder, capsys):
+    time, force = np.arange(6400) / 12800.0, np.zeros(6400)
+    force[640:646] = (40.0, 150.0, 250.0, 240.0, 140.0, 30.0)
+    for name, columns in (("hammer_x", "t [s],force [N],acc [g]"), ("tap_y", "t [s],Hammer [N],acc [m/s^2]")):
+        np.savetxt(f"{name}.csv", np.column_stack([time, force, 0.1 * force]), "%.7g", ",", header=columns, comments="")
+    assert run("init", "hammer_x.csv", "tap_y.csv", "cut_3810rpm_2.9mm.csv") == 0
+    assert "to be filled in, in taps.yaml: on" in capsys.readouterr().out
+    place = folder / "taps.yaml"
+    place.write_text(place.read_text().replace(FILL_IN, "tool"))
+    first, second = load_taps(place).taps
+    assert (first.along, second.along) == ((1.0, 0.0), (0.0, 1.0)) and first.on == second.on == "tool"
+    for tap, unit in ((first, 9.80665), (second, 1.0)):
+        assert tap.quantity == "acceleration" and tap.record.sampling_rate == pytest.approx(12800.0, rel=1e-4)
+        assert tap.record.channels["acceleration"].max() == pytest.approx(25.0 * unit)
+        assert tap.record.channels["force"].max() == 250.0

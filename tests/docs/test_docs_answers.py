@@ -134,7 +134,7 @@ BESIDE = {"tap": [TappedParameter("natural_frequency", ONE, 0.8, 0.85, True).as_
 
 def test_of_tap(shell, files):
     pytest.importorskip("sdypy.EMA", reason="needs the extra package sdypy-EMA")
-    struck = shell.json("tap", write_taps(files, B2[:2], "xx", Hammer(blows=2, spacing=0.5)))
+    struck = shell.json("tap", write_taps(files, B2[:2], "xx xx", Hammer(blows=2, spacing=0.5)))
     motion = rung(((450.0, 0.02, 0.4, 1.0),), np.arange(4000) / 12800.0)
     np.savetxt(files / "rung.csv", motion.T, delimiter=",", header="x,y", comments="")
     sensed = "response: {{column: {0}, unit: m/s^2, quantity: acceleration}}"
