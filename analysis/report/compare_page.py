@@ -45,12 +45,12 @@ def verdict_of(found: Comparison) -> str:
     if found.slight:
         return (
             f"The refitted model leaves little more than noise: error {found.error:.3g} {held}, {ratio:.3f} times the noise "
-            f"floor; the worst record is {worst.name}{found.asks('. ', 'a known effect lowers it')}."
+            f"floor; the worst record is {worst.name}. testbed diagnose says whether a known effect lowers it."
         )
     return (
         f"The refitted model leaves more than noise: error {found.error:.3g} {held}, {ratio:.2f} times the noise floor "
         f"of {found.noise_floor:.3g}; the worst record is {worst.name}. What it lacks may bend its "
-        f"parameters beyond their intervals{found.asks('; ', 'an effect is missing')}."
+        f"parameters beyond their intervals; testbed diagnose says whether an effect is missing."
     )
 
 

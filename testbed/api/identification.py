@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
-from testbed.api.fitting import engine_of, observed_records
+from testbed.api.fitting import engine_of, observed_records, told_before
 from testbed.api.records import unfit
 from testbed.problem import InputProblem
 
@@ -227,7 +227,6 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     from testbed.analysis.fit.estimates import at_bound, clock_note
     from testbed.analysis.fit.held_guesses import with_guesses_held
     from testbed.analysis.fit.held_out import errors_in_fit, pooled
-    from testbed.analysis.fit.identifiable import identifiable_parameters
     from testbed.analysis.fit.model_fit import model_fit
     from testbed.analysis.fit.plausible import remarks_on
     from testbed.analysis.fit.record_hypotheses import taken_notes
@@ -235,9 +234,7 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
 
     observed, engine = observed_records(records, model, path, model_file), engine_of(catalogue)
     observed = at_modelled_speed(observed, model.effects, catalogue)
-    told = identifiable_parameters(engine, observed, model, catalogue)
-    for note in told.notes:
-        progress(note)
+    told = told_before(engine, observed, model, catalogue, progress)
     fitter, fit = with_marks_doubted(*model_fit(engine, observed, model, catalogue, told=told))  # as testbed compare does
     held = with_guesses_held(fitter, fit, model, catalogue)
     fitter, fit, found = held.fitter, held.fit, held.values
