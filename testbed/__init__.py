@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from testbed.api.multipliers import multipliers as multipliers
     from testbed.api.plan import Plan as Plan
     from testbed.api.plan import plan as plan
+    from testbed.api.score import Score as Score
+    from testbed.api.score import score as score
     from testbed.api.simulate import simulate as simulate
     from testbed.api.sweep import Sweep as Sweep
     from testbed.api.sweep import Workers as Workers
@@ -74,6 +76,7 @@ _HOMES = {
     "testbed.api.load": ("load",),
     "testbed.api.multipliers": ("Multipliers", "multipliers"),
     "testbed.api.plan": ("Plan", "plan"),
+    "testbed.api.score": ("Score", "score"),
     "testbed.api.simulate": ("simulate",),
     "testbed.api.sweep": ("Sweep", "Workers", "sweep"),
     "testbed.api.tap": ("TapTest", "tap"),

@@ -147,7 +147,7 @@ def _diagnosed(engine: Budgeted, records: Sequence[Observed], model: Model, cata
     return told_of_base(with_other_form(told, found.form))
 
 
-def _without_irregular(base: Candidate, engine: Engine, model: Model, catalogue: Mapping[str, Effect], most: int,
+def _without_irregular(base: Candidate, engine: Budgeted, model: Model, catalogue: Mapping[str, Effect], most: int,
                        progress: Callable[[str], None]) -> tuple[Diagnosis | None, Candidate | None]:  # fmt: skip
     """(the diagnosis of the records whose motion repeats, a set of effects with which a search on all begins), where the others
     make the base fit a rough one; None for what there is not.

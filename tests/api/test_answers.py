@@ -18,6 +18,20 @@ from tests.support.synthetic_campaign import TESTS, synthetic_campaign
 
 SIMULATE = partial(fast.simulate, steps=37)  # another step size than the fit's
 
+SCENARIO = """seed: 3
+model:
+  structure: {mass: 2.573 kg, natural_frequency: 146.6 Hz, damping_ratio: 0.0032}
+  cutter: {flutes: 1, diameter: 19.05 mm}
+  cutting: {immersion: 0.162, tangential_coefficient: 550 N/mm^2, normal_coefficient: 165 N/mm^2}
+cut: {idle: 5 rev, cutting: 30 rev, ring_down: 30 rev}
+tests:
+  - {spindle_speed: 3810 rpm, depth_of_cut: 2.9 mm}
+  - {spindle_speed: 2850 rpm, depth_of_cut: 2.9 mm}
+  - {spindle_speed: 4100 rpm, depth_of_cut: 2.0 mm}
+sensors: {displacement: {noise: 0.1 um}}
+engine: {name: fast}
+"""
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -145,6 +159,30 @@ def test_tap(shell, tmp_path, monkeypatch):
     assert found.model.structure.modes[0].mass == found.modes[0].mass.value and found.guessed == ()
     assert len(found.plot().axes) == sum(len(group.responses) for group in found.detail.groups) > 0
     assert found.report("tap.html").read_text().startswith("<!")
+
+
+def test_score(shell, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("cuts.yaml").write_text(SCENARIO)
+    made = testbed.sweep("cuts.yaml", "cuts.h5", progress=False)
+    told = []
+    found = testbed.score(made.data, noise=("1 um", 2e-6), repeats=2, tests=(2,), seed=4,
+                          progress=lambda *one: told.append(one))
+    order = ("--noise", "1um,2um", "--repeats", "2", "--tests", "2", "--seed", "4")
+    assert shell("score", "cuts.h5", *order, "--json", "-") == 0
+    ours, theirs = found.to_dict(), json.loads(shell.out)
+    assert ours.pop("cost") and theirs.pop("cost")  # of processor time, no two are alike
+    assert ours == theirs and ours["method"] == "multipliers" and len(found.scores) == 6
+    behaves(found)
+    assert told[-1] == ("identifying", 4, 4) and found.truth["natural_frequency"] == 146.6
+    assert all(one.rms < 0.05 * one.truth for one in found.scores if one.parameter == "natural_frequency")
+    assert len(found.plot().axes) == 6 and {"score.md", "score_noise.png"} <= {one.name for one in found.save("out")}
+    with pytest.raises(testbed.InputProblem, match="there are score_noise, score_cost"):
+        found.plot("score_tests")
+    for wrong, said in (({"noise": "1 kg"}, "noise: "), ({"noise": -1.0}, "below 0"), ({"repeats": 0}, "0 is below 1"),
+                        ({"tests": (4,)}, "holds 3 tests, not 4"), ({"method": "wavefrom"}, "did you mean waveform")):
+        with pytest.raises(testbed.InputProblem, match=said):
+            testbed.score("cuts.h5", **wrong)
 
 
 @pytest.fixture(scope="module")
