@@ -60,7 +60,7 @@ class Score(Result):
         """Write the table (score.md) and every picture (PNG and SVG) into a folder, which is made; the paths written."""
         from testbed.analysis.linear.chart_plot import save
         from testbed.analysis.multipliers.score_plots import figures
-        from testbed.export.card import table
+        from testbed.exports.card import table
         from testbed.system.atomic import write_text
 
         place = made_folder(folder)

@@ -1,6 +1,7 @@
 """The Python API gives the very answers of the command line, and its objects do what a notebook asks of them."""
 
 import json
+import pkgutil
 from functools import partial
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import testbed
+from testbed.api.result import json_text
 from testbed.engines import fast
 from testbed.workshop import write_campaign
 from tests.support.campaign_files import BELIEVED, TRUE
@@ -262,3 +264,79 @@ def test_bad_input_is_told_in_the_command_s_one_line(shell, ask, command):
 def test_quantities_are_checked(shell, speed, depth, said):
     with pytest.raises(testbed.InputProblem, match=said):
         testbed.multipliers("model.yaml", speed, depth)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A data set of three cuts."""
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "cuts.yaml").write_text(SCENARIO)
+    return testbed.sweep(folder / "cuts.yaml", folder / "cuts.h5", progress=False).data
+
+
+def test_verify(shell, made, tmp_path):
+    found = same(shell, testbed.verify(made.path), "verify", str(made.path))
+    assert found.intact and found.runs == 3 and "intact" in repr(found)
+    whole = Path(made.path).read_bytes()
+    (tmp_path / "bad.h5").write_bytes(whole[:9000] + bytes([whole[9000] ^ 1]) + whole[9001:])
+    broken = testbed.verify(tmp_path / "bad.h5", quick=True)
+    assert not broken.intact and broken.damage[0].startswith("the file's bytes are not those") and len(broken.to_pandas()) > 0
+
+
+@pytest.mark.parametrize(("asked", "order"), [
+    ({"seed": 3}, ("--seed", "3")),
+    ({"window": 512, "step": 256, "rate": "6.4 kHz", "shares": (60, 20, 20)},
+     ("--window", "512", "--step", "256", "--rate", "6.4kHz", "--split", "60,20,20"))])
+def test_export(shell, made, tmp_path, monkeypatch, asked, order):
+    pytest.importorskip("pyarrow")
+    monkeypatch.chdir(tmp_path)
+    found = testbed.export(made, "ours", **asked)
+    assert shell("export", str(made.path), "-o", "theirs", *order, "--json", "-") == 0, shell.err
+    assert found.json.replace('"ours"', '"theirs"') == shell.out
+    behaves(found)
+    assert found.splits.keys() == {"train", "validation", "test"} and found.baseline["features"]
+    ours, theirs = ({path.relative_to(name): path.read_bytes() for path in Path(name).rglob("*.*")}
+                    for name in ("ours", "theirs"))
+    assert ours == theirs and {"README.md", "croissant.json"} < {str(path) for path in ours}
+
+
+def test_export_refuses_in_one_line(made, tmp_path):
+    for wrong, said in (({"step": 9}, "step: goes with a window"), ({"window": 4}, "4 is below 8"),
+                        ({"shares": (1, 2)}, "'1, 2' are no shares"), ({"licence": "mine"}, "there is no 'mine'"),
+                        ({"split_by": "run"}, "give condition, machine"),
+                        ({"rate": "3 kg"}, "rate: ")):
+        with pytest.raises(testbed.InputProblem, match=said):
+            testbed.export(made, tmp_path / "new", **wrong)
+    with pytest.raises(testbed.InputProblem, match="exists already"):
+        testbed.export(made, tmp_path)
+
+
+def test_effects(shell, tmp_path, monkeypatch):
+    known = testbed.list_effects()
+    assert shell("effects", "--json", "-") == 0 and json.loads(shell.out) == {
+        "effects": [json.loads(json_text(testbed.effect_card(name))) for name in known]}
+    assert shell("effects", "runout", "--no-picture", "--json", "-") == 0
+    assert shell.out == json_text(testbed.effect_card("runout"))
+    with pytest.raises(testbed.InputProblem, match="did you mean runout"):
+        testbed.effect_card("runnout")
+    monkeypatch.chdir(tmp_path)
+    effect, test = testbed.new_effect("my_drag", "mine")
+    assert testbed.effect_card("my_drag", "mine")["file"] == str(effect) and test.name == "test_my_drag.py"
+    assert shell("effects", "--new", "my_drag") == 0 and Path("my_drag.py").read_text() == effect.read_text()
+    with pytest.raises(testbed.InputProblem, match="exists already"):
+        testbed.new_effect("my_drag", "mine")
+
+
+def test_every_command_is_a_function_but_those_that_make_something_to_look_at():
+    commands = {path.stem for path in (Path(testbed.__file__).parent / "cli").glob("*.py") if not path.stem.startswith("_")}
+    named = {"run": "sweep", "effects": "list_effects"}
+    assert {one for one in commands if named.get(one, one) not in testbed.__all__} == \
+        {"benchmark", "demo", "doctor", "init", "paper", "view"}
+    for name in set(testbed.__all__) - {"__version__"}:  # no submodule takes a public name's place
+        assert getattr(testbed, name).__module__.startswith("testbed."), name
+
+
+def test_a_walk_through_the_package_ends():
+    names = [one.name for one in pkgutil.walk_packages(testbed.__path__, "testbed.")]
+    assert "testbed.api.chart" in names and not any(name.startswith("testbed.testbed") for name in names)
+    assert len(names) == len(set(names)) < 1000
