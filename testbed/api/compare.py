@@ -163,10 +163,10 @@ class Comparison(Result):
 
     @cached_property
     def _states(self) -> Sequence[Any]:
-        """Force-state maps of what is left. Of noise there is none, and in x and y one is not enough."""
+        """Force-state maps of what is left. Of noise there is none."""
         from testbed.analysis.force.force_state import force_states
 
-        if self.detail.adequate or self.believed.planar:
+        if self.detail.adequate:
             return ()
         known = self.effects.known
         return force_states(engine_of(known), self.detail.fitter, self.detail.fit, self.detail.errors, known)

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from testbed.analysis.search.next_test import NextTest
     from testbed.machine import Model
 
-_ALONG_X = "a missing force is estimated along x so far: diagnose without --propose"
+_ALONG_X = "a force is written as an effect along x so far; without --propose the page (-o) maps what lacks along x and y"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
