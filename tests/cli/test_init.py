@@ -12,6 +12,7 @@ from testbed.files.campaign import load_campaign
 from testbed.files.model_file import read_model
 from testbed.files.starter import FILL_IN, channel_of
 from testbed.scenario.scenario_file import read_scenario
+from tests.support.shell import Shell
 
 
 def run(*arguments: str) -> int:
@@ -85,3 +86,14 @@ def test_a_file_that_is_none_is_refused(folder, capsys):
     (folder / "x.yaml").write_text("a: 1\n")
     assert run("init", "nothing.csv") == 2 and run("init", "x.yaml") == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 2 and not (folder / "model.yaml").exists()
+
+
+def test_a_file_with_empty_fields_keeps_its_rate_and_says_what_is_wrong(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rows = [f"{k / 1000:.3f},{'' if 40 <= k < 43 else k % 7}" for k in range(2000)]
+    (tmp_path / "cut_3000rpm_1mm.csv").write_text("\n".join(["time (s),disp (um)", *rows]) + "\n")
+    shell = Shell(capsys)
+    assert shell("init", "cut_3000rpm_1mm.csv") == 0
+    assert "cut_3000rpm_1mm.csv: displacement (disp (um), um), 1000 Hz\n" in shell.out
+    assert "  note: disp (um) is not looked at: 3 of 2000 samples are no number, the first is sample 41; mend" in shell.out
+    assert "sampling_rate: FILL_IN" not in (tmp_path / "campaign.yaml").read_text()
