@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
+from testbed.api.believed import DataLike, name_of
 from testbed.api.fitting import engine_of, observed_records, told_before
-from testbed.api.records import unfit
+from testbed.api.records import load_records, unfit
 from testbed.problem import InputProblem
 
 MOTIONS = ("displacement", "velocity", "acceleration")
@@ -246,3 +247,21 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     return Identified(held.model, found, rows, quality, at_bound(fitter.free, found),
                       (*taken_notes(observed, fitter.records), *clock_note(fitter, fit), *remarks_on(model, held.model)),
                       tuple(told.notes))
+
+
+def tests_on_chart(model: Any, data: DataLike) -> list[Any]:
+    """The cuts of a data set or campaign with the class that their own multipliers show."""
+    from testbed.analysis.linear.chart_plot import ChartTest
+    from testbed.analysis.linear.stability import classify
+    from testbed.analysis.multipliers.recorded_cut import measured_multipliers
+
+    flutes = model.cutter.flutes
+    overlay = []
+    for test in cut_tests(load_records(data), flutes, name_of(data)):
+        try:
+            found = measured_multipliers(test.recording, test.cut, flutes, test.channel)
+            outcome = str(classify(found.multipliers)) if found.believed else "undecided"
+        except (ValueError, ArithmeticError):
+            outcome = "undecided"
+        overlay.append(ChartTest(test.cut.spindle_speed, test.cut.axial_depth_of_cut, outcome, test.name))
+    return overlay
