@@ -26,7 +26,7 @@ from testbed.cli._places import output_folder
               help="Machines drawn for the chance of stability.")
 @click.option("-o", "--output", default=".", show_default=True, metavar="DIR",
               help="Folder for stability_chart.png and .svg, and probable_stability.png and .svg.")
-@click.option("--page", is_flag=True, help="Also write report.html: drag speed and depth, and hear simulated cuts.")
+@click.option("--page", is_flag=True, help="Also write chart.html: drag speed and depth, and hear simulated cuts.")
 @effects_option
 @shared
 def command(model_file: str, speed: list[float], depth: list[float], data: str | None, campaign: str | None,
@@ -59,7 +59,7 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     for path in found.save_plots(folder):
         answer.say(f"written: {path}")
     if page:
-        answer.say(f"open {found.report(folder, effects=folders, progress=answer.watch)}")
+        answer.say(f"open {found.report(folder / 'chart.html', effects=folders, progress=answer.watch)}")
     answer.finish(found.to_dict())
 
 

@@ -9,7 +9,9 @@ import pytest
 
 import testbed
 from testbed.analysis.report.sound_page import FADED_S, SimulatedCut, sound_page
+from testbed.files.model_file import write_model
 from testbed.machine import Cutter, Cutting, Mode, Model, Structure
+from tests.support.shell import Shell
 
 RIG = Model(Structure(2.573, 146.6, 0.0032), Cutter(), Cutting("up-milling", 0.162, 5.5e8, 2e8))
 TWO = Model(Structure.of((Mode(2.5, 146.6, 0.01, 1.4), Mode(0.6, 310.0, 0.02, 0.1, "tool"))), Cutter(2, 20e-3),
@@ -68,3 +70,12 @@ def test_what_diverged_is_said_to_have_no_sound(tmp_path):
     heard = samples[one["first"]:one["first"] + one["count"]]
     turned = np.abs(np.diff(np.concatenate([heard, heard])))  # no click where the end meets the beginning
     assert turned.max() < 0.32
+
+
+def test_the_command_writes_it_beside_the_pictures(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_model(RIG, tmp_path / "rig.yaml")
+    (tmp_path / "report.html").write_text("of a comparison")
+    assert Shell(capsys)("chart", "rig.yaml", "--speed", "3000:4000:3", "--depth", "1:2:2", "--page") == 0
+    assert len(carried(tmp_path / "chart.html")[0]["cuts"]) == 6
+    assert (tmp_path / "report.html").read_text() == "of a comparison" and (tmp_path / "stability_chart.png").is_file()
