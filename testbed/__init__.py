@@ -13,11 +13,25 @@ writes with `--json`. Quantities are texts with their units ("3810 rpm", "2.9 mm
 Bad input raises `testbed.InputProblem`, a ValueError, with the command's one line. Nothing heavy is loaded before it is used.
 """
 
+import sys
+from importlib.machinery import ModuleSpec
+from importlib.util import spec_from_file_location
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if not (Path(__file__).parent / "analysis").is_dir():  # a source tree, where these stand beside: a wheel holds them inside
-    __path__.append(str(Path(__file__).parents[1]))
+
+    class _Beside:
+        """Finds those three alone: the root itself in `__path__` would hold this package once more, and that one again."""
+
+        @staticmethod
+        def find_spec(name: str, path: object = None, target: object = None) -> ModuleSpec | None:
+            if name not in ("testbed.analysis", "testbed.models", "testbed.scenarios"):
+                return None
+            folder = Path(__file__).parents[1] / name.removeprefix("testbed.")
+            return spec_from_file_location(name, folder / "__init__.py", submodule_search_locations=[str(folder)])
+
+    sys.meta_path.append(_Beside)  # type: ignore[arg-type]
 
 if TYPE_CHECKING:
     from testbed.api.add import Addition as Addition
@@ -32,6 +46,11 @@ if TYPE_CHECKING:
     from testbed.api.diagnose import FalseAlarms as FalseAlarms
     from testbed.api.diagnose import Proposal as Proposal
     from testbed.api.diagnose import diagnose as diagnose
+    from testbed.api.effects import effect_card as effect_card
+    from testbed.api.effects import list_effects as list_effects
+    from testbed.api.effects import new_effect as new_effect
+    from testbed.api.export import TrainingSet as TrainingSet
+    from testbed.api.export import export as export
     from testbed.api.identify import Identification as Identification
     from testbed.api.identify import identify as identify
     from testbed.api.inspect import Inspection as Inspection
@@ -41,12 +60,16 @@ if TYPE_CHECKING:
     from testbed.api.multipliers import multipliers as multipliers
     from testbed.api.plan import Plan as Plan
     from testbed.api.plan import plan as plan
+    from testbed.api.score import Score as Score
+    from testbed.api.score import score as score
     from testbed.api.simulate import simulate as simulate
     from testbed.api.sweep import Sweep as Sweep
     from testbed.api.sweep import Workers as Workers
     from testbed.api.sweep import sweep as sweep
     from testbed.api.tap import TapTest as TapTest
     from testbed.api.tap import tap as tap
+    from testbed.api.verify import Verification as Verification
+    from testbed.api.verify import verify as verify
     from testbed.cutter import Cutter as Cutter
     from testbed.files.campaign import Campaign as Campaign
     from testbed.files.taps_file import Taps as Taps
@@ -69,14 +92,18 @@ _HOMES = {
     "testbed.api.chart": ("Chart", "chart"),
     "testbed.api.compare": ("Comparison", "Waveform", "compare"),
     "testbed.api.diagnose": ("Diagnosis", "FalseAlarms", "Proposal", "diagnose"),
+    "testbed.api.effects": ("effect_card", "list_effects", "new_effect"),
+    "testbed.api.export": ("TrainingSet", "export"),
     "testbed.api.identify": ("Identification", "identify"),
     "testbed.api.inspect": ("Inspection", "inspect"),
     "testbed.api.load": ("load",),
     "testbed.api.multipliers": ("Multipliers", "multipliers"),
     "testbed.api.plan": ("Plan", "plan"),
+    "testbed.api.score": ("Score", "score"),
     "testbed.api.simulate": ("simulate",),
     "testbed.api.sweep": ("Sweep", "Workers", "sweep"),
     "testbed.api.tap": ("TapTest", "tap"),
+    "testbed.api.verify": ("Verification", "verify"),
     "testbed.cutter": ("Cutter",),
     "testbed.files.campaign": ("Campaign",),
     "testbed.files.taps_file": ("Taps",),

@@ -107,10 +107,6 @@ class Comparison:
         """Whether what is left beyond the noise is so little that the error hardly shows it."""
         return not self.adequate and self.error <= FAINT_REST * self.noise_floor
 
-    def asks(self, joint: str, whether: str) -> str:
-        """That a diagnosis says whether something is so, after a `joint`; nothing of a machine that it does not take."""
-        return "" if self.fit.state.model.planar else f"{joint}testbed diagnose says whether {whether}"
-
     @property
     def at_bound(self) -> tuple[str, ...]:
         """Parameters that ended where the range searched ends: these records do not determine them with this model."""

@@ -13,6 +13,7 @@ import numpy as np
 from testbed.analysis.comparison.amplitude import AmplitudeDependence, free_decays
 from testbed.analysis.comparison.compare import Comparison
 from testbed.analysis.comparison.constancy import COVARIATES, Constancy
+from testbed.analysis.comparison.orbit import Orbit, orbits
 from testbed.analysis.comparison.residual_views import (
     CALIBRATED,
     MapUnits,
@@ -60,6 +61,8 @@ def pictures(found: Comparison, tested: Constancy | None, states: Sequence[Force
         drawn["residual_by_tooth_angle"] = lambda figure: by_tooth_angle(figure, found)
         if not all(record.forces_only for record in records):
             drawn["misfit_on_chart"] = lambda figure: misfit_on_chart(figure, found)
+    if plane := orbits(records, found.errors, units):
+        drawn["orbit"] = lambda figure: orbit(figure, plane[0])
     if tested is not None and len(tested.tests) > 1 and tested.parameters:
         drawn["constancy"] = lambda figure: by_test(figure, tested)
     if states:
@@ -202,6 +205,17 @@ def _tests_of(axis: Any, tested: Constancy, parameter: str) -> None:
     axis.ticklabel_format(axis="y", useOffset=False)
 
 
+def orbit(figure: Any, one: Orbit) -> None:
+    """Motion along y over motion along x amid steady cutting."""
+    axis = figure.subplots()
+    for name, values, colour in (("measured", one.measured, "#333333"), ("predicted", one.predicted, "#1f77b4")):
+        axis.plot(*values, linewidth=0.8, color=colour, label=name, alpha=0.8)
+    axis.set_aspect("equal", adjustable="datalim")
+    axis.set(xlabel=f"along x, the feed [{one.unit}]", ylabel=f"along y [{one.unit}]",
+             title=f"Does the motion turn as predicted?\n{one.name}, {one.quantity}: {one.noise:.2f} times the noise is left")
+    axis.legend(fontsize=8)
+
+
 def by_amplitude(figure: Any, decays: Sequence[AmplitudeDependence], units: Mapping[str, str]) -> None:
     """Frequency and damping ratio of the free decays against their amplitude; units: SI or own, by channel."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -230,9 +244,12 @@ def force_state_map(figure: Any, states: Sequence[ForceState], shown: MapUnits =
     """The missing force over displacement and velocity; out of the cut, where it is one of the motion alone, before in the
     cut, each with a scale of colour of its own, since an error of the chip force is often the larger by far."""
     states = sorted(states, key=lambda one: "while a tooth cuts" in one.name)
-    axes = figure.subplots(1, len(states), squeeze=False, gridspec_kw={"wspace": 0.1})[0]  # a scale of colour is between
+    columns = min(2, len(states))  # a scale of colour is between
+    axes = figure.subplots(-(-len(states) // columns), columns, squeeze=False, gridspec_kw={"wspace": 0.1}).ravel()
+    for axis in axes[len(states):]:
+        axis.remove()
     across, up, colour = shown
-    for axis, one in zip(axes, states, strict=True):
+    for axis, one in zip(axes, states, strict=False):
         reach = (float(np.percentile(np.abs(one.force), 99)) or 1.0) * colour[0]
         points = axis.scatter(one.x * across[0], one.v * up[0], c=one.force * colour[0], s=6, cmap="coolwarm", vmin=-reach,
                               vmax=reach, linewidths=0)

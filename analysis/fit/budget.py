@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:  # a command tells the default before anything heavy is imported
     import numpy as np
 
+    from testbed.analysis.fit.identifiable import Identifiable
     from testbed.analysis.fit.observed import Observed
     from testbed.analysis.fit.prediction import Engine
 
@@ -27,12 +28,13 @@ class Budgeted:
     """An engine that simulates no more than it may: in units of one simulation of every record, counted by samples.
 
     A step that would overrun is given up in the midst of its threads; what was known before it stays known, so that threads
-    change nothing. known: the fit of the base model, once it is had.
+    change nothing. known: the fit of the base model, once it is had. told: what the records tell of its parameters, if that
+    is at hand.
     """
 
     def __init__(self, engine: Engine, records: Sequence[Observed], budget: float,
-                 progress: Callable[[str], None] = lambda text: None) -> None:  # fmt: skip
-        self.engine, self.budget, self._say = engine, budget, progress
+                 progress: Callable[[str], None] = lambda text: None, told: Identifiable | None = None) -> None:  # fmt: skip
+        self.engine, self.budget, self._say, self.told = engine, budget, progress, told
         self.known: Any = None
         self._all = max(1, sum(record.samples for record in records))
         self._spent, self._told, self._lock = 0, 0.0, threading.Lock()

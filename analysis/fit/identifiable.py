@@ -10,7 +10,8 @@ Diagnostics, chapter 3). The same slopes of channels that were not measured say 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from operator import is_
 
 import numpy as np
 
@@ -67,16 +68,21 @@ class Untold:
 
 @dataclass(frozen=True)
 class Identifiable:
-    """What is unknown in a fit, and what is held as believed."""
+    """What is unknown in a fit of these records, and what is held as believed."""
 
     free: tuple[FreeParameter, ...]
     held: tuple[Untold, ...] = ()
     channels: tuple[str, ...] = ()
+    records: tuple[Observed, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def notes(self) -> list[str]:
         """In words, a line for each parameter that is held."""
         return [one.said(self.channels) for one in self.held]
+
+    def asked_of(self, records: Sequence[Observed]) -> bool:
+        """Whether it is of these very records."""
+        return len(records) == len(self.records) and all(map(is_, records, self.records))
 
 
 def identifiable_parameters(engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
@@ -89,7 +95,7 @@ def identifiable_parameters(engine: Engine, records: Sequence[Observed], model: 
     free = [one for one in every if not one.each_record]  # what a record has for itself is eliminated with its other unknowns
     channels = tuple(dict.fromkeys(channel for record in records for channel in record.channels))
     if not model.structure.planar:
-        return Identifiable(tuple(every), (), channels)
+        return Identifiable(tuple(every), (), channels, tuple(records))
     state = scan_starts(engine, records, structure_start(records, model), 1, (1.0,))[0]
     decays = [place for place, record in enumerate(records) if record.kind == "ring-down"]  # at rest they would tell nothing
     state = own_refit(Fitter(engine, records, free), state, decays)
@@ -97,7 +103,7 @@ def identifiable_parameters(engine: Engine, records: Sequence[Observed], model: 
     known = _information(engine, records, state, free)
     order = _held(known, doubt, free)
     if not order:
-        return Identifiable(tuple(every), (), channels)
+        return Identifiable(tuple(every), (), channels, tuple(records))
     more = _of_other_sensors(engine, records, state, free) if helps else {}
     held = []
     for count, place in enumerate(order):
@@ -110,7 +116,7 @@ def identifiable_parameters(engine: Engine, records: Sequence[Observed], model: 
         path = free[place].path
         held.append(Untold(path, model.value(path), unit_of(path, catalogue), entangled, tuple(helping[:MOST_HELP])))
     kept = {one.path for one in held}
-    return Identifiable(tuple(one for one in every if one.path not in kept), tuple(held), channels)
+    return Identifiable(tuple(one for one in every if one.path not in kept), tuple(held), channels, tuple(records))
 
 
 def with_strayed_modes(fitter: Fitter, fit: WaveformFit, believed: Model) -> tuple[Fitter, WaveformFit]:

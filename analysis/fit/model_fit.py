@@ -39,7 +39,7 @@ def model_fit(
     told: Identifiable | None = None,
 ) -> tuple[Fitter, WaveformFit]:
     """The model refitted with every nuisance; without `free`, all that these records can speak of is unknown: `told`, if that
-    is at hand.
+    is of them.
 
     Laws with kinks have valleys beside the deepest, into which even the true scale may slip on the way from a wrong opening:
     theirs are looked for. So have free decays alone, whose phases run apart: those are fitted from their openings on.
@@ -48,7 +48,9 @@ def model_fit(
     see `length_cut`; so with what the first teeth meet and with the feed, see `record_hypotheses`.
     """
     if free is None and (model.effects or model.structure.planar):
-        free = (told or identifiable_parameters(engine, records, model, catalogue, helps=False)).free
+        known_of = told if told is not None and told.asked_of(records) else \
+            identifiable_parameters(engine, records, model, catalogue, helps=False)
+        free = known_of.free
     found = _fitted(engine, records, model, catalogue, free, cost_limit, known)
     done = found[1].cost > cost_limit or arrived(found[1], known)
     if not done and (beyond := _with_arc_beyond(found[1], model, catalogue)):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -17,8 +18,10 @@ from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.held_out import RecordError
 from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.force.latent_force import RecordForce, missing_force, motion_channels
+from testbed.analysis.force.latent_force import missing_force
+from testbed.analysis.force.planar_force import planar_force
 from testbed.effect import Effect
+from testbed.recording import sensor_of
 
 MOVING = 0.1  # of the largest motion: samples nearer to rest say nothing about a force of the motion
 SMEAR = 3.0  # time scales of the force's prior
@@ -40,11 +43,19 @@ class ForceState:
 def force_states(
     engine: Engine, fitter: Fitter, fit: WaveformFit, errors: Sequence[RecordError], catalogue: Mapping[str, Effect]
 ) -> list[ForceState]:
-    """Maps of the record whose error is largest against its noise; none where the smoother finds no force in it."""
-    if not any(motion_channels(one) for one in fitter.records):  # forces alone: what moves is only predicted
+    """Maps of the record whose error is largest against its noise, in x and y along each axis that the channels tell; none
+    where the smoother finds no force in it."""
+    if not any(sensor_of(name) for one in fitter.records for name in one.channels):  # forces alone
         return []
     worst = int(np.argmax([one.squares / max(one.noise_squares, 1e-300) for one in errors]))
     state = replace(fit.state, nuisances=(fit.state.nuisances[worst],))
+    if state.model.planar:
+        try:
+            along, scale = planar_force(engine, fitter.records[worst], state, catalogue)
+        except (ValueError, ArithmeticError):
+            return []
+        smear = math.ceil(SMEAR * scale * fitter.records[worst].rate)
+        return [one for each in along for one in maps_of(each, state.model.structure.natural_frequency_rad, smear)]
     try:
         missing = missing_force(engine, [fitter.records[worst]], state, catalogue)
     except (ValueError, ArithmeticError):  # a prediction too far off for a filter: the map would say nothing
@@ -55,7 +66,22 @@ def force_states(
     return maps_of(one, structure.natural_frequency_rad, math.ceil(SMEAR * scale * fitter.records[worst].rate))
 
 
-def maps_of(one: RecordForce, omega: float, smear: int) -> list[ForceState]:
+class Moving(Protocol):
+    """Motion (m, m/s), the force that lacks (N) and whether a tooth cuts, all (samples,)."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def displacement(self) -> np.ndarray: ...
+    @property
+    def velocity(self) -> np.ndarray: ...
+    @property
+    def force(self) -> np.ndarray: ...
+    @property
+    def cutting(self) -> np.ndarray: ...
+
+
+def maps_of(one: Moving, omega: float, smear: int) -> list[ForceState]:
     """The moving samples of a record's missing force, in the cut and well out of it.
 
     omega (rad/s) weighs the velocity. smear: samples by which the smoother rounds off the force's jumps at entry and exit.

@@ -39,12 +39,21 @@ def _transition(model: Model, order: int, scale: float, dt: float) -> tuple[np.n
     size = 2 + order
     drift, diffusion = np.zeros((size, size)), np.zeros((size, size))
     drift[0, 1], drift[1, :3] = 1.0, (-1.0, -2.0 * zeta, 1.0)
+    drift[2:, 2:], diffusion[2:, 2:] = latent(order, scale)
+    return over_a_sample(drift, diffusion, dt)
+
+
+def latent(order: int, scale: float) -> tuple[np.ndarray, np.ndarray]:
+    """(drift, diffusion) of a force of unit variance, both (order, order)."""
     if order == 1:
-        drift[2, 2], diffusion[2, 2] = -1.0 / scale, 2.0 / scale
-    else:
-        rate = math.sqrt(3.0) / scale
-        drift[2, 3], drift[3, 2], drift[3, 3] = 1.0, -(rate**2), -2.0 * rate
-        diffusion[3, 3] = 4.0 * rate**3
+        return np.array([[-1.0 / scale]]), np.array([[2.0 / scale]])
+    rate = math.sqrt(3.0) / scale
+    return np.array([[0.0, 1.0], [-(rate**2), -2.0 * rate]]), np.diag([0.0, 4.0 * rate**3])
+
+
+def over_a_sample(drift: np.ndarray, diffusion: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """(transition, noise) over dt of x' = drift x + white noise of that diffusion."""
+    size = len(drift)
     block = np.block([[-drift, diffusion], [np.zeros((size, size)), drift.T]])  # C. Van Loan (1978)
     whole = expm(block * dt)
     transition = whole[size:, size:].T
@@ -124,7 +133,7 @@ def tuned_prior(model: Model, residual: np.ndarray, channel: str, noise: float, 
     return Prior(order, float(size) * unit * model.structure.stiffness, float(scale) / omega)
 
 
-def _march(matrix: np.ndarray, pushes: np.ndarray, start: np.ndarray) -> np.ndarray:
+def march(matrix: np.ndarray, pushes: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Rows m_k = matrix m_(k-1) + pushes_k (count, size) from m_(-1) = start, by eigenvectors where they are well apart."""
     from scipy.signal import lfilter  # slow to import, wanted by few
 
@@ -153,7 +162,15 @@ def smooth(
     unit = prior.size / stiffness  # m; keeps every state near 1
     transition, disturbance = _transition(model, prior.order, prior.time_scale * omega, omega / rate)
     rows = _sensing(model, channels, prior.order) * unit / noise[:, None]
-    values = (residual / noise[:, None]).T
+    means, variances = smoothed(transition, disturbance, rows, (residual / noise[:, None]).T)
+    scale = np.array([unit, unit * omega, prior.size])
+    return means[:, :3] * scale, variances[:, :3] * scale**2
+
+
+def smoothed(transition: np.ndarray, disturbance: np.ndarray, rows: np.ndarray, values: np.ndarray
+             ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """(means, variances), both (samples, states), of states that rows (channels, states) read off, under unit noise, as values
+    (samples, channels)."""
     size, count = len(transition), len(values)
     mean, spread = np.zeros(size), LOOSE * solve_discrete_lyapunov(transition, disturbance)
     steady = settled_spread(transition, rows, disturbance)
@@ -175,14 +192,14 @@ def smooth(
         means[place] = mean
     settled = len(filtered)
     gain = np.linalg.solve(rows @ steady @ rows.T + np.eye(len(rows)), rows @ steady).T
-    means[settled:] = _march(transition - gain @ (rows @ transition), values[settled:] @ gain.T, mean)
+    means[settled:] = march(transition - gain @ (rows @ transition), values[settled:] @ gain.T, mean)
     final = (np.eye(size) - gain @ rows) @ steady
     back = np.linalg.solve(steady, transition @ final).T
     variances = np.empty((count, size))
     spread = filtered[-1] if settled == count else final
     variances[-1] = np.diag(spread)
     part = means - means @ (back @ transition).T
-    means[settled:-1] = _march(back, part[settled:-1][::-1], means[-1])[::-1]
+    means[settled:-1] = march(back, part[settled:-1][::-1], means[-1])[::-1]
     for place in range(count - 2, settled - 1, -1):
         following = final + back @ (spread - steady) @ back.T
         variances[place] = np.diag(following)
@@ -196,5 +213,4 @@ def smooth(
         means[place] = means[place] + back @ (means[place + 1] - transition @ means[place])
         spread = filtered[place] + back @ (spread - expected) @ back.T
         variances[place] = np.diag(spread)
-    scale = np.array([unit, unit * omega, prior.size])
-    return means[:, :3] * scale, np.maximum(variances[:, :3], 0.0) * scale**2
+    return means, np.maximum(variances, 0.0)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 _MARKERS = ("o", "s", "^", "D", "v", "P")
+MOST_BESIDE = 4  # parameters beside each other
 _TITLES = {"natural_frequency": "natural frequency", "damping_ratio": "damping ratio",
            "tangential_coefficient": "tangential coefficient"}
 
@@ -52,14 +53,20 @@ def _new(rows: int, columns: int, height: float) -> tuple[Figure, Any]:
 def _errors(scores: Sequence[ParameterScore], over: str, title: str) -> Figure:
     """Rms error and spread in per cent of the truth above, coverage below; a column a parameter, a colour a method."""
     parameters = list(dict.fromkeys(one.parameter for one in scores))
+    wide = min(len(parameters), MOST_BESIDE)
     methods = list(dict.fromkeys(one.method for one in scores))
     levels, labels = _places([getattr(one, over) for one in scores], over)
-    figure, axes = _new(2, len(parameters), 5.2)
+    tall = math.ceil(len(parameters) / wide)
+    figure, axes = _new(2 * tall, wide, 5.2 * tall)
+    for place in range(len(parameters), tall * wide):
+        axes[2 * (place // wide), place % wide].remove()
+        axes[2 * (place // wide) + 1, place % wide].remove()
     bounds = [binomial_interval(one.coverage, one.count - one.failures)[0] for one in scores]
     lowest = 10 * math.floor(10 * min([0.8, *(bound for bound in bounds if math.isfinite(bound))])) - 4
     for column, parameter in enumerate(parameters):
-        above, below = axes[:, column]
-        above.set_title(_TITLES.get(parameter, parameter), fontsize=10)
+        above, below = axes[2 * (column // wide):2 * (column // wide) + 2, column % wide]
+        turned = parameter.endswith("direction")  # of an angle about 0 no share can be told
+        above.set_title(_TITLES.get(parameter, parameter) + (" (% of 1 rad)" if turned else ""), fontsize=10)
         for rank, method in enumerate(methods):
             rows = {getattr(one, over): one for one in scores if (one.parameter, one.method) == (parameter, method)}
             at = [k for k, level in enumerate(levels) if level in rows]
@@ -67,8 +74,11 @@ def _errors(scores: Sequence[ParameterScore], over: str, title: str) -> Figure:
             shift = 0.12 * (rank - 0.5 * (len(methods) - 1))
             places = np.array(at) + shift
             style: dict[str, Any] = {"color": _COLOURS[rank % 6], "marker": _MARKERS[rank % 6], "ms": 5}
-            above.plot(places, [100 * one.rms / abs(one.truth) for one in here], lw=1.4, label=PurePath(method).name, **style)
-            above.plot(places, [100 * abs(one.bias / one.truth) for one in here], lw=0.9, ls=":", mfc="none",
+            size = [1.0 if turned else abs(one.truth) for one in here]
+            rms, bias = ([100 * abs(getattr(one, name)) / each for one, each in zip(here, size, strict=True)]
+                         for name in ("rms", "bias"))
+            above.plot(places, rms, lw=1.4, label=PurePath(method).name, **style)
+            above.plot(places, bias, lw=0.9, ls=":", mfc="none",
                        color=style["color"], marker=style["marker"], ms=3.5)
             _coverage(below, places, here, style)
         above.set_yscale("log")

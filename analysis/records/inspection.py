@@ -29,7 +29,7 @@ _MANIFESTS = (".yaml", ".yml")
 class Inspection:
     """All records of a campaign, a data set or a bare file. total: how many it has, where not all were looked at.
 
-    time: of a bare file, the column that is its time.
+    time: of a bare file, the column that is its time; rate: its sampling rate (Hz), where it is known.
     """
 
     name: str
@@ -39,6 +39,7 @@ class Inspection:
     columns: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     time: str | None = None
+    rate: float | None = None
 
     def as_json(self) -> dict[str, Any]:
         """SI values, for `--json`."""
@@ -94,17 +95,24 @@ def _bare(path: Path, sampling_rate: float | None) -> Inspection:
     if base is None:
         return Inspection(path.stem, path, (), 0, columns, (*table.notes, *notes), label)
     channels = {name: values for name, values in _same_length(table) if name != label and np.isfinite(values).all()}
-    skipped = [name for name in table.columns if name not in channels and name != label]
-    if skipped:
-        notes.append(f"not looked at, for empty fields or another length: {', '.join(skipped)}")
+    notes += [_why_not(name, values) for name, values in table.columns.items() if name not in channels and name != label]
     if not channels:
-        return Inspection(path.stem, path, (), 0, columns, (*table.notes, *notes), label)
+        return Inspection(path.stem, path, (), 0, columns, (*table.notes, *notes), label, base.sampling_rate)
     recording = Recording(
         channels, base.sampling_rate, {name: columns[name] for name in channels}, "measured", start=base.start
     )
     more = [note for name, values in channels.items() for note in checks.channel_notes(name, values)]
     whole = report(recording, path.stem, "file", tuple(more))
-    return Inspection(path.stem, path, (whole,), 1, columns, (*table.notes, *notes, *base.notes), label)
+    return Inspection(path.stem, path, (whole,), 1, columns, (*table.notes, *notes, *base.notes), label, base.sampling_rate)
+
+
+def _why_not(name: str, values: np.ndarray) -> str:
+    """Why a column is not looked at."""
+    empty = np.flatnonzero(~np.isfinite(values))
+    if not empty.size:
+        return f"{name} is not looked at: it has another length than the longest"
+    return (f"{name} is not looked at: {empty.size} of {len(values)} samples are no number, the first is sample "
+            f"{empty[0] + 1}; mend the file, or read around it with from and to in a campaign.yaml")
 
 
 def _same_length(table: Table) -> Iterator[tuple[str, np.ndarray]]:

@@ -9,12 +9,14 @@ import numpy as np
 from testbed.analysis.comparison.amplitude import free_decays
 from testbed.analysis.comparison.compare import Comparison
 from testbed.analysis.comparison.constancy import Constancy, constancy
+from testbed.analysis.comparison.orbit import orbits
 from testbed.analysis.comparison.residual_views import map_units
 from testbed.analysis.fit.estimates import said_at_bound
 from testbed.analysis.report.chart import add_chart
 from testbed.analysis.report.constants import add_amplitude, add_constancy
 from testbed.analysis.report.force_map import add_force_map
 from testbed.analysis.report.machine import add_nuisances, add_parameters
+from testbed.analysis.report.orbit import add_orbits
 from testbed.analysis.report.page import Page
 from testbed.analysis.report.residuals import add_angle, add_records, add_spectrum
 from testbed.analysis.report.waveforms import add_waveforms, looks, worst_first
@@ -45,12 +47,12 @@ def verdict_of(found: Comparison) -> str:
     if found.slight:
         return (
             f"The refitted model leaves little more than noise: error {found.error:.3g} {held}, {ratio:.3f} times the noise "
-            f"floor; the worst record is {worst.name}{found.asks('. ', 'a known effect lowers it')}."
+            f"floor; the worst record is {worst.name}. testbed diagnose says whether a known effect lowers it."
         )
     return (
         f"The refitted model leaves more than noise: error {found.error:.3g} {held}, {ratio:.2f} times the noise floor "
         f"of {found.noise_floor:.3g}; the worst record is {worst.name}. What it lacks may bend its "
-        f"parameters beyond their intervals{found.asks('; ', 'an effect is missing')}."
+        f"parameters beyond their intervals; testbed diagnose says whether an effect is missing."
     )
 
 
@@ -84,6 +86,7 @@ def compare_page(
     chosen = worst_first(looks(records, units), errors)
     add_records(page, found.records, found.tests)
     add_waveforms(page, chosen, errors)
+    add_orbits(page, orbits(records, errors, units))
     add_angle(page, chosen, errors, fit.state, found.tests)
     add_spectrum(page, chosen, errors, fit.state)
     for one, x, v, force in force_maps:

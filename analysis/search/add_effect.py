@@ -17,6 +17,7 @@ from testbed.analysis.fit.force_jumps import at_its_jumps
 from testbed.analysis.fit.free_vibration_start import marks_show
 from testbed.analysis.fit.held_guesses import with_guesses_held
 from testbed.analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled
+from testbed.analysis.fit.identifiable import Identifiable
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.plausible import remarks_on
@@ -87,15 +88,17 @@ def add_effect(engine: Engine, records: Sequence[Observed], model: Model, effect
 
 
 def add_effects(engine: Engine, records: Sequence[Observed], model: Model, effects: Sequence[Effect],
-                catalogue: Mapping[str, Effect], progress: Callable[[str], None] = lambda text: None) -> Addition:
+                catalogue: Mapping[str, Effect], progress: Callable[[str], None] = lambda text: None,
+                told: Identifiable | None = None) -> Addition:
     """Effects added one after the other, each as `add_effect` does it, and what all of them together do.
 
     Of several strong ones, one alone may lead the fit astray and raise the error: where the last leaves more than noise, they
-    are fitted together from the model as it was, too. ValueError where no record could show one of them.
+    are fitted together from the model as it was, too. told: what the records tell of the model's parameters, if that is at
+    hand. ValueError where no record could show one of them.
     """
     known = {**catalogue, **{one.name: one for one in effects}}
     first, *others = effects
-    step = _with_one_more(engine, records, model, first, known, progress)
+    step = _with_one_more(engine, records, model, first, known, progress, told)
     before = step
     for effect in others:
         step = _with_one_more(engine, records, step.fit.state.model, effect, known, progress)
@@ -119,13 +122,13 @@ class _Step:
 
 
 def _with_one_more(engine: Engine, records: Sequence[Observed], model: Model, effect: Effect, catalogue: Mapping[str, Effect],
-                   progress: Callable[[str], None]) -> _Step:
+                   progress: Callable[[str], None], told: Identifiable | None = None) -> _Step:
     """The model fitted without and with one effect of the catalogue."""
     if not applicable(effect, records):
         raise ValueError(f"no record can show {effect.name}: it acts in the cut, and nothing is cut")
     records = at_modelled_speed(records, [*model.effects, effect.name], catalogue)
     progress("fitting the model as it is")
-    fitter, fit = model_fit(engine, records, model, catalogue)
+    fitter, fit = model_fit(engine, records, model, catalogue, told=told)
     bare = candidate_of(fitter, fit, (), None, 1.0)
     before = bare.errors
     progress(f"fitting with {effect.name}")

@@ -15,6 +15,7 @@ from dataclasses import replace
 from testbed.analysis.fit.budget import BUDGET, Budgeted, BudgetSpent
 from testbed.analysis.fit.free_vibration_start import marks_show
 from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.identifiable import Identifiable
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Engine
@@ -57,17 +58,19 @@ def diagnose(
     most: int = MOST_EFFECTS,
     progress: Callable[[str], None] = lambda text: None,
     budget: float = BUDGET,
+    told: Identifiable | None = None,
 ) -> Diagnosis:
     """Name what the model lacks, `most` effects at the most. Deterministic: no random numbers are drawn.
 
     budget: simulations of every record, after which the search ends with what is known; none of time, so that it always ends
-    at the same place. No verdict stands on values that no machine has.
+    at the same place. No verdict stands on values that no machine has. told: what the records tell of the model's parameters,
+    if that is at hand.
     Long excited records are searched in their loudest part; the errors that are told are those of the whole records.
     Where marks show that the speed varies, that is an effect which a model at a constant speed lacks, if the catalogue has it;
     else what the marks show is no fault of the model's, and it is searched at the speed measured.
     """
     records = at_modelled_speed(records, model.effects, catalogue)
-    counted = Budgeted(engine, records, budget, progress)
+    counted = Budgeted(engine, records, budget, progress, told)
     try:
         found = of_a_machine(_at_its_speed(counted, records, model, catalogue, most, progress), model, catalogue)
         return with_modes_told(found, model)
@@ -144,7 +147,7 @@ def _diagnosed(engine: Budgeted, records: Sequence[Observed], model: Model, cata
     return told_of_base(with_other_form(told, found.form))
 
 
-def _without_irregular(base: Candidate, engine: Engine, model: Model, catalogue: Mapping[str, Effect], most: int,
+def _without_irregular(base: Candidate, engine: Budgeted, model: Model, catalogue: Mapping[str, Effect], most: int,
                        progress: Callable[[str], None]) -> tuple[Diagnosis | None, Candidate | None]:  # fmt: skip
     """(the diagnosis of the records whose motion repeats, a set of effects with which a search on all begins), where the others
     make the base fit a rough one; None for what there is not.
@@ -173,7 +176,7 @@ def _without_irregular(base: Candidate, engine: Engine, model: Model, catalogue:
     return None, None if strange else against(candidate_of(seen.fitter, seen.fitted(), best.effects, None, 1.0), base)
 
 
-def _without_late(found: Diagnosis, base: Candidate, engine: Engine, model: Model, catalogue: Mapping[str, Effect], most: int,
+def _without_late(found: Diagnosis, base: Candidate, engine: Budgeted, model: Model, catalogue: Mapping[str, Effect], most: int,
                   progress: Callable[[str], None]) -> Diagnosis:  # fmt: skip
     """The diagnosis begun with what those records say whose cutter's entry is seen, where the search on all leaves more.
 
@@ -225,11 +228,11 @@ def _on_whole(step: Candidate, records: Sequence[Observed]) -> Candidate:
     return replace(candidate_of(fitter, fit, step.effects, None, 1.0), delta_bic=step.delta_bic)
 
 
-def _as_believed(engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
+def _as_believed(engine: Budgeted, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
                  progress: Callable[[str], None]) -> Candidate:  # fmt: skip
     """The believed model fitted to records."""
     progress("fitting the believed model")
-    return from_believed(engine, records, model, (), catalogue)
+    return from_believed(engine, records, model, (), catalogue, told=engine.told)
 
 
 def _search(

@@ -14,6 +14,7 @@ from testbed.analysis.fit.effect_start import ANCHOR, CORNER
 from testbed.analysis.fit.evidence import DELTA_BIC
 from testbed.analysis.fit.fine_steps import has_kinks
 from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.identifiable import Identifiable
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Engine
@@ -32,14 +33,16 @@ MUCH_CHEAPER = 0.7  # times the cost that the new fit must have where it, too, l
 
 def from_believed(
     engine: Engine, records: Sequence[Observed], model: Model, names: Sequence[str], catalogue: Mapping[str, Effect],
-    cost_limit: float = math.inf, turned: Container[str] = (),
+    cost_limit: float = math.inf, turned: Container[str] = (), told: Identifiable | None = None,
 ) -> Candidate:  # fmt: skip
     """The effects of these names, each from its example, fitted from the believed `model`; its gain in BIC counts as none.
 
-    cost_limit: the cost above which the fit is of no use, and is given up. turned: see `with_examples`.
+    cost_limit: the cost above which the fit is of no use, and is given up. turned: see `with_examples`. told: what
+    the records tell of the believed model with them, if that is at hand.
     """
     believed = with_examples(model, names, catalogue, turned)
-    return candidate_of(*model_fit(engine, records, believed, catalogue, cost_limit=cost_limit), tuple(names), None, 1.0)
+    found = model_fit(engine, records, believed, catalogue, cost_limit=cost_limit, told=told)
+    return candidate_of(*found, tuple(names), None, 1.0)
 
 
 def explaining(records: Sequence[Observed], state: State) -> float:

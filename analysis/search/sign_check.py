@@ -44,8 +44,11 @@ class _Way:
 
 
 def _ways(records: Sequence[Observed], model: Model) -> Iterator[_Way]:
-    """The ways in which this campaign may be the wrong way round."""
-    if model.cutting is None or all(record.cut is None for record in records):
+    """The ways in which this campaign may be the wrong way round.
+
+    Those of a machine in x and y are more, and a diagnosis asks them first: see `planar_slips`.
+    """
+    if model.structure.planar or model.cutting is None or all(record.cut is None for record in records):
         return
     if model.cutting.immersion < SLOT:
         other = next(one for one in DIRECTIONS if one != model.cutting.direction)
@@ -63,8 +66,9 @@ def other_way_note(
     """A line where the model, whose error (held out or not) is given, explains far more of the campaign turned round."""
     if error <= MUCH * noise:
         return []
-    most = LIKELY * _opening(engine, records, model, catalogue)
-    likely = [way for way in _ways(records, model) if _opening(engine, way.records, way.model, catalogue) < most]
+    ways = list(_ways(records, model))
+    most = LIKELY * _opening(engine, records, model, catalogue) if ways else 0.0
+    likely = [way for way in ways if _opening(engine, way.records, way.model, catalogue) < most]
     left = {pooled(errors_in_fit(*way.fitted(engine, catalogue)))[0]: way for way in likely}
     if not left or min(left) > FAR_BETTER * error:
         return []
@@ -81,10 +85,9 @@ def other_way(base: Candidate, model: Model, catalogue: Mapping[str, Effect]) ->
     if base.error_where_known <= MUCH * noise:
         return ""
     engine, records = base.fitter.engine, base.fitter.records
-    if model.structure.planar:  # its channels may be turned in more ways, which were asked before: see `common_factor`
-        return ""
-    stated = _opening(engine, records, model, catalogue)
-    for way in _ways(records, model):
+    ways = list(_ways(records, model))
+    stated = _opening(engine, records, model, catalogue) if ways else 0.0
+    for way in ways:
         if _opening(engine, way.records, way.model, catalogue) >= stated:
             continue
         error, floor = pooled(errors_in_fit(*way.fitted(engine, catalogue)))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from testbed.api.believed import CampaignLike, Effects, EffectsLike, File, ModelLike, effects_of, name_of
-from testbed.api.fitting import channel_units, engine_of, notes_on, of_what_is_held, read_both
+from testbed.api.fitting import channel_units, engine_of, notes_on, read_both, told_before
 from testbed.api.places import page_place, save_fitted
 from testbed.api.result import Result, Table, estimates_table, shown_here
 from testbed.api.watch import Progress, Watch
@@ -155,14 +155,16 @@ def _added(names: tuple[str, ...], given: tuple[CampaignLike, ModelLike], known:
     for name in names:
         if name in model.effects:
             raise InputProblem(place[1], f"has {name} already", "to fit it again, use testbed identify --method waveform")
+    engine = engine_of(catalogue)
+    told = told_before(engine, records, model, catalogue, watch.note)
     try:
         with watch.busy(f"adding {' and '.join(names)}") as progress:
-            found = add_effects(engine_of(catalogue), records, model, chosen, catalogue, progress)
+            found = add_effects(engine, records, model, chosen, catalogue, progress, told)
     except InputProblem:
         raise
     except ValueError as problem:
         raise InputProblem(place[0], str(problem), "add a record that shows it") from None
-    notes = (*notes_on(read, model), *of_what_is_held(records, model, catalogue))
+    notes = (*notes_on(read, model), *told.notes)
     return Addition(model, found, known, records, read, notes, place)
 
 

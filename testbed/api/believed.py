@@ -98,8 +98,7 @@ def check_cutting(model: Model, path: str, otherwise: str = "") -> None:
         raise InputProblem(path, "has no cutter and cutting", f"add both: this command is about a cut{otherwise}")
 
 
-def refuse_planar(model: Any, place: str, instead: str = "this command takes one mode along x so far; run, chart, "
-                  "multipliers, identify, compare, diagnose and add take any") -> None:
+def refuse_planar(model: Any, place: str, instead: str) -> None:
     """InputProblem where a model has more than the one mode along the feed, with what to do instead."""
     if model.planar:
         raise InputProblem(place, "has modes beyond one of the workpiece along x, or a pitch for each tooth", instead)

@@ -47,7 +47,7 @@ def force_maps(found: Any, catalogue: Any) -> list[Any]:
     from testbed.analysis.search.candidate import ADEQUATE, Candidate
 
     best = found.best
-    if not isinstance(best, Candidate) or best.fit.state.model.planar or best.error_held_out <= ADEQUATE * found.noise_floor:
+    if not isinstance(best, Candidate) or best.error_held_out <= ADEQUATE * found.noise_floor:
         return []
     states = force_states(engine_of(catalogue), best.fitter, best.fit, best.errors, catalogue)
     return [(one.name, one.x, one.v, one.force) for one in states]

@@ -17,10 +17,11 @@ from testbed.api.believed import (
     effects_of,
     guesses_note,
     in_the_work,
-    name_of,
     refuse_planar_effects,
 )
+from testbed.api.identification import tests_on_chart
 from testbed.api.multipliers import of_cut
+from testbed.api.places import page_place
 from testbed.api.probable import Asked, Sure, chances, unasked
 from testbed.api.quantity import DEPTH, SPEED, Quantities, Quantity, quantity
 from testbed.api.result import Result, Table, shown_here, with_units
@@ -126,6 +127,17 @@ class Chart(Result):
             pictures += save(self.plot_chance(), Path(folder) / "probable_stability")
         return pictures
 
+    def report(self, path: File, *, effects: EffectsLike = (), progress: Progress = None) -> Path:
+        """Write the page on which a cut is dragged and heard into a folder (as report.html), or as the .html file named;
+        returns its path.
+
+        It holds some hundred cuts, simulated now. effects: folders of one's own effects that the model has.
+        """
+        from testbed.api.sounding import listened
+
+        with working(progress) as watch:
+            return listened(self, page_place(path), effects_of(effects).known, watch)
+
     def to_pandas(self) -> pandas.DataFrame:
         """A row for every cell: speed (rad/s), depth (m), modulus, its error, class and, where known, the chance."""
         import numpy as np
@@ -198,7 +210,7 @@ def chart(model: ModelLike, speed: Quantities, depth: Quantities, *, data: DataL
         given, name = cutting_model(model, own.known)
         believed, left_out = in_the_work(given)
         refuse_planar_effects(believed, name)
-        tests = _tests(believed, data) if data is not None else []
+        tests = tests_on_chart(believed, data) if data is not None else []
         chance = chance_of_chatter(risk)
         sure = unasked(draws, chance)
         if campaign is not None or believed.spreads:
@@ -275,23 +287,3 @@ def with_effects(model: Any, speeds: Any, depths: Any, catalogue: Any, watch: Wa
         raise InputProblem("chart", "no cell has multipliers: an effect of the model leaves no periodic motion",
                            "leave out the effect")
     return StabilityChart(speeds, depths, largest, classes, error)
-
-
-def _tests(model: Any, data: DataLike) -> list[ChartTest]:
-    """The cuts of a data set or campaign with the class that their own multipliers show."""
-    from testbed.analysis.linear.chart_plot import ChartTest
-    from testbed.analysis.linear.stability import classify
-    from testbed.analysis.multipliers.recorded_cut import measured_multipliers
-    from testbed.api.identification import cut_tests
-    from testbed.api.records import load_records
-
-    flutes = model.cutter.flutes
-    overlay = []
-    for test in cut_tests(load_records(data), flutes, name_of(data)):
-        try:
-            found = measured_multipliers(test.recording, test.cut, flutes, test.channel)
-            outcome = str(classify(found.multipliers)) if found.believed else "undecided"
-        except (ValueError, ArithmeticError):
-            outcome = "undecided"
-        overlay.append(ChartTest(test.cut.spindle_speed, test.cut.axial_depth_of_cut, outcome, test.name))
-    return overlay

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from testbed.api.believed import CampaignLike, Effects, EffectsLike, File, ModelLike, effects_of, name_of
-from testbed.api.fitting import channel_units, engine_of, notes_on, read_both
+from testbed.api.fitting import channel_units, engine_of, notes_on, read_both, told_before
 from testbed.api.places import page_place
 from testbed.api.result import Result, Table, estimates_table, shown_here, with_units
 from testbed.api.watch import Progress, Watch
@@ -163,10 +163,10 @@ class Comparison(Result):
 
     @cached_property
     def _states(self) -> Sequence[Any]:
-        """Force-state maps of what is left. Of noise there is none, and in x and y one is not enough."""
+        """Force-state maps of what is left. Of noise there is none."""
         from testbed.analysis.force.force_state import force_states
 
-        if self.detail.adequate or self.believed.planar:
+        if self.detail.adequate:
             return ()
         known = self.effects.known
         return force_states(engine_of(known), self.detail.fitter, self.detail.fit, self.detail.errors, known)
@@ -270,7 +270,6 @@ def _compared(campaign: CampaignLike, given: ModelLike, effects: Effects, watch:
     from testbed.analysis.comparison.compare import compare as fitted
     from testbed.analysis.comparison.tapped import beside_the_tap, said_of_the_tap
     from testbed.analysis.fit.estimates import clock_note
-    from testbed.analysis.fit.identifiable import identifiable_parameters
     from testbed.analysis.fit.plausible import remarks_on
     from testbed.analysis.fit.record_hypotheses import taken_notes
     from testbed.analysis.fit.switched import switch_note
@@ -279,9 +278,7 @@ def _compared(campaign: CampaignLike, given: ModelLike, effects: Effects, watch:
 
     catalogue, engine = effects.known, engine_of(effects.known)
     model, records, read = read_both(campaign, given, catalogue)
-    told = identifiable_parameters(engine, records, model, catalogue)
-    for note in told.notes:
-        watch.note(note)
+    told = told_before(engine, records, model, catalogue, watch.note)
     with watch.busy("fitting the believed model to all records"):
         found = fitted(engine, records, model, catalogue, told)
         turned = other_way_note(engine, records, model, catalogue, found.error, found.noise_floor)

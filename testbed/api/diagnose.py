@@ -21,7 +21,7 @@ from testbed.api.believed import (
 )
 from testbed.api.best_fit import force_maps, of_the_best_fit
 from testbed.api.defaults import MANY
-from testbed.api.fitting import channel_units, engine_of, notes_on, of_what_is_held, read_both
+from testbed.api.fitting import channel_units, engine_of, notes_on, read_both, told_before
 from testbed.api.next_command import add_command, next_command
 from testbed.api.places import made_folder, page_place
 from testbed.api.result import Result, Table, plain, shown_here
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from testbed.analysis.search.next_test import NextTest
     from testbed.machine import Model
 
-_ALONG_X = "a missing force is estimated along x so far: diagnose without --propose"
+_ALONG_X = "a force is written as an effect along x so far; without --propose the page (-o) maps what lacks along x and y"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -252,14 +252,15 @@ def _diagnosed(given: tuple[CampaignLike, ModelLike], known: Effects, until_adeq
 
     catalogue, engine = known.known, engine_of(known.known)
     model, records, read = read_both(*given, catalogue)
+    told = told_before(engine, records, model, catalogue, watch.note)
     with watch.busy("fitting the believed model to all records") as progress:
         found = searched(engine, records, model, catalogue, progress=progress, budget=BUDGET if budget is None else budget,
-                         **({"most": MANY} if until_adequate else {}))
+                         told=told, **({"most": MANY} if until_adequate else {}))
         turned = []
-        if found.candidates and not model.structure.planar:  # else no search was made, for what was found before it
+        if found.candidates:  # else no search was made, for what was found before it
             turned = other_way_note(engine, records, model, catalogue, found.with_effects, found.noise_floor)
     stuck, guesses, of_the_fit, tapped = of_the_best_fit(found, records, model, catalogue)
-    notes = [*notes_on(read, model), *of_what_is_held(records, model, catalogue), *turned, *of_the_fit]
+    notes = [*notes_on(read, model), *told.notes, *turned, *of_the_fit]
     said = as_json(found, model) | {"rules": rules_of(found), "at_bound": list(stuck), "tap": tapped, "notes": notes}
     for name, one in said["base_parameters"].items():
         one["determined"] = name not in guesses

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -105,11 +105,15 @@ def of_the_mass(records: Sequence[Any], model: Any) -> list[str]:
             f"{model.structure.mass:.4g} kg: 1 % more mass makes them 1 % larger"]
 
 
-def of_what_is_held(records: Sequence[Any], model: Any, catalogue: Any) -> list[str]:
-    """A line for each parameter of a machine in x and y that the channels of these records cannot tell."""
+def told_before(engine: Any, records: Sequence[Any], model: Any, catalogue: Any,
+                note: Callable[[str], object]) -> Any:
+    """What the channels of these records tell of the model's parameters; what they cannot is said before the fit."""
     from testbed.analysis.fit.identifiable import identifiable_parameters
 
-    return identifiable_parameters(engine_of(catalogue), records, model, catalogue).notes if model.structure.planar else []
+    told = identifiable_parameters(engine, records, model, catalogue)
+    for one in told.notes:
+        note(one)
+    return told
 
 
 def of_the_range(records: Sequence[Any]) -> list[str]:

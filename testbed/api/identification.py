@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
-from testbed.api.fitting import engine_of, observed_records
-from testbed.api.records import unfit
+from testbed.api.believed import DataLike, name_of
+from testbed.api.fitting import engine_of, observed_records, told_before
+from testbed.api.records import load_records, unfit
 from testbed.problem import InputProblem
 
 MOTIONS = ("displacement", "velocity", "acceleration")
@@ -227,7 +228,6 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     from testbed.analysis.fit.estimates import at_bound, clock_note
     from testbed.analysis.fit.held_guesses import with_guesses_held
     from testbed.analysis.fit.held_out import errors_in_fit, pooled
-    from testbed.analysis.fit.identifiable import identifiable_parameters
     from testbed.analysis.fit.model_fit import model_fit
     from testbed.analysis.fit.plausible import remarks_on
     from testbed.analysis.fit.record_hypotheses import taken_notes
@@ -235,9 +235,7 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
 
     observed, engine = observed_records(records, model, path, model_file), engine_of(catalogue)
     observed = at_modelled_speed(observed, model.effects, catalogue)
-    told = identifiable_parameters(engine, observed, model, catalogue)
-    for note in told.notes:
-        progress(note)
+    told = told_before(engine, observed, model, catalogue, progress)
     fitter, fit = with_marks_doubted(*model_fit(engine, observed, model, catalogue, told=told))  # as testbed compare does
     held = with_guesses_held(fitter, fit, model, catalogue)
     fitter, fit, found = held.fitter, held.fit, held.values
@@ -249,3 +247,21 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
     return Identified(held.model, found, rows, quality, at_bound(fitter.free, found),
                       (*taken_notes(observed, fitter.records), *clock_note(fitter, fit), *remarks_on(model, held.model)),
                       tuple(told.notes))
+
+
+def tests_on_chart(model: Any, data: DataLike) -> list[Any]:
+    """The cuts of a data set or campaign with the class that their own multipliers show."""
+    from testbed.analysis.linear.chart_plot import ChartTest
+    from testbed.analysis.linear.stability import classify
+    from testbed.analysis.multipliers.recorded_cut import measured_multipliers
+
+    flutes = model.cutter.flutes
+    overlay = []
+    for test in cut_tests(load_records(data), flutes, name_of(data)):
+        try:
+            found = measured_multipliers(test.recording, test.cut, flutes, test.channel)
+            outcome = str(classify(found.multipliers)) if found.believed else "undecided"
+        except (ValueError, ArithmeticError):
+            outcome = "undecided"
+        overlay.append(ChartTest(test.cut.spindle_speed, test.cut.axial_depth_of_cut, outcome, test.name))
+    return overlay

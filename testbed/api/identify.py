@@ -140,7 +140,7 @@ def _identified(data: DataLike, given: ModelLike, method: Method | None, seed: i
     if multipliers:
         after += [*_left_out(found), *_speeds_found(records, found), _of_the_ratio(found)]
     else:
-        after += _of_what_is_left(model, found)
+        after += _of_what_is_left(found)
     return Identification(chosen, found.model, found.parameters, found.tests, found.quality, tuple(found.at_bound),
                           tuple(found.said), tuple(after), effects)
 
@@ -151,7 +151,7 @@ def _of_the_fit(found: Identified, multipliers: bool) -> list[str]:
     return doubt + ([_of_the_bounds(found, multipliers)] if found.at_bound else [])
 
 
-def _of_what_is_left(model: Model, found: Identified) -> list[str]:
+def _of_what_is_left(found: Identified) -> list[str]:
     """That the records are hardly more than noise, or that the model leaves more than noise."""
     from testbed.analysis.search.diagnosis import FAINT_REST, SILENT
 
@@ -159,13 +159,8 @@ def _of_what_is_left(model: Model, found: Identified) -> list[str]:
         return ["almost only noise was measured: these records do not tell the machine, whatever the intervals say"]
     if found.quality["chi_square"] > FAINT_REST**2:  # as testbed compare and testbed diagnose have it
         return [f"the model leaves {found.quality['chi_square'] ** 0.5:.2g} times the noise. What it lacks may bend its "
-                "parameters beyond their intervals" + _to_diagnose(model)]
+                "parameters beyond their intervals; testbed diagnose says whether an effect is missing"]
     return []
-
-
-def _to_diagnose(model: Any) -> str:
-    """Where to ask which effect is missing, of a model that can be asked about."""
-    return "" if model.planar else "; testbed diagnose says whether an effect is missing"
 
 
 def _of_the_misfit(found: Any) -> str:

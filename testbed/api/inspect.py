@@ -101,7 +101,7 @@ def inspect(data: DataLike, *, folder: File | None = None, rate: Quantity | None
     hertz = None if rate is None else sampling_rate(rate, "rate")
     with working():
         if isinstance(data, (str, os.PathLike)) and is_exported(data):
-            from testbed.export.reading import describe
+            from testbed.exports.reading import describe
 
             said = plain(describe(os.fspath(data)))
             return Inspection(Path(data), said["runs"], (), {one["name"]: one["unit"] for one in said["columns"]}, (), said)
@@ -138,6 +138,6 @@ def is_exported(data: File) -> bool:
     place = Path(data)
     if not place.is_dir() and place.suffix != ".parquet":
         return False
-    from testbed.export.reading import is_export
+    from testbed.exports.reading import is_export
 
     return is_export(place)

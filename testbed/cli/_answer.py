@@ -25,6 +25,7 @@ class Answer:
 
     def __init__(self, json_file: str | None, quiet: bool) -> None:
         self.json_file, self.quiet = json_file, quiet
+        self._noted: set[str] = set()
         context = click.get_current_context(silent=True)
         if context is not None:
             check_outputs(context)
@@ -40,6 +41,12 @@ class Answer:
         """A line for people."""
         if not self.quiet:
             click.echo(text, err=self.json_file == "-")
+
+    def note(self, text: str) -> None:
+        """A note for people, once: before the work or with the answer."""
+        if text not in self._noted:
+            self.say(text)
+        self._noted.add(text)
 
     def table(self, titles: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
         """Columns set flush: numbers to the right; words, and the first column, to the left."""
@@ -72,7 +79,7 @@ class _Shown(Bars):
         self.answer = answer
 
     def note(self, text: str) -> None:
-        self.answer.say(text)
+        self.answer.note(text)
 
     def warn(self, text: str) -> None:
         click.echo(text, err=True)

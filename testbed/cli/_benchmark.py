@@ -55,7 +55,7 @@ def make(folder: Path, count: int, seed: int, show: Callable[[int, int], None]) 
     """Draw and cut the campaigns into a new folder, the truth beside it. InputProblem where one of them is there already."""
     import numpy as np
 
-    from testbed.export.writing import new_folder
+    from testbed.exports.writing import new_folder
     from testbed.system.atomic import write_text
 
     secret = truth_place(folder)

@@ -99,10 +99,3 @@ model_option = click.option("-m", "--model", "model_file", required=True, metava
                             help="What is believed of the machine.")
 effects_option = click.option("--effects", "folders", multiple=True, metavar="DIR",
                               help="A folder of your own effects; may be repeated. They are programs: read them first.")
-
-
-def catalogue_of(folders: tuple[str, ...]) -> Any:
-    """The effects known to this command."""
-    from testbed.catalogue import catalogue
-
-    return catalogue(*folders)

@@ -51,7 +51,7 @@ def command(names: tuple[str, ...], model_file: str, campaign: str, output: str,
 
 def _say(answer: Answer, found: Any, notes: list[str]) -> None:
     for note in notes:
-        answer.say(note)
+        answer.note(note)
     rows = [(one.name, f"{one.error:.4f}", f"{other.error:.4f}", f"{other.noise_floor:.4f}")
             for one, other in zip(found.records_before, found.records_after, strict=True)]
     rows.append(("all records", f"{found.before:.4f}", f"{found.after:.4f}", f"{found.noise_floor:.4f}"))

@@ -26,10 +26,11 @@ from testbed.cli._places import output_folder
               help="Machines drawn for the chance of stability.")
 @click.option("-o", "--output", default=".", show_default=True, metavar="DIR",
               help="Folder for stability_chart.png and .svg, and probable_stability.png and .svg.")
+@click.option("--page", is_flag=True, help="Also write chart.html: drag speed and depth, and hear simulated cuts.")
 @effects_option
 @shared
 def command(model_file: str, speed: list[float], depth: list[float], data: str | None, campaign: str | None,
-            risk: float, draws: int, output: str, folders: tuple[str, ...], json_file: str | None, seed: int | None,
+            risk: float, draws: int, output: str, page: bool, folders: tuple[str, ...], json_file: str | None, seed: int | None,
             quiet: bool) -> None:
     """Where MODEL.yaml cuts steadily and where it chatters, over spindle speed and depth of cut.
 
@@ -57,6 +58,8 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
         said_chances(answer, found.sure)
     for path in found.save_plots(folder):
         answer.say(f"written: {path}")
+    if page:
+        answer.say(f"open {found.report(folder / 'chart.html', effects=folders, progress=answer.watch)}")
     answer.finish(found.to_dict())
 
 

@@ -87,9 +87,9 @@ def _in_words(found: Any) -> str:
         return "the model explains every record down to its noise"
     if found.slight:
         return (f"the error is {found.error / found.noise_floor:.3f} times the noise floor: little more than noise is "
-                "left" + found.asks("; ", "a known effect lowers it"))
-    return ("the model leaves more than noise. What it lacks may bend its parameters beyond their intervals"
-            + found.asks(": ", "an effect is missing"))
+                "left; testbed diagnose says whether a known effect lowers it")
+    return ("the model leaves more than noise. What it lacks may bend its parameters beyond their intervals: testbed diagnose "
+            "says whether an effect is missing")
 
 
 def _segments(answer: Answer, found: Any) -> None:

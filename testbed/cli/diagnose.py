@@ -54,7 +54,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     found = diagnose(campaign, model_file, until_adequate=until_adequate, decoys=decoys, budget=budget, effects=folders,
                      progress=answer.watch)
     for note in found.notes:
-        answer.say(note)
+        answer.note(note)
     catalogue, detail, said = found.known.known, found.detail, dict(found.said)
     next_step = next_command(detail, campaign, model_file, bool(propose) or found.believed.planar, folders)
     _say(answer, detail, said, found.first, catalogue)

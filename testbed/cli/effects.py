@@ -6,10 +6,8 @@ from typing import Any
 
 import click
 
-from testbed.api.places import check_place
 from testbed.cli._answer import Answer
-from testbed.cli._options import catalogue_of, effects_option, shared
-from testbed.problem import InputProblem
+from testbed.cli._options import effects_option, shared
 
 
 @click.command(short_help="The catalogue of effects, one effect's card, or a template of a new one.",
@@ -27,29 +25,32 @@ def command(name: str | None, new_name: str | None, no_picture: bool, hooks: boo
     An effect of your own is one Python file: begin with --new, then give its folder to other commands as --effects DIR.
     Such a file is a program, and is run: read one that is not yours first. Files beside it without an EFFECT are not run.
     """
+    from testbed.api.effects import list_effects
+
     answer = Answer(json_file, quiet)
     if new_name is not None:
         _write_template(new_name, answer)
     elif hooks:
         _list_hooks(answer)
     elif name is None:
-        _list_effects(catalogue_of(folders), answer)
+        _list_effects(list_effects(folders), answer)
     else:
-        _show(name, catalogue_of(folders), answer, not (quiet or no_picture))
+        _show(name, list_effects(folders), answer, not (quiet or no_picture))
 
 
 def _list_effects(catalogue: Any, answer: Answer) -> None:
     answer.table(("effect", "what it is"), [(name, effect.title) for name, effect in catalogue.items()])
-    answer.finish({"effects": [_card(effect) for effect in catalogue.values()]})
+    from testbed.api.effects import card
+
+    answer.finish({"effects": [card(effect) for effect in catalogue.values()]})
 
 
 def _show(name: str, catalogue: Any, answer: Answer, drawn: bool) -> None:
-    from testbed.catalogue import titled, unknown_effect
+    from testbed.api.effects import card, named
+    from testbed.catalogue import titled
     from testbed.files.model_file import effect_text
 
-    if name not in catalogue:
-        raise InputProblem(name, "unknown effect", unknown_effect(name, catalogue))
-    effect = catalogue[name]
+    effect = named(name, catalogue)
     answer.say(f"{name}: {effect.title}")
     for title in ("law", "source", "validity", "leaves"):
         answer.say(f"  {title}: {getattr(effect, title)}")
@@ -71,7 +72,7 @@ def _show(name: str, catalogue: Any, answer: Answer, drawn: bool) -> None:
     answer.say("  in model.yaml: " + effect_text(effect, effect.example()))
     if drawn:
         _draw(effect, catalogue, answer)
-    answer.finish(_card(effect))
+    answer.finish(card(effect))
 
 
 def _draw(effect: Any, catalogue: Any, answer: Answer) -> None:
@@ -90,16 +91,6 @@ def _draw(effect: Any, catalogue: Any, answer: Answer) -> None:
     answer.say("  time, ms")
 
 
-def _card(effect: Any) -> dict[str, Any]:
-    from dataclasses import asdict
-
-    card = {title: getattr(effect, title) for title in ("name", "title", "law", "source", "validity", "leaves")}
-    return card | {"parameters": [asdict(one) for one in effect.parameters],
-                   "form": [asdict(one) for one in effect.form], "states": list(effect.states),
-                   "confused_with": [{"effect": other, "test": test} for other, test in effect.confused_with],
-                   "requires": list(effect.requires), "hooks": sorted(effect.hooks), "file": str(effect.path)}
-
-
 def _list_hooks(answer: Answer) -> None:
     from testbed.effect import HOOKS
 
@@ -113,26 +104,9 @@ def _list_hooks(answer: Answer) -> None:
 
 
 def _write_template(name: str, answer: Answer) -> None:
-    from keyword import iskeyword
-    from pathlib import Path
+    from testbed.api.effects import new_effect
 
-    from testbed.catalogue import catalogue
-    from testbed.cli._effect_template import EFFECT, TEST
-    from testbed.system.atomic import write_text
-
-    if not name.isidentifier() or name.startswith(("_", "test_")):
-        raise InputProblem(name, "is no name for an effect", "use letters, digits and _, a letter first")
-    if iskeyword(name):
-        raise InputProblem(name, "is a word of Python", "choose another name")
-    if name in catalogue():
-        raise InputProblem(name, "is an effect of the catalogue", "choose another name")
-    paths = Path(f"{name}.py"), Path(f"test_{name}.py")
-    for path in paths:
-        check_place(path)
-        if path.exists():
-            raise InputProblem(path, "exists already", "choose another name, or remove it")
-    for path, text in zip(paths, (EFFECT, TEST), strict=True):
-        write_text(path, text.replace("NAME", name).replace("TITLE", name.replace("_", " ").capitalize()))
-    answer.say(f"{paths[0]}: a working effect; edit it, then give its folder as --effects {paths[0].resolve().parent}")
-    answer.say(f"{paths[1]}: its test, to edit too; run: python -m pytest {paths[1]} (pytest is in the extra `dev` alone)")
-    answer.finish({"file": str(paths[0]), "test": str(paths[1])})
+    effect, test = new_effect(name)
+    answer.say(f"{effect}: a working effect; edit it, then give its folder as --effects {effect.resolve().parent}")
+    answer.say(f"{test}: its test, to edit too; run: python -m pytest {test} (pytest is in the extra `dev` alone)")
+    answer.finish({"file": str(effect), "test": str(test)})

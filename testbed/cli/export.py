@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
 import click
 
+from testbed.api.export import LICENCES, SHORTEST_WINDOW, SPLIT_BY, SplitBy
 from testbed.api.result import plain
-from testbed.cli._answer import Answer, progress
-from testbed.cli._options import RATE, catalogue_of, effects_option, shared
-from testbed.problem import InputProblem
-
-LICENCES = {"CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/", "CC0-1.0":
-            "https://creativecommons.org/publicdomain/zero/1.0/", "MIT": "https://opensource.org/license/mit"}
-SPLIT_BY = ("condition", "machine")
+from testbed.cli._answer import Answer
+from testbed.cli._options import RATE, effects_option, shared
 
 
 @click.command(short_help="A training set for others: Parquet with a card, splits, labels and baseline scores.",
                epilog="Example: testbed export sweep.h5 -o training_set")
 @click.argument("data", metavar="DATA.h5")
 @click.option("-o", "--output", required=True, metavar="FOLDER", help="The folder to write; it must not exist yet.")
-@click.option("--window", type=click.IntRange(8), metavar="SAMPLES",
+@click.option("--window", type=click.IntRange(SHORTEST_WINDOW), metavar="SAMPLES",
               help="Rows are windows of this length, with a label each; by default a row is a run.")
 @click.option("--step", type=click.IntRange(1), metavar="SAMPLES",
               help="From one window's start to the next one's; by default the length: no overlap.")
@@ -37,80 +32,37 @@ SPLIT_BY = ("condition", "machine")
 @click.option("--description", default="", metavar="TEXT", help="What the card says first; by default the scenario's.")
 @effects_option
 @shared
-def command(data: str, output: str, window: int | None, step: int | None, rate: float | None, split_text: str, split_by: str,
-            licence: str, description: str, folders: tuple[str, ...], json_file: str | None, seed: int | None,
-            quiet: bool) -> None:
+def command(data: str, output: str, window: int | None, step: int | None, rate: float | None, split_text: str,
+            split_by: SplitBy, licence: str, description: str, folders: tuple[str, ...], json_file: str | None,
+            seed: int | None, quiet: bool) -> None:
     """Write DATA.h5 as Parquet files with a dataset card, a Croissant description and a datasheet.
 
     Splits hold whole operating conditions (or machines), chosen by a hash of these, so that they stay when runs are added;
     --seed gives another division. With --window a row is a window of a run, labelled stable, neimark_sacker, flip, no_cut or
     unknown, with a chatter flag. The card holds the scores of simple methods on what is held out.
     """
-    from testbed.cli._training import Notes
-    from testbed.export.windows import Windowing
-    from testbed.export.writing import Order, new_folder, plan, write_shards
-    from testbed.store.data_set import read_data_set
+    from testbed.api.export import export
 
     if step is not None and window is None:
         raise click.UsageError("--step goes with --window")
-    answer = Answer(json_file, quiet)
-    windows = None if window is None else Windowing(window, step or window)
-    order = Order(_shares(split_text), seed or 0, split_by, windows, rate)
-    _require_pyarrow()
-    catalogue = catalogue_of(folders)
-    source = read_data_set(data)
-    planned = plan(source, catalogue, order)
-    notes = Notes(source, planned, catalogue)
-    with new_folder(output) as folder:
-        with progress("exporting", quiet) as show:
-            written = write_shards(source, folder, planned, notes.of_run, show, notes.of_row)
-        content = _documents(folder, source, planned, written, notes,
-                             {"licence": licence, "licence_url": LICENCES[licence], "description": description})
-    _say(answer, output, content)
-    answer.finish(plain({"folder": output, **{key: content[key] for key in (
-        "runs", "splits", "shards", "classes", "labels", "behaviours", "contact_losses", "contact_unknown", "outcomes",
-        "baseline")}}))
+    answer, shares = Answer(json_file, quiet), _shares(split_text)
+    found = export(data, output, window=window, step=step, rate=rate, shares=shares, split_by=split_by, licence=licence,
+                   description=description, seed=seed or 0, effects=folders, progress=answer.watch)
+    _say(answer, output, found.content)
+    answer.finish(found.to_dict())
 
 
 def _shares(text: str) -> tuple[float, ...]:
+    from testbed.api.export import checked_shares
+
     try:
-        shares = tuple(float(part) for part in text.split(","))
+        return checked_shares([float(part) for part in text.split(",")])
     except ValueError:
-        shares = ()
-    if len(shares) != 3 or not all(0 <= share < 1e6 for share in shares) or shares[0] <= 0:
-        raise click.UsageError(f"--split '{text}': give three numbers, the first above 0, such as 70,15,15")
-    return shares
-
-
-def _require_pyarrow() -> None:
-    from importlib.util import find_spec
-
-    if find_spec("pyarrow") is None:
-        raise InputProblem("testbed export", "needs pyarrow to write Parquet", "pip install 'machining-testbed[formats]'")
-
-
-def _documents(folder: Any, source: Any, planned: Any, written: Any, notes: Any, said: dict[str, str]) -> dict[str, Any]:
-    """Everything beside the shards; returns the content of `export.json`."""
-    import json
-
-    from testbed.export.card import card
-    from testbed.export.croissant import croissant
-    from testbed.export.datasheet import datasheet
-    from testbed.export.writing import write_manifest
-
-    description = said["description"] or f"Simulated milling cuts of the scenario {source.name}, with every run's truth."
-    content = write_manifest(folder, planned, written, {
-        **said, "description": " ".join(description.split()), "runs": len(source), "classes": notes.classes,
-        "labels": notes.labels, "behaviours": notes.behaviours, "contact_losses": notes.contact_losses,
-        "contact_unknown": notes.contact_unknown, "outcomes": Counter(source.outcome.tolist()), "baseline": notes.baseline()})
-    (folder / "README.md").write_text(card(content, planned.columns), encoding="utf-8")
-    (folder / "DATASHEET.md").write_text(datasheet(content, source.scenario_text, source.model_text), encoding="utf-8")
-    (folder / "croissant.json").write_text(json.dumps(croissant(content, planned.columns), indent=2) + "\n", encoding="utf-8")
-    return content
+        raise click.UsageError(f"--split '{text}': give three numbers, the first above 0, such as 70,15,15") from None
 
 
 def _say(answer: Answer, output: str, content: Mapping[str, Any]) -> None:
-    from testbed.export.card import GROUPS, contact_counts
+    from testbed.exports.card import GROUPS, contact_counts
 
     size = sum(one["bytes"] for one in content["shards"].values())
     rows = sum(one["rows"] for one in content["shards"].values())
@@ -141,7 +93,7 @@ def _say(answer: Answer, output: str, content: Mapping[str, Any]) -> None:
 
 def describe_export(place: str, answer: Answer) -> None:
     """What `testbed inspect` says of an exported folder or of one of its files."""
-    from testbed.export.reading import describe
+    from testbed.exports.reading import describe
 
     found = describe(place)
     about = found["about"]

@@ -54,6 +54,8 @@ def command(files: tuple[str, ...], output: str, published: str | None, quiet: b
         seen = ", ".join(f"{channel} ({column}{f', {unit}' if unit else ''})"
                          for channel, (column, unit) in channels_of(one).items()) or "no channel that its names or units tell"
         answer.say(f"{one.path}: {seen}" + (f", {one.rate:.7g} Hz" if one.rate else ""))
+        for note in one.notes:
+            answer.say(f"  note: {note}")
     for line in not_named(found):
         answer.say(line)
     for name, unknown in left.items():
@@ -77,5 +79,4 @@ def _look(file: str) -> Any:
     if path.suffix.lower() in (".yaml", ".yml"):
         raise InputProblem(file, "is no measured file", "name files such as cut_1.csv")
     seen = inspect(path)
-    rate = seen.records[0].recording.sampling_rate if seen.records else None
-    return Found(path, seen.columns, rate, seen.time)
+    return Found(path, seen.columns, seen.rate, seen.time, seen.notes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from testbed.cli._answer import Answer, progress
+from testbed.cli._answer import Answer
 from testbed.cli._options import shared
 from testbed.problem import InputProblem
 
@@ -23,16 +23,13 @@ def command(data: str, quick: bool, threads: int, json_file: str | None, seed: i
     DATA is a data set, or the folder DATA.h5.parts of a sweep that is not finished. Exit code 0: all is as it was
     written; 2: it is not, and what is touched is said. Nothing here is random: --seed changes nothing.
     """
-    from testbed.store.verification import verify
+    from testbed.api.verify import verify
 
     answer = Answer(json_file, quiet)
-    with progress("verifying", quiet) as show:
-        found = verify(data, quick, threads, show)
+    found = verify(data, quick=quick, threads=threads, progress=answer.watch)
     for note in found.notes:
         answer.say(f"note: {note}")
-    answer.finish({"path": found.path, "intact": not found.damage, "runs": found.runs, "files": found.files,
-                   "content_hash": found.content_hash, "damage": found.damage,
-                   "damaged_runs": sorted(set(found.damaged_runs)), "notes": found.notes})
+    answer.finish(found.to_dict())
     if found.damage:
         for line in found.damage[_SHOWN:]:
             answer.say(f"damage: {line}")

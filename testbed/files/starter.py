@@ -52,12 +52,13 @@ _DEPTH = re.compile(r"(\d+(?:[.p]\d+)?)\s*_?mm", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Found:
-    """What a measured file was found to hold: its columns with their units ("" where unknown), and its rate in Hz."""
+    """What a measured file was found to hold: its columns with their units ("" where unknown), its rate in Hz; notes on it."""
 
     path: Path
     columns: Mapping[str, str]
     rate: float | None
     time: str | None
+    notes: tuple[str, ...] = ()
 
 
 def _dimension(unit: str) -> str | None:

@@ -13,6 +13,7 @@ from testbed.analysis.fit.effect_start import effect_parameters, origins_of
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.identifiable import identifiable_parameters
+from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.structure_start import decay_start
@@ -28,6 +29,8 @@ from testbed.analysis.search.judged import too_slow
 from testbed.analysis.search.modes_told import with_modes_told
 from testbed.analysis.search.next_test import next_test
 from testbed.analysis.search.planar_slips import planar_slips
+from testbed.analysis.search.sign_check import _ways, other_way_note
+from testbed.api.identify import _of_what_is_left
 from testbed.catalogue import catalogue
 from testbed.cut import Cut
 from testbed.engines import fast
@@ -227,3 +230,27 @@ def test_a_sensor_of_the_tool_tells_the_direction_of_a_second_mode_too(observed)
     assert {one.path for one in effect_parameters(KNOWN["second_mode"], on_tool)} == paths
     along_x = [replace(record, channels=("displacement",), data=record.data[:1]) for record in observed]
     assert "second_mode.direction" not in {one.path for one in effect_parameters(KNOWN["second_mode"], along_x)}
+
+
+def test_what_was_told_before_a_fit_is_not_asked_again_of_the_same_records(observed, monkeypatch):
+    told = identifiable_parameters(ENGINE, observed[:1], BELIEVED, KNOWN, helps=False)
+    assert told.asked_of(list(observed[:1])) and not told.asked_of(observed[1:2]) and not told.asked_of(observed)
+    asked = []
+
+    def spied(*given, **more):
+        asked.append(given[1])
+        return identifiable_parameters(*given, **more)
+
+    monkeypatch.setattr("testbed.analysis.fit.model_fit.identifiable_parameters", spied)
+    monkeypatch.setattr("testbed.analysis.fit.model_fit._fitted", lambda *given: ("fitted", SimpleNamespace(cost=math.inf)))
+    for records in (observed[:1], observed[1:2]):
+        model_fit(ENGINE, records, BELIEVED, KNOWN, cost_limit=0.0, told=told)
+    assert asked == [observed[1:2]]
+
+
+def test_a_machine_in_x_and_y_is_sent_to_the_diagnosis_which_asks_for_its_slips(observed):
+    left = SimpleNamespace(quality={"noise_floor": 0.01, "chi_square": 9.0})
+    assert _of_what_is_left(left) == ["the model leaves 3 times the noise. What it lacks may bend its parameters beyond their "
+                                      "intervals; testbed diagnose says whether an effect is missing"]
+    assert not list(_ways(observed, BELIEVED)) and {one.condition for one in planar_slips(observed, BELIEVED)} >= {"milling"}
+    assert other_way_note(ENGINE, observed, BELIEVED, KNOWN, 0.5, 0.01) == []

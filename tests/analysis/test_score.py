@@ -9,7 +9,7 @@ import pytest
 
 from testbed.analysis.multipliers.identify_as_published import identify_as_published
 from testbed.analysis.multipliers.score import Case, Outcome, binomial_interval, score, study_scores
-from testbed.cli._scoring import Order, Sealed
+from testbed.api.scoring import Order, Sealed
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.engines.fast import simulate as engine
 from testbed.machine import Cutter, Cutting, Model, Structure
@@ -199,3 +199,70 @@ def test_the_method_of_the_paper_comes_near_without_noise():
         assert found[name].value == pytest.approx(RIG.value(name), rel=within) and math.isnan(found[name].low)
     with pytest.raises(ValueError, match="one test"):
         identify_as_published(start, tests[:1])
+
+
+PLANAR = """seed: 3
+model:
+  structure:
+    modes:
+      - {natural_frequency: 146.6 Hz, damping_ratio: 0.01, mass: 2.5 kg, direction: 12 deg}
+      - {natural_frequency: 310 Hz, damping_ratio: 0.02, mass: 0.6 kg, direction: 100 deg}
+  cutter: {flutes: 2, diameter: 20 mm}
+  cutting: {direction: down-milling, immersion: 0.2, tangential_coefficient: 600 N/mm^2, normal_coefficient: 200 N/mm^2}
+cut: {idle: 4 rev, cutting: 14 rev, ring_down: 8 rev}
+tests:
+  - {spindle_speed: 3800 rpm, depth_of_cut: 0.3 mm}
+  - {spindle_speed: 3300 rpm, depth_of_cut: 0.2 mm}
+sensors:
+  sampling_rate: 4000 Hz
+  displacement_x: {noise: 0.3 um}
+  displacement_y: {noise: 0.3 um}
+engine: {name: fast}
+"""
+TOLD = [f"modes[{place}].{name}" for place in (0, 1) for name in ("natural_frequency", "damping_ratio", "direction")]
+
+
+@pytest.fixture(scope="module")
+def planar(tmp_path_factory):
+    return simulate(tmp_path_factory.mktemp("planar"), PLANAR, "planar")
+
+
+def test_of_a_machine_in_x_and_y_every_mode_is_believed_off(planar):
+    sealed = Sealed(Order(str(planar), False, 1, ()))
+    assert sealed.parameters == (*TOLD, "tangential_coefficient", "normal_coefficient")
+    beliefs = [sealed.belief(number) for number in range(200)]
+    for path, reach in zip(TOLD[3:], (0.015, math.log(2.5), math.radians(10)), strict=True):
+        values = np.array([one.value(path) for one in beliefs])
+        off = (values - sealed.truth.value(path) if "direction" in path else np.log(values / sealed.truth.value(path))) / reach
+        assert np.abs(off).max() <= 1 and off.std() == pytest.approx(1 / math.sqrt(3), 0.15)
+    assert {one.value("modes[1].mass") for one in beliefs} == {0.6}
+
+
+def test_an_outsiders_method_on_a_machine_in_x_and_y(planar, tmp_path, capsys):
+    (tmp_path / "mine.py").write_text(
+        "import numpy as np\n\ndef identify(recordings, belief):\n    channels = recordings[0].channels\n"
+        "    assert set(channels) == {'displacement_x', 'displacement_y'}\n"
+        "    levels = [float(np.std(np.diff(one, 4))) * 1e6 for one in channels.values()]\n"
+        "    return {'modes[1].direction': (levels[0], -4, 4), 'normal_coefficient': (levels[1], 0, 1e12)}\n")
+    order = ["--method", tmp_path / "mine.py", "--noise", "0,2um", "--repeats", 2, "-o", tmp_path / "out"]
+    found = scored(planar, tmp_path, *order)
+    rows = {(one["parameter"], one["noise"]): one for one in found["scores"]}
+    assert {path for path, _ in rows} == {"modes[1].direction", "normal_coefficient"}
+    for path in ("modes[1].direction", "normal_coefficient"):  # noise is added to either channel
+        assert rows[path, 2e-6]["bias"] > rows[path, 3e-7]["bias"] + 5
+    assert rows["modes[1].direction", 2e-6]["unit"] == "rad" and (tmp_path / "out" / "score_noise.svg").is_file()
+    for method in ("multipliers", "published"):
+        assert run("score", planar, "--method", method) == 2
+        assert "the multipliers of one mode along the feed: here there is waveform" in capsys.readouterr().err
+
+
+@pytest.mark.long
+def test_a_machine_in_x_and_y_is_scored_by_its_waveform(planar, tmp_path):
+    found = scored(planar, tmp_path)
+    rows = {one["parameter"]: one for one in found["scores"]}
+    assert found["methods"] == ["waveform"] and set(rows) == {*TOLD, "tangential_coefficient", "normal_coefficient"}
+    assert {(one["count"], one["failures"], one["coverage"]) for one in rows.values()} <= {(1, 0, 1.0), (1, 0, 0.0)}
+    assert sum(one["coverage"] for one in rows.values()) >= 6
+    for path in ("modes[0].natural_frequency", "modes[1].natural_frequency"):
+        assert abs(rows[path]["bias"]) < 1e-3 * rows[path]["truth"]
+    assert abs(rows["modes[1].direction"]["bias"]) < math.radians(3)

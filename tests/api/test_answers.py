@@ -1,6 +1,5 @@
 """The Python API gives the very answers of the command line, and its objects do what a notebook asks of them."""
 
-import json
 from functools import partial
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pytest
 import testbed
 from testbed.engines import fast
 from testbed.workshop import write_campaign
+from tests.support.api_answers import behaves, same
 from tests.support.campaign_files import BELIEVED, TRUE
 from tests.support.made_taps import B2, Hammer, write_taps
 from tests.support.shell import Shell
@@ -30,25 +30,6 @@ def folder(tmp_path_factory):
 def shell(capsys, folder, monkeypatch):
     monkeypatch.chdir(folder)
     return Shell(capsys)
-
-
-def same(shell, found, *command):
-    """The command's JSON, to the last digit and in the same order."""
-    assert shell(*command, "--json", "-") == 0, shell.err
-    assert found.json == shell.out and found.to_dict() == json.loads(shell.out)
-    assert len(found.json) > 200
-    return found
-
-
-def behaves(found):
-    """What every answer does."""
-    assert repr(found).startswith(f"<{type(found).__name__}: ") and len(repr(found)) < 500
-    html = found._repr_html_()
-    assert html.startswith("<p><b>") and html.count("<tr>") > 1
-    frame, arrays = found.to_pandas(), found.to_xarray()
-    assert len(frame) > 0 and all(len(variable) == len(frame) for variable in arrays.variables.values())
-    with pytest.raises(AttributeError):
-        found.notes = ()
 
 
 def test_multipliers(shell):

@@ -61,6 +61,12 @@ def loop(campaign_file: str, model_file: str) -> float:
     swept = testbed.sweep("scenario.yaml", "cuts.h5", workers=testbed.Workers(2, processes=True))
     for recording in swept.data:
         print(recording.channels["displacement"].max(), made.sampling_rate)
+    scores = testbed.score(swept.data, noise=("0.5 um", 1e-6), method="waveform", tests=[3])
+    print([one.rms for one in scores.scores], scores.save("scores")[0].name, scores.cost[0].median)
+    if testbed.verify("cuts.h5").intact:
+        training: testbed.TrainingSet = testbed.export(swept.data, "set", window=1024, split_by="machine")
+        print(training.folder.name, training.content["runs"])
+    print([one.title for one in testbed.list_effects().values()], testbed.effect_card("runout")["law"])
     return low
 """
 

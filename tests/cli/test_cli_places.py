@@ -135,7 +135,7 @@ def test_what_cannot_be_meant_is_said_by_name(testbed: Shell, arguments: tuple[s
 def test_an_effect_file_or_a_method_that_exits_is_a_fault_of_the_file(testbed: Shell) -> None:
     (Path("fx") / "my_drag.py").write_text("import sys\n\nsys.exit(3)\nEFFECT = None\n")
     assert "fx/my_drag.py:3: SystemExit: 3" in testbed.refused("effects", "--effects", "fx")
-    from testbed.cli._scoring import load_method
+    from testbed.api.methods import load_method
     from testbed.problem import InputProblem
 
     Path("mine.py").write_text("raise SystemExit(3)\n")

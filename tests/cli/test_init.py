@@ -13,6 +13,7 @@ from testbed.files.model_file import read_model
 from testbed.files.starter import FILL_IN, channel_of
 from testbed.files.taps_file import load_taps
 from testbed.scenario.scenario_file import read_scenario
+from tests.support.shell import Shell
 
 
 def run(*arguments: str) -> int:
@@ -103,3 +104,14 @@ def test_hammer_blows_with_their_force_are_taps_too(folder, capsys):
         assert tap.quantity == "acceleration" and tap.record.sampling_rate == pytest.approx(12800.0, rel=1e-4)
         assert tap.record.channels["acceleration"].max() == pytest.approx(25.0 * unit)
         assert tap.record.channels["force"].max() == 250.0
+
+
+def test_a_file_with_empty_fields_keeps_its_rate_and_says_what_is_wrong(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rows = [f"{k / 1000:.3f},{'' if 40 <= k < 43 else k % 7}" for k in range(2000)]
+    (tmp_path / "cut_3000rpm_1mm.csv").write_text("\n".join(["time (s),disp (um)", *rows]) + "\n")
+    shell = Shell(capsys)
+    assert shell("init", "cut_3000rpm_1mm.csv") == 0
+    assert "cut_3000rpm_1mm.csv: displacement (disp (um), um), 1000 Hz\n" in shell.out
+    assert "  note: disp (um) is not looked at: 3 of 2000 samples are no number, the first is sample 41; mend" in shell.out
+    assert "sampling_rate: FILL_IN" not in (tmp_path / "campaign.yaml").read_text()

@@ -49,7 +49,7 @@ def preload() -> None:
     import testbed
     from testbed import analysis
 
-    for package, places in ((testbed, testbed.__path__[:1]), (analysis, analysis.__path__)):
+    for package, places in ((testbed, testbed.__path__), (analysis, analysis.__path__)):
         for module in pkgutil.walk_packages(places, f"{package.__name__}."):
             if not module.name.endswith("__main__"):
                 importlib.import_module(module.name)

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from testbed.export.groups import SPLITS, groups_of, machines_of, split_of
-from testbed.export.schema import FORMAT, Column, arrow_schema, columns, truth_column
-from testbed.export.shards import ShardWriter
-from testbed.export.windows import Windowing, labelled, ratio_of, resampled, windows_of
+from testbed.exports.groups import SPLITS, groups_of, machines_of, split_of
+from testbed.exports.schema import FORMAT, Column, arrow_schema, columns, truth_column
+from testbed.exports.shards import ShardWriter
+from testbed.exports.windows import Windowing, labelled, ratio_of, resampled, windows_of
 from testbed.problem import InputProblem
 from testbed.recording import CHANNEL_UNITS, Recording
 from testbed.store.store import truth_units

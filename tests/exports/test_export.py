@@ -13,8 +13,8 @@ from ruamel.yaml import YAML
 from testbed.analysis.multipliers.run_labels import contact_loss_time
 from testbed.cut import Cut, whole_cut_sampling
 from testbed.engines.fast import simulate as engine
-from testbed.export import shards
-from testbed.export.groups import condition_group, groups_of, split_of
+from testbed.exports import shards
+from testbed.exports.groups import condition_group, groups_of, split_of
 from testbed.machine import Cutter, Cutting, Model, Structure
 from testbed.store.data_set import read_data_set
 from tests.support.export_files import SCENARIO, export, run, simulate

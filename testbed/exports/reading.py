@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from testbed.export.schema import FORMAT, KEY
-from testbed.export.writing import MANIFEST, file_hash, manifest_hash
+from testbed.exports.schema import FORMAT, KEY
+from testbed.exports.writing import MANIFEST, file_hash, manifest_hash
 from testbed.problem import InputProblem
 
 

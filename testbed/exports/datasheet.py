@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from testbed.export.card import GROUPS
+from testbed.exports.card import GROUPS
 
 _TEXT = """# Datasheet: {name}
 

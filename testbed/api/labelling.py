@@ -1,4 +1,4 @@
-"""The work behind `testbed export`: the labels of every run, and what is gathered on the way for counts and baseline scores."""
+"""The work behind `testbed.export`: the labels of every run, and what is gathered on the way for counts and baseline scores."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Notes:
         self.every = max(1, -(-self._most() // (2 * MOST_TRAINED)))  # of many rows the baseline sees an even share
 
     def _most(self) -> int:
-        from testbed.export.writing import longest
+        from testbed.exports.writing import longest
 
         windows = self.planned.order.windows
         samples = longest(self.source, self.planned.about["sampling_rate"])
@@ -119,7 +119,7 @@ class Notes:
         import numpy as np
 
         from testbed.analysis.multipliers import baseline_scores, window_features
-        from testbed.export.schema import truth_column
+        from testbed.exports.schema import truth_column
 
         runs = self.planned.order.windows is None
         names: tuple[str, ...] = baseline_scores.FEATURES if runs else window_features.FEATURES

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from testbed.export.schema import Column
+from testbed.exports.schema import Column
 
 ROW_GROUP_BYTES = 8_000_000
 _FEW = 0.1  # different values for each value: below it they are listed once

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from testbed.export.schema import Column
+from testbed.exports.schema import Column
 
 _HEAD = """---
 pretty_name: {title}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from testbed.analysis.multipliers.run_labels import chatter
-from testbed.export.windows import Windowing, resampled, windows_of
+from testbed.exports.windows import Windowing, resampled, windows_of
 from testbed.recording import Recording
 from testbed.store.data_set import read_data_set
 from tests.support.export_files import SCENARIO, run, simulate
