@@ -1,8 +1,9 @@
-"""Several modes as the free decays of records show them: frequencies and damping ratios, whatever each decay begins with.
+"""Several modes as the free decays of records show them: frequencies, damping ratios, directions, whatever a decay begins with.
 
 In a free decay every channel is a sum of the modes of the part its sensor sits on, with amplitudes and phases of its own: for
 given frequencies and dampings a linear problem. Those are found by least squares over what it leaves (variable projection:
-Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413), on growing windows, so that phases do not run apart.
+Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413), on growing windows, so that phases do not run apart. By how much
+a mode shows along x and along y is its direction, in every decay the same.
 """
 
 from __future__ import annotations
@@ -15,27 +16,32 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from testbed.analysis.fit.observed import Observed
-from testbed.machine import Carrier, Model
+from testbed.machine import Carrier, Mode, Model
+from testbed.recording import Sensor
 
 WINDOWS = (0.1, 0.3, 1.0)  # shares of each decay that are fitted one after the other
 FEWEST = 64  # samples of a decay
-LOUD = 3.0  # times the noise, from which a channel of a decay says anything
+LOUD = 3.0  # times the noise, from which a channel, and those beside it, say anything of a decay
 MOST_SAMPLES = 4000  # of a decay
 SOFT = 0.01  # of a channel's own size, that is forgiven
 RANGE = (0.15, 2.0)  # of the logarithms of frequency and damping ratio, to either side of the believed ones
 BELIEF = (0.05, 1.0)  # standard deviations of those: they hold a mode that no decay shows
+SHOWN = 10.0  # times its standard error, that a mode's motion must have for its direction to be read,
+LINE = 0.2  # and that motion across it at the most, as a share: more is another mode's
 
 
 class _Decay(NamedTuple):
-    """Channels (rows, samples) of sensors on one part, in units of their noise, and the times (s) of the samples."""
+    """Channels (rows, samples) of sensors on one part, in units of `scale`, the times (s) of the samples, and those sensors."""
 
     on: Carrier
     values: np.ndarray
     time: np.ndarray
+    scale: np.ndarray
+    sensors: tuple[Sensor, ...]
 
 
 def modes_start(records: Sequence[Observed], model: Model) -> Model:
-    """The model with the frequencies and damping ratios of its modes that the records' free decays show; as it was without."""
+    """The model with the frequencies, damping ratios and directions that the records' free decays show; as it was without."""
     decays, modes = [decay for record in records for decay in _decays(record)], model.structure.modes
     if not decays:
         return model
@@ -55,7 +61,40 @@ def modes_start(records: Sequence[Observed], model: Model) -> Model:
     for place, (omega, damping) in enumerate(found):
         values[model.mode_path(place, "natural_frequency")] = float(omega) / (2 * math.pi)
         values[model.mode_path(place, "damping_ratio")] = min(float(damping), 0.5)
+        direction = _direction(decays, found, modes, place)
+        if direction is not None:
+            values[model.mode_path(place, "direction")] = direction
     return model.with_values(values)
+
+
+def _direction(decays: Sequence[_Decay], found: np.ndarray, modes: Sequence[Mode], place: int) -> float | None:
+    """The direction (rad) along which the mode at a place moves, nearest to the believed one; None where no decay tells it.
+
+    found: (rad/s, damping ratio) of all modes.
+    """
+    pairs = []
+    for decay in decays:
+        on = [number for number, mode in enumerate(modes) if mode.on == decay.on]
+        if place not in on:
+            continue
+        columns = _columns(decay.time, float(decay.time[-1]), found[on])
+        amplitudes = np.linalg.lstsq(columns, decay.values.T, rcond=None)[0] * decay.scale
+        inverse = np.linalg.inv(columns.T @ columns)
+        own = [2 + 2 * on.index(place), 3 + 2 * on.index(place)]
+        for order in {sensor.order for sensor in decay.sensors}:
+            along = [[row for row, sensor in enumerate(decay.sensors) if (sensor.order, sensor.axis) == (order, axis)]
+                     for axis in (0, 1)]
+            if all(along):
+                rows = [one[0] for one in along]
+                error = np.sqrt(np.diag(inverse)[own])[:, None] * decay.scale[rows].max()
+                pairs.append(amplitudes[np.ix_(own, rows)] / error)
+    if not pairs:
+        return None
+    _, sizes, turned = np.linalg.svd(np.concatenate(pairs))
+    if sizes[0] < SHOWN * math.sqrt(2.0 * len(pairs)) or sizes[1] > LINE * sizes[0]:
+        return None
+    believed = modes[place].direction
+    return believed + math.remainder(math.atan2(turned[0, 1], turned[0, 0]) - believed, math.pi)
 
 
 def _decays(record: Observed) -> list[_Decay]:
@@ -68,24 +107,29 @@ def _decays(record: Observed) -> list[_Decay]:
         first, last = max(0, round(begun * record.rate)), round((segment.stop - record.start) * record.rate)
         every = max(1, (last - first) // MOST_SAMPLES)
         places = np.arange(first, min(last, record.samples), every)
-        for on in ("workpiece", "tool"):
-            rows = [row for row, sensor in enumerate(record.sensors) if sensor is not None and sensor.on == on
-                    and len(places) >= FEWEST and np.std(record.data[row, places]) > LOUD * record.noise[row]]
-            if rows:
-                values = record.data[rows][:, places]
+        for on in ("workpiece", "tool") if len(places) >= FEWEST else ():
+            rows = [row for row, sensor in enumerate(record.sensors) if sensor is not None and sensor.on == on]
+            values = record.data[rows][:, places]
+            if rows and np.any(values.std(axis=1) > LOUD * record.noise[rows]):  # a quiet one beside it tells the direction
                 scale = np.hypot(record.noise[rows], SOFT * values.std(axis=1))
-                found.append(_Decay(on, values / scale[:, None], (places - first) / record.rate))
+                sensors = tuple(sensor for row in rows if (sensor := record.sensors[row]) is not None)
+                found.append(_Decay(on, values / scale[:, None], (places - first) / record.rate, scale, sensors))
     return found
 
 
 def _left(decay: _Decay, modes: np.ndarray, share: float) -> np.ndarray:
     """What vibrations of these (rad/s, damping ratio) with an offset and a slope leave of the first share of a decay."""
     count = max(FEWEST, round(share * len(decay.time)))
-    time, values = decay.time[:count], decay.values[:, :count]
-    columns = [np.ones(len(time)), time / max(float(decay.time[-1]), 1e-300)]
+    values = decay.values[:, :count]
+    basis = np.linalg.qr(_columns(decay.time[:count], float(decay.time[-1]), modes))[0]
+    return (values - (values @ basis) @ basis.T).ravel()
+
+
+def _columns(time: np.ndarray, last: float, modes: np.ndarray) -> np.ndarray:
+    """Shape (times, 2 + 2 modes): an offset, a slope, and the two phases of each free vibration (rad/s, damping ratio)."""
+    columns = [np.ones(len(time)), time / max(last, 1e-300)]
     for omega, damping in modes:
         envelope = np.exp(-damping * omega * time)
         turned = omega * math.sqrt(max(1.0 - damping**2, 0.0)) * time
         columns += [envelope * np.cos(turned), envelope * np.sin(turned)]
-    basis = np.linalg.qr(np.stack(columns, axis=1))[0]
-    return (values - (values @ basis) @ basis.T).ravel()
+    return np.stack(columns, axis=1)

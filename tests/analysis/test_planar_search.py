@@ -70,6 +70,17 @@ def base(observed):
 def test_free_decays_show_the_small_end_of_every_mode(observed):
     found = decay_start(observed, BELIEVED).structure.modes
     assert [one.natural_frequency for one in found] == pytest.approx([146.6, 310.0], rel=1e-3)
+    assert [math.degrees(one.direction) for one in found] == pytest.approx([12.0, 100.0], abs=2.0)  # believed: 104
+
+
+def test_a_direction_that_no_decay_tells_stays_as_believed(observed):
+    row = observed[0].channels.index("displacement")
+    alone = [replace(record, data=record.data[[row]], noise=record.noise[[row]], channels=("displacement",))
+             for record in observed]
+    found, believed = decay_start(alone, BELIEVED).structure.modes, BELIEVED.structure.modes
+    assert [one.direction for one in found] == [one.direction for one in believed]
+    turned = BELIEVED.with_values({"modes[1].direction": math.radians(-77)})  # the same line, seen from its other end
+    assert math.degrees(decay_start(observed, turned).structure.modes[1].direction) == pytest.approx(-80.0, abs=2.0)
 
 
 def test_candidates_start_from_the_small_end_with_what_is_held_held(observed, base):
