@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from testbed.analysis.fit.effect_start import is_required, state_without
 from testbed.analysis.fit.evidence import effective_size
 from testbed.analysis.fit.fit_state import WaveformFit
-from testbed.analysis.fit.fractional_passes import as_believed
+from testbed.analysis.fit.moves.parts_of_passes import as_believed
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.candidate import Candidate, Tried
 from testbed.analysis.search.candidate_round import candidate_of

@@ -15,7 +15,7 @@ import numpy as np
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.held_out import errors_in_fit
 from testbed.analysis.fit.record_restart import own_course
-from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.analysis.fit.solve import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 
 LOUD = 4.0  # mean square residual over the median record's, from which a record is doubted

@@ -4,9 +4,9 @@
     python -m tests.validation.golden --write               keep what is found now, in place of what was kept
     python -m tests.validation.golden --only "blind 3002"   some campaigns alone; the text may be part of a name
 
-A trace has the verdict, each step of the search (effects, cost, errors, gain in BIC), the parameters of the best set, the
-simulations of every record that were spent, and what the search said on its way. The campaigns: cheap ones, another cause
-each, so that all of them take some minutes on two cores. Add others to the tuples below, and write.
+A trace has the verdict, each step of the search (effects, cost, errors, gain in BIC, the moves of the fit that helped), the
+parameters of the best set, the simulations of every record that were spent, and what the search said on its way. The campaigns:
+cheap ones, another cause each, so that all of them take some minutes on two cores. Add others to the tuples below, and write.
 """
 
 from __future__ import annotations
@@ -75,7 +75,8 @@ def _outside(seed: int) -> tuple[Any, Sequence[Any]]:
 def _step(one: Tried) -> dict[str, Any]:
     cost = one.fit.cost if isinstance(one, Candidate) else float("nan")
     numbers = {"cost": cost, "error_fit": one.error_fit, "error_held_out": one.error_held_out, "delta_bic": one.delta_bic}
-    return {"effects": list(one.effects), **{key: _rounded(value) for key, value in numbers.items()}}
+    helped = list(one.fit.helped) if isinstance(one, Candidate) else []
+    return {"effects": list(one.effects), **{key: _rounded(value) for key, value in numbers.items()}, "moves": helped}
 
 
 def _parameters(one: Tried) -> dict[str, float]:
@@ -102,6 +103,9 @@ def differences(kept: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
         found += [f"step {place}, {key}: {step[key]:g} -> {other[key]:g}"
                   for place, (step, other) in enumerate(zip(kept["steps"], now["steps"], strict=True))
                   for key in ("cost", "error_fit", "error_held_out", "delta_bic") if not _same(step[key], other[key])]
+        found += [f"step {place}, moves that helped: {step['moves']} -> {other['moves']}"
+                  for place, (step, other) in enumerate(zip(kept["steps"], now["steps"], strict=True))
+                  if step["moves"] != other["moves"]]
     paths = sorted(kept["parameters"].keys() | now["parameters"].keys())
     values = [(path, *(one["parameters"].get(path, float("nan")) for one in (kept, now))) for path in paths]
     found += [f"{path}: {value:g} -> {other:g}" for path, value, other in values if not _same(value, other)]
