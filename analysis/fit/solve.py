@@ -45,6 +45,9 @@ class Goal:
     iterations: int = 40
 
 
+PLAIN = Goal()
+
+
 class Trial(NamedTuple):
     """A fit that a move proposes, and its fitter.
 
@@ -75,7 +78,7 @@ class Move:
     quick: bool = False
 
 
-def solve(fitter: Fitter, fit: WaveformFit, scheme: Scheme, goal: Goal = Goal()) -> tuple[Fitter, WaveformFit]:  # noqa: B008
+def solve(fitter: Fitter, fit: WaveformFit, scheme: Scheme, goal: Goal = PLAIN) -> tuple[Fitter, WaveformFit]:
     """The fit after the moves of a scheme, and its fitter; `fit.helped` names those that helped, in their order."""
     for step, move in steps_of(scheme):
         if arrived(fit, goal.known):
@@ -95,9 +98,13 @@ def solve(fitter: Fitter, fit: WaveformFit, scheme: Scheme, goal: Goal = Goal())
 
 
 def accepted(move: Move, trial: Trial, fit: WaveformFit) -> bool:
-    """Whether a trial is kept: it costs less, by more than a converged fit may still gain and what its departures must save."""
+    """Whether a trial is kept: it costs less, by more than a converged fit may still gain and what its departures must save.
+
+    A plainer one may cost more, by up to that.
+    """
     noise = max(1.0, min(fit.variance, trial.fit.variance))
-    return move.incomparable or fit.cost - trial.fit.cost > least_gain(fit) + trial.departures * move.worth * noise
+    least = trial.departures * move.worth * noise + (least_gain(fit) if trial.departures >= 0 else 0.0)
+    return move.incomparable or fit.cost - trial.fit.cost > least
 
 
 def least_gain(fit: WaveformFit) -> float:

@@ -18,7 +18,7 @@ from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.pass_search import entered, place_entries, place_exits, recently_entered
 from testbed.analysis.fit.prediction import Engine, predict
 from testbed.analysis.fit.record_restart import angles_tried
-from testbed.analysis.fit.solve import Goal, alternate_fit_and_passes, solve
+from testbed.analysis.fit.solve import PLAIN, Goal, alternate_fit_and_passes, solve
 from testbed.analysis.fit.structure_start import decay_start, structure_start
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.threads import threaded
@@ -155,7 +155,7 @@ def with_exits(fitter: Fitter, state: State) -> State:
 
 
 def base_fit(engine: Engine, records: Sequence[Observed], model: Model, *, free: Sequence[FreeParameter] | None = None,
-             goal: Goal = Goal()) -> tuple[Fitter, WaveformFit]:  # fmt: skip  # noqa: B008
+             goal: Goal = PLAIN) -> tuple[Fitter, WaveformFit]:  # fmt: skip
     """The believed model refitted to all records, from several starts, with every nuisance."""
     started = structure_start(records, model)
     free = list(free) if free is not None else free_parameters(records, started)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from testbed.analysis.estimate import Estimate
-from testbed.analysis.fit.doubted_marks import with_marks_doubted
 from testbed.analysis.fit.effect_start import ANCHOR, applicable, extended, origins_of, state_without
 from testbed.analysis.fit.estimates import at_bound, clock_note
 from testbed.analysis.fit.fine_steps import finely, has_kinks
@@ -18,12 +17,12 @@ from testbed.analysis.fit.free_vibration_start import marks_show
 from testbed.analysis.fit.held_guesses import with_guesses_held
 from testbed.analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled
 from testbed.analysis.fit.model_fit import model_fit
-from testbed.analysis.fit.moves import HYPOTHESES
+from testbed.analysis.fit.moves import HYPOTHESES, TOLD
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.plausible import remarks_on
 from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.record_hypotheses import taken_notes
-from testbed.analysis.fit.solve import alternate_fit_and_passes, solve, to_its_end
+from testbed.analysis.fit.solve import alternate_fit_and_passes, least_gain, solve, to_its_end
 from testbed.analysis.fit.spindle_speed import at_modelled_speed
 from testbed.analysis.fit.switched import switch_note
 from testbed.analysis.fit.tooth_circles import at_least_strength, direction_notes
@@ -105,7 +104,7 @@ def add_effects(engine: Engine, records: Sequence[Observed], model: Model, effec
         progress(f"fitting with {' and '.join(names)} from the model as it was")
         found = min(found, agreed(*model_fit(engine, step.records, with_examples(model, names, known), known)),
                     key=lambda one: misfit(*one)[0])
-    return _told(names, model, before, *with_marks_doubted(*found), known)
+    return _told(names, model, before, *solve(*found, TOLD), known)
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,7 @@ def _with_one_more(engine: Engine, records: Sequence[Observed], model: Model, ef
     progress("looking again for a fit without it")
     reduced = state_without(with_it.state, effect.name, {effect.name: effect})
     again = alternate_fit_and_passes(fitter, reduced, rounds=1, iterations=8)
-    if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
+    if again.cost < fit.cost - least_gain(fit):  # the effect only helped to find a better place for the model without it
         fit, before = again, tuple(held_out_errors(fitter, again))
     return _Step(records, wider, with_it, fit, before)
 

@@ -75,8 +75,9 @@ QUICK: Scheme = ("lengths", Step("other_beginnings", when=_is_kinked), "entries_
                  Step("cut_elsewhere", when=_explains_some), NEW_QUICK)  # fmt: skip
 WORTH_PARTS: Scheme = tuple(Step(move, when=_explains_half) for move in PARTS if isinstance(move, str))
 WORTH_HOPPING: Scheme = (Step("basin_hopping", when=_helps),)
-# A candidate that is named
+# A candidate that is named; and a fit that is told, its search over
 NAMED: Scheme = ("force_jumps", *HYPOTHESES)
+TOLD: Scheme = ("doubted_marks",)
 
 
 @lru_cache(maxsize=1)
@@ -96,4 +97,4 @@ def steps_of(scheme: Scheme) -> Iterator[tuple[Step, Move]]:
                 yield step, moves[step.move]
 
 
-NAMES = {one.move if isinstance(one, Step) else one for one in (*BASE, *LAWS, *QUICK)} - {NEW, NEW_QUICK}
+NAMES = {one.move if isinstance(one, Step) else one for one in (*BASE, *LAWS, *QUICK, *TOLD)} - {NEW, NEW_QUICK}
