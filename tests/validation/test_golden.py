@@ -5,6 +5,7 @@ import json
 
 import pytest
 
+from testbed.analysis.fit.moves import BASE, every_move, steps_of
 from tests.validation import golden
 
 TRACE = {"campaign": "blind 1", "verdict": "missing_effect", "effects": ["helix"], "noise_floor": 0.01, "simulations": 900,
@@ -36,6 +37,13 @@ def test_each_part_of_a_trace_is_compared():
     assert changed(parameters={"helix.lag": 0.02}) == ["helix.lag: 0.01 -> 0.02"]
     assert changed(parameters={}) == ["helix.lag: 0.01 -> nan"]
     assert changed(said=["fitting the believed model"]) == ["the way, from its step 2 on: trying helix -> the end"]
+
+
+def test_a_move_that_is_left_out_is_in_no_scheme(monkeypatch):
+    monkeypatch.setitem(every_move(), "best_half", every_move()["best_half"])  # put back at the end
+    assert "best_half" in [step.move for step, _ in steps_of(BASE)]
+    golden.leave_out("best_half")
+    assert "best_half" not in [step.move for step, _ in steps_of(BASE)] and len(list(steps_of(BASE))) > 5
 
 
 def test_every_campaign_has_its_trace():
