@@ -107,7 +107,7 @@ def differences(kept: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
                   for key in ("cost", "error_fit", "error_held_out", "delta_bic") if not _same(step[key], other[key])]
         found += [f"step {place}, moves that helped: {step['moves']} -> {other['moves']}"
                   for place, (step, other) in enumerate(zip(kept["steps"], now["steps"], strict=True))
-                  if step["moves"] != other["moves"]]
+                  if step.get("moves", other["moves"]) != other["moves"]]  # a trace that was kept before has none
     paths = sorted(kept["parameters"].keys() | now["parameters"].keys())
     values = [(path, *(one["parameters"].get(path, float("nan")) for one in (kept, now))) for path in paths]
     found += [f"{path}: {value:g} -> {other:g}" for path, value, other in values if not _same(value, other)]
