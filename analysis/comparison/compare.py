@@ -16,17 +16,18 @@ import numpy as np
 
 from testbed.analysis.comparison.adequacy import Adequacy, adequacy_tests, controlled, less_open
 from testbed.analysis.estimate import Estimate
-from testbed.analysis.fit.doubted_marks import with_marks_doubted
 from testbed.analysis.fit.estimates import at_bound
 from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.held_guesses import with_guesses_held
 from testbed.analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled, pooled_doubt, record_error
 from testbed.analysis.fit.identifiable import Identifiable
 from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.moves import TOLD
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.plausible import against_adequacy
 from testbed.analysis.fit.prediction import Engine, predict
+from testbed.analysis.fit.solve import solve
 from testbed.analysis.fit.spindle_speed import at_modelled_speed
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.information import Z_95
@@ -125,7 +126,7 @@ def compare(engine: Engine, records: Sequence[Observed], model: Model, catalogue
     told: what the records, at the speed that the model has, tell of its parameters, if that is at hand.
     """
     records = at_modelled_speed(records, model.effects, catalogue)
-    fitter, fit = with_marks_doubted(*model_fit(engine, records, model, catalogue, told=told))
+    fitter, fit = solve(*model_fit(engine, records, model, catalogue, told=told), TOLD)
     held = with_guesses_held(fitter, fit, model, catalogue)
     fitter, fit = held.fitter, held.fit
     errors, held_out = held_out_errors(fitter, fit), holds_out(records)

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -13,12 +14,14 @@ from testbed.analysis.fit.fit_state import FreeParameter, Jacobian, State, Wavef
 from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.least_squares import gauss_newton_step
 from testbed.analysis.fit.length_cut import asks_length
+from testbed.analysis.fit.moves.growing_decays import grown
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.pass_search import begun_otherwise, place_entries, settle_passes, turn_phases
 from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.recurring_start import SCREENED, recurring_starts, residual_peaks
 from testbed.analysis.fit.shown_range import parameter_bounds
-from testbed.analysis.fit.starts import alternate_fit_and_passes, anchored_states, softened
+from testbed.analysis.fit.solve import alternate_fit_and_passes
+from testbed.analysis.fit.starts import anchored_states, softened
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -32,7 +35,6 @@ TOGETHER = 24  # passes by which the entries of all records are moved at the mos
 SETTLING, SETTLED = 10, 0.98  # rounds of placing entries and fitting at the most, and the share of the cost one must beat
 CORNER = 8  # iterations of a fit that only has to find its valley,
 CREEPING = 32  # and of one that, from nearer, creeps along it
-GROWTH = (0.006, 0.02, 0.06, 0.2, 0.6, 1.0)  # shares of free decays that are fitted one after the other
 
 
 def fitting_example(fitter: Fitter, effect: Effect, fit: WaveformFit) -> Effect:
@@ -48,10 +50,8 @@ def fitting_example(fitter: Fitter, effect: Effect, fit: WaveformFit) -> Effect:
     for parameter in effect.parameters:
         example = parameter.example
         for _ in range(20 if parameter.vanishes else 0):
-            values = {
-                one.name: example if one is parameter else one.neutral if one.vanishes else one.example
-                for one in effect.parameters
-            }
+            values = {one.name: example if one is parameter else one.neutral if one.vanishes else one.example
+                      for one in effect.parameters}
             model = state.model.with_effect(effect.name, **values)
             moved = fitter.residual_of(index, replace(state, model=model))[: len(base)] - base
             if float(np.sqrt(np.mean(moved**2))) <= 0.3 * size:
@@ -96,12 +96,8 @@ def effect_parameters(effect: Effect, records: Sequence[Observed]) -> list[FreeP
             continue
         size = abs(parameter.example - parameter.neutral) or abs(parameter.example) or 1.0
         low, high = bounds = parameter_bounds(parameter, records)
-        if parameter.unit == "Hz":
-            size = 0.02 * max(abs(parameter.example), 1.0)
-        elif parameter.unit == "rad":
-            size = 0.3
         round_about = parameter.unit == "rad" and not parameter.vanishes and high - low >= 2 * math.pi
-        step = size if parameter.unit in ("Hz", "rad") else 0.3 * size
+        step = {"Hz": 0.02 * max(abs(parameter.example), 1.0), "rad": 0.3}.get(parameter.unit, 0.3 * size)
         free.append(FreeParameter(f"{effect.name}.{parameter.name}", step, bounds, round_about, parameter.each_record,
                          "engagement" in effect.hooks, asks_length([effect.name], {effect.name: effect}), swinging))
     return free
@@ -167,53 +163,6 @@ def origins_of(engine: Engine, model: Model, fitter: Fitter, fit: WaveformFit, a
     return origins
 
 
-def grown(fitter: Fitter, states: Sequence[State]) -> WaveformFit:
-    """A fit of free decays on ever longer openings, from the state that explains the second of them best.
-
-    Over a whole decay, phases that run apart hide where the fit should go.
-    """
-    first, second, *longer = [_opened(fitter, share) for share in GROWTH]
-    tries = [first.fit(_released(first, state), iterations=10) for state in states]
-    tries = [second.fit(one.state, iterations=10) for one in tries]
-    fit = min(tries, key=lambda one: one.cost)
-    for part in longer:
-        fit = part.fit(fit.state, iterations=15)
-    return fit
-
-
-def _opened(fitter: Fitter, share: float) -> Fitter:
-    """The fitter on the first part of every record."""
-    records = []
-    for record in fitter.records:
-        count = min(record.samples, max(64, round(share * record.samples)))
-        records.append(record.part(0, count, None if share > 0.5 else 1))
-    return fitter.on(records)
-
-
-def _released(fitter: Fitter, state: State) -> State:
-    """The state with every decay started where its record starts: displacement and velocity as the samples show them."""
-    own = []
-    for record, nuisances in zip(fitter.records, state.nuisances, strict=True):
-        if record.motion is not None:
-            displacement, velocity = _first_state(record, *record.motion)
-            nuisances = replace(nuisances, displacement=displacement, velocity=velocity)
-        own.append(nuisances)
-    return replace(state, nuisances=tuple(own))
-
-
-def _first_state(record: Observed, place: int, order: int, omega: float) -> tuple[float, float]:
-    """Displacement (m) and velocity (m/s) at the first sample, of a vibration at `omega` of which a derivative is measured."""
-    values = record.data[place] - record.data[place].mean()
-    level, slope = float(values[0]), float(np.polyfit(np.arange(5) / record.rate, values[:5], 1)[0])
-    for _ in range(order):  # integrated once: the slope of what is measured is -omega^2 times what is wanted
-        level, slope = -slope / omega**2, level
-    return level, slope
-
-
-def _cost(pair: tuple[float, State]) -> float:
-    return pair[0]
-
-
 def first_step(
     fitter: Fitter, effect: Effect, fit: WaveformFit, origins: Sequence[Origin], growing: bool = True
 ) -> tuple[float, State, Fitter]:
@@ -237,7 +186,7 @@ def first_step(
             state = replace(origin.state, model=origin.state.model.with_effect(effect.name, **values))
             state = _suited(wider, state, effect, worst)
             tried.append((wider.cost(state, worst), state))
-        plain, faint = sorted(tried[: len(points)], key=_cost), sorted(tried[len(points) :], key=_cost)
+        plain, faint = sorted(tried[: len(points)], key=itemgetter(0)), sorted(tried[len(points) :], key=itemgetter(0))
         likely = tried[:1] if recurring and plain[0] is not tried[0] else []  # explains most to first order, its line a bit off
         chosen = [_suited(wider, state, effect, others) for _, state in (*plain[:2], *faint[:1], *likely)]
         tried = [(wider.cost(state), state) for state in chosen]
@@ -256,10 +205,10 @@ def first_step(
         base = origins[-1].state
         starts = [replace(base, model=base.model.with_effect(effect.name, **values)) for values in points]
         found = grown(wider, starts)
-        best = min(best, (found.cost, found.state), key=lambda one: one[0])
+        best = min(best, (found.cost, found.state), key=itemgetter(0))
     elif best[0] > fit.cost * (1.0 - SMALL) and all(one.cut is None for one in fitter.records):
         further = wider.descend(best[1] if effect.name in best[1].model.effects else tried[0][1], iterations=CORNER)
-        best = min(best, (further.cost, further.state), key=lambda one: one[0])
+        best = min(best, (further.cost, further.state), key=itemgetter(0))
     return best[0], best[1], wider
 
 
@@ -297,7 +246,7 @@ def gradual_entry(
                 break
             cost, found = found.cost, soft.descend(place_entries(soft, found.state), iterations=6)
         tried.append((wider.cost(found.state), found.state))
-    best = wider.descend(min(tried, key=_cost)[1], iterations=CORNER)
+    best = wider.descend(min(tried, key=itemgetter(0))[1], iterations=CORNER)
     for passes in (-1, 1) if best.cost <= cost_limit else ():
         for _ in range(TOGETHER):
             moved = tuple(replace(one, entry=min(one.entry + passes, one.exit - 1)) for one in best.state.nuisances)
@@ -339,7 +288,7 @@ def far_step(fitter: Fitter, effect: Effect, fit: WaveformFit, cost_limit: float
         states = [replace(fit.state, model=fit.state.model.with_effect(effect.name, **values)) for values in points]
         if not effect.smooth:
             states = [begun_otherwise(wider, state)[0] for state in states]
-        return min(((wider.cost(state, worst), state) for state in states), key=_cost)[1]
+        return min(((wider.cost(state, worst), state) for state in states), key=itemgetter(0))[1]
 
     if not effect.smooth:
         found = wider.descend(begun(SHARES), iterations=2 * CORNER, cost_limit=cost_limit)

@@ -4,10 +4,23 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from testbed.analysis.fit.fit_state import WaveformFit
+from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.information import autocorrelation, independent
 
 DELTA_BIC = 10.0  # gain in the criterion from which something is worth having: very strong evidence
+
+
+def noise_cost(fitter: Fitter) -> float:
+    """What the noise of the records costs, in units of their scale."""
+    return 0.5 * sum(one.count * float(np.sum((one.noise / one.scale) ** 2)) for one in fitter.records)
+
+
+def excess(fitter: Fitter, cost: float) -> float:
+    """What a cost is beyond that of the noise."""
+    return max(cost - noise_cost(fitter), 0.0)
 
 
 def effective_size(fit: WaveformFit) -> float:

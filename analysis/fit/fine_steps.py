@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from testbed.analysis.fit.entry_passes import entries_together
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.pass_search import begun_otherwise
 from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.scale_profile import along_scales, kinked_scales, margin
+from testbed.analysis.fit.solve import solve
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 
@@ -66,7 +66,7 @@ def finely(fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) ->
     """The fit settled with finer steps in the deepest valley close by, and the fitter that did it."""
     times = times_finer(fit.state.model.effects, catalogue)
     finer = Fitter(fine(fitter.engine, times), fitter.records, fitter.unknowns)
-    fit = entries_together(finer, finer.fit(begun_otherwise(finer, fit.state)[0], iterations=SETTLE))
+    _, fit = solve(finer, finer.fit(begun_otherwise(finer, fit.state)[0], iterations=SETTLE), ("entries_together",))
     laws = kinked(fit.state.model.effects, catalogue)
     if not kinked_scales(laws):
         return finer, fit

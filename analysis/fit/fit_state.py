@@ -195,13 +195,15 @@ class WaveformFit(Descent):
     """A finished fit, with the slopes where it ended.
 
     names of the shared unknowns: the free parameters' paths, then `mark_angle` where it was fitted; covariance of the same.
-    alike: states elsewhere, out of reach of the slopes, that explain the records as well.
+    alike: states elsewhere, out of reach of the slopes, that explain the records as well. helped: names of the moves that led
+    to it, in their order, see `solve`.
     """
 
     residuals: tuple[np.ndarray, ...]
     names: tuple[str, ...]
     covariance: np.ndarray
     alike: tuple[State, ...] = ()
+    helped: tuple[str, ...] = ()
 
     @property
     def squares(self) -> float:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from testbed.analysis.fit.fit_state import FreeParameter
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.shown_range import frequency_bounds, mass_bounds
-from testbed.machine import Model
+from testbed.machine import Model, base_parameter
 
 DIRECTION_STEP = 0.1  # rad: a natural step of a mode's direction
 _DAMPING_BOUNDS = (1e-6, 0.9)
@@ -54,3 +54,8 @@ def mass_of_a_mode(records: Sequence[Observed], model: Model, place: int) -> Fre
     """The mass of the mode at a place, as an unknown."""
     mass = model.structure.modes[place].mass
     return FreeParameter(model.mode_path(place, "mass"), 0.05 * mass, mass_bounds(records, mass))
+
+
+def at_a_bound(free: Sequence[FreeParameter], model: Model) -> bool:
+    """Whether a parameter of the machine itself ended where no machine is: a fit made up for something by it."""
+    return any(base_parameter(one.path) and model.value(one.path) in one.bounds for one in free)

@@ -8,17 +8,19 @@ speed that they show is carried over to it, pass by pass.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from testbed.analysis.fit.fit_state import FreeParameter, State, WaveformFit
+from testbed.analysis.fit.moves import COURSES
 from testbed.analysis.fit.nuisances import Nuisances, turned_by
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Engine
-from testbed.analysis.fit.starts import alternate_fit_and_passes, base_fit, with_courses
+from testbed.analysis.fit.solve import alternate_fit_and_passes, solve
+from testbed.analysis.fit.starts import base_fit
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.records.spindle_clock import turns_of
 from testbed.effect import Effect
@@ -138,13 +140,13 @@ def _together(marks: Sequence[np.ndarray], frequency: float) -> list[Clock] | No
 
 
 def free_vibration_fit(
-    engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect], free: Sequence[FreeParameter]
+    engine: Engine, records: Sequence[Observed], model: Model, laws: Sequence[Effect], free: Sequence[FreeParameter]
 ) -> tuple[Fitter, WaveformFit] | None:
     """The model fitted from where marks show the swing of its speed; None where it has none, or they show no sinusoid.
 
     The model without the swing is fitted at the speed that the marks show, and carried over.
     """
-    effect = next((catalogue[name] for name in model.effects if swings_the_speed(catalogue[name])), None)
+    effect = next((law for law in laws if swings_the_speed(law)), None)
     clocks = None if effect is None else swing_clocks(records, effect)
     if effect is None or clocks is None:
         return None
@@ -153,7 +155,7 @@ def free_vibration_fit(
     _, fit = base_fit(engine, measured, model.without_effect(effect.name), free=others)
     fitter = Fitter(engine, records, free)
     begun = _carried_over(fit.state, records, measured, clocks, effect)
-    return fitter, with_courses(fitter, alternate_fit_and_passes(fitter, begun))
+    return solve(fitter, alternate_fit_and_passes(fitter, begun), COURSES)
 
 
 def _carried_over(

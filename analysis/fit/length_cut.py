@@ -26,7 +26,6 @@ from testbed.effect import Effect, arguments_of
 
 LENGTH = "length_cut"
 LONGER = 1e-5  # m: a length by which slopes are taken
-AGAIN = 10  # iterations of a fit with other lengths
 
 
 def asks_length(names: Iterable[str], catalogue: Mapping[str, Effect]) -> bool:
@@ -43,19 +42,10 @@ def carried_on(records: Sequence[Observed]) -> list[Observed] | None:
     cuts = [record.cut for record in records if record.cut is not None]
     if len(cuts) < 2 or any(cut.length_cut_before for cut in cuts):
         return None
-    return _summed(records, [_passes(record, first_nuisances(record, 0.0), 0.0, 0.0) for record in records])
+    return summed(records, [passes_cut(record, first_nuisances(record, 0.0), 0.0, 0.0) for record in records])
 
 
-def with_lengths_found(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
-    """The fit to records that were `carried_on`, with the lengths from the entry to the exit that it found."""
-    state = fit.state
-    passes = [_passes(record, own, state.angle, 1.0 - state.share_in_arc(record))
-              for record, own in zip(fitter.records, state.nuisances, strict=True)]  # fmt: skip
-    found = fitter.on(_summed(fitter.records, passes))
-    return found, found.fit(state, iterations=AGAIN)
-
-
-def _passes(record: Observed, own: Nuisances, angle: float, idle: float) -> float:
+def passes_cut(record: Observed, own: Nuisances, angle: float, idle: float) -> float:
     """For how many passes a record cuts: from where in an arc it begins to where in one it ends.
 
     Where either is in the time of no tooth, `idle` (of a pass), it is as likely anywhere there: in its middle.
@@ -67,7 +57,7 @@ def _passes(record: Observed, own: Nuisances, angle: float, idle: float) -> floa
     return max(0.0, min(ends, record.last_pass(angle, own) + 1) - max(begins, record.first_pass))
 
 
-def _summed(records: Sequence[Observed], passes: Sequence[float]) -> list[Observed]:
+def summed(records: Sequence[Observed], passes: Sequence[float]) -> list[Observed]:
     """The records with the lengths of all before, of which each cuts for so many passes."""
     found, before = [], 0.0
     for record, count in zip(records, passes, strict=True):

@@ -6,25 +6,22 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from testbed.analysis.fit.basin_hopping import basin_hopping
-from testbed.analysis.fit.effect_start import grown
-from testbed.analysis.fit.fine_steps import kinked
 from testbed.analysis.fit.fit_state import FreeParameter, WaveformFit
-from testbed.analysis.fit.force_jumps import at_its_jumps
 from testbed.analysis.fit.free_vibration_start import free_vibration_fit
-from testbed.analysis.fit.growing_window import bends_frequency, grown_cuts
 from testbed.analysis.fit.identifiable import Identifiable, identifiable_parameters, with_strayed_modes
-from testbed.analysis.fit.length_cut import asks_length, carried_on, with_lengths_found
+from testbed.analysis.fit.length_cut import asks_length, carried_on
+from testbed.analysis.fit.moves import LAWS
+from testbed.analysis.fit.moves.growing_decays import decays_alone
+from testbed.analysis.fit.moves.growing_window import bends_frequency
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Engine
-from testbed.analysis.fit.record_hypotheses import asked_again
-from testbed.analysis.fit.starts import arrived, at_a_bound, base_fit, with_courses, with_fronts_and_courses
-from testbed.analysis.fit.structure_start import structure_start
+from testbed.analysis.fit.solve import Goal, arrived, solve
+from testbed.analysis.fit.starts import base_fit
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 from testbed.machine import Model
 
-EXPLAINED = 1.1  # mean square residual up to which coefficients are believed, whatever they are, and an arc of engagement
+EXPLAINED = 1.1  # mean square residual up to which an arc of engagement is believed
 BEYOND = 2.0  # times as far from the believed arc as the fitted one: where a fit begins that comes from the other side
 
 
@@ -51,16 +48,19 @@ def model_fit(
         known_of = told if told is not None and told.asked_of(records) else \
             identifiable_parameters(engine, records, model, catalogue, helps=False)
         free = known_of.free
-    found = _fitted(engine, records, model, catalogue, free, cost_limit, known)
+    laws = tuple(catalogue[name] for name in model.effects)
+    patient = bends_frequency(laws) or bool(laws) and decays_alone(records)  # phases have run apart until such a fit is grown
+    goal = Goal(laws, model, cost_limit, patient, known)
+    found = _fitted(engine, records, model, free, goal)
     done = found[1].cost > cost_limit or arrived(found[1], known)
     if not done and (beyond := _with_arc_beyond(found[1], model, catalogue)):
-        found = min(found, _fitted(engine, records, beyond, catalogue, free, math.inf, known), key=lambda one: one[1].cost)
+        further = _fitted(engine, records, beyond, free, replace(goal, prior=beyond, cost_limit=math.inf))
+        found = min(found, further, key=lambda one: one[1].cost)
     if asks_length(model.effects, catalogue) and (longer := carried_on(records)) is not None:
-        worn = _fitted(engine, longer, model, catalogue, free, cost_limit, known)
-        found = with_lengths_found(*worn) if worn[1].cost < found[1].cost else found
+        found = min(found, _fitted(engine, longer, model, free, goal), key=lambda one: one[1].cost)
     if found[1].cost > cost_limit or arrived(found[1], known):
         return found
-    return with_strayed_modes(*asked_again(*found), model)
+    return with_strayed_modes(*found, model)
 
 
 def _with_arc_beyond(fit: WaveformFit, model: Model, catalogue: Mapping[str, Effect]) -> Model | None:
@@ -77,46 +77,8 @@ def _with_arc_beyond(fit: WaveformFit, model: Model, catalogue: Mapping[str, Eff
     return model.with_effect(effect.name, **{switch.name: min(max(far, switch.bounds[0]), switch.bounds[1])})
 
 
-def _fitted(engine: Engine, records: Sequence[Observed], model: Model, catalogue: Mapping[str, Effect],
-            free: Sequence[FreeParameter] | None, cost_limit: float, known: float) -> tuple[Fitter, WaveformFit]:  # fmt: skip
+def _fitted(engine: Engine, records: Sequence[Observed], model: Model, free: Sequence[FreeParameter] | None, goal: Goal
+            ) -> tuple[Fitter, WaveformFit]:  # fmt: skip
     """The fit to the records with the lengths cut before as they have them."""
-    swung = free_vibration_fit(engine, records, model, catalogue, free) if free is not None else None
-    bent = bends_frequency(model.effects, catalogue)  # such a fit may come to its goal when it is grown
-    fitter, fit = swung or base_fit(engine, records, model, free=free, cost_limit=cost_limit, patient=bent, known=known)
-    if arrived(fit, known):
-        return fitter, fit
-    if bent:
-        fit = grown_cuts(fitter, fit)
-    if model.effects and all(record.kind == "ring-down" for record in records):
-        believed = replace(fit.state, model=structure_start(records, model))
-        fit = min(fit, grown(fitter, [believed, fit.state]), key=lambda one: one.cost)
-    if fit.cost > cost_limit:
-        return fitter, fit
-    if at_a_bound(fitter.free, fit.state.model) or _cuts_like_no_tool(fit):
-        fitter, fit = min((fitter, fit), _from_believed_coefficients(fitter, model), key=lambda one: one[1].cost)
-    fit = basin_hopping(fitter, kinked(model.effects, catalogue), fit)
-    without, fit = at_its_jumps(fitter, fit)
-    if without is fitter:
-        return fitter, fit
-    return at_its_jumps(without, with_courses(without, fit))  # samples at jumps hid what entries and exits a pass off leave
-
-
-def _cuts_like_no_tool(fit: WaveformFit) -> bool:
-    """Whether a fit has a normal force that pulls, or is larger than the tangential one.
-
-    Of one mode along the feed and equal teeth, only a fit that leaves more than noise: that is left of too few parameters.
-    """
-    model, cutting = fit.state.model, fit.state.model.cutting
-    if cutting is None or fit.variance < EXPLAINED and not model.planar:
-        return False
-    return not 0.0 <= cutting.normal_coefficient <= cutting.tangential_coefficient
-
-
-def _from_believed_coefficients(fitter: Fitter, model: Model) -> tuple[Fitter, WaveformFit]:
-    """The fit begun where the cutting coefficients as believed lead: free from the beginning, they went to where no machine is.
-
-    On the way there the passes of entries and exits have bent to suit them.
-    """
-    held = [one for one in fitter.unknowns if not one.path.endswith("_coefficient")]
-    _, fit = base_fit(fitter.engine, fitter.records, model, free=held)
-    return with_fronts_and_courses(fitter, fitter.fit(fit.state))
+    swung = free_vibration_fit(engine, records, model, goal.laws, free) if free is not None else None
+    return solve(*(swung or base_fit(engine, records, model, free=free, goal=goal)), LAWS, goal)

@@ -4,18 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from testbed.analysis.fit.entry_history import front_note, with_front_found
-from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.length_cut import length_note
+from testbed.analysis.fit.moves.entry_history import front_note
+from testbed.analysis.fit.moves.table_feed import feed_note
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.table_feed import feed_note, with_feed_found
 from testbed.analysis.fit.thinning import thinned_note
-from testbed.analysis.fit.waveform import Fitter
-
-
-def asked_again(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
-    """The fit with the fronts and the feed that explain more now: without an effect, it may have leant on the others."""
-    return with_feed_found(*with_front_found(fitter, fit))
 
 
 def taken_notes(records: Sequence[Observed], used: Sequence[Observed]) -> list[str]:

@@ -16,8 +16,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbed.analysis.fit.basin_hopping import scales
 from testbed.analysis.fit.fit_state import Descent, Jacobian, WaveformFit
+from testbed.analysis.fit.moves.basin_hopping import scales
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 

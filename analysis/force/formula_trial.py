@@ -15,7 +15,7 @@ from testbed.analysis.fit.effect_start import all_free
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.prediction import Engine
-from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.analysis.fit.solve import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.force.explain_force import Explanation, explanations_from, formula_text
 from testbed.analysis.force.trial_law import NAME, trial_law

@@ -8,23 +8,23 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from testbed.analysis.estimate import Estimate
-from testbed.analysis.fit.doubted_marks import with_marks_doubted
 from testbed.analysis.fit.effect_start import ANCHOR, applicable, extended, origins_of, state_without
 from testbed.analysis.fit.estimates import at_bound, clock_note
 from testbed.analysis.fit.fine_steps import finely, has_kinks
 from testbed.analysis.fit.fit_state import State, WaveformFit
-from testbed.analysis.fit.force_jumps import at_its_jumps
+from testbed.analysis.fit.free_parameters import at_a_bound
 from testbed.analysis.fit.free_vibration_start import marks_show
 from testbed.analysis.fit.held_guesses import with_guesses_held
 from testbed.analysis.fit.held_out import RecordError, held_out_errors, holds_out, pooled
 from testbed.analysis.fit.identifiable import Identifiable
 from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.moves import HYPOTHESES, TOLD
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.plausible import remarks_on
 from testbed.analysis.fit.prediction import Engine
-from testbed.analysis.fit.record_hypotheses import asked_again, taken_notes
+from testbed.analysis.fit.record_hypotheses import taken_notes
+from testbed.analysis.fit.solve import alternate_fit_and_passes, least_gain, solve, to_its_end
 from testbed.analysis.fit.spindle_speed import at_modelled_speed
-from testbed.analysis.fit.starts import alternate_fit_and_passes, at_a_bound, to_its_end
 from testbed.analysis.fit.switched import switch_note
 from testbed.analysis.fit.tooth_circles import at_least_strength, direction_notes
 from testbed.analysis.fit.waveform import Fitter
@@ -107,7 +107,7 @@ def add_effects(engine: Engine, records: Sequence[Observed], model: Model, effec
         progress(f"fitting with {' and '.join(names)} from the model as it was")
         found = min(found, agreed(*model_fit(engine, step.records, with_examples(model, names, known), known)),
                     key=lambda one: misfit(*one)[0])
-    return _told(names, model, before, *with_marks_doubted(*found), known)
+    return _told(names, model, before, *solve(*found, TOLD), known)
 
 
 @dataclass(frozen=True)
@@ -133,11 +133,11 @@ def _with_one_more(engine: Engine, records: Sequence[Observed], model: Model, ef
     before = bare.errors
     progress(f"fitting with {effect.name}")
     wider, with_it = _best_fit_with(engine, model, catalogue, effect, bare, progress)
-    wider, with_it = asked_again(wider, to_its_end(wider, with_it))
+    wider, with_it = solve(wider, to_its_end(wider, with_it), HYPOTHESES)
     progress("looking again for a fit without it")
     reduced = state_without(with_it.state, effect.name, {effect.name: effect})
     again = alternate_fit_and_passes(fitter, reduced, rounds=1, iterations=8)
-    if again.cost < 0.999 * fit.cost:  # the effect only helped to find a better place for the model without it
+    if again.cost < fit.cost - least_gain(fit):  # the effect only helped to find a better place for the model without it
         fit, before = again, tuple(held_out_errors(fitter, again))
     return _Step(records, wider, with_it, fit, before)
 
@@ -170,7 +170,7 @@ def _best_fit_with(engine: Engine, model: Model, catalogue: Mapping[str, Effect]
 
     if marks_show(effect, records):
         return anew()
-    found = agreed(*at_its_jumps(*_fit_with(engine, model, catalogue, effect, bare, progress)))
+    found = agreed(*solve(*_fit_with(engine, model, catalogue, effect, bare, progress), ("force_jumps",)))
     before, (likelihood, left) = pooled(bare.errors), misfit(*found)
     doubtful = before[0] > ANCHOR * before[1] or at_a_bound(found[0].free, found[1].state.model)
     if left <= SOUND or not doubtful:

@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from testbed.analysis.fit.effect_start import is_required, state_without
 from testbed.analysis.fit.evidence import effective_size
 from testbed.analysis.fit.fit_state import WaveformFit
-from testbed.analysis.fit.fractional_passes import as_believed
+from testbed.analysis.fit.moves.parts_of_passes import as_believed
+from testbed.analysis.fit.solve import least_gain
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.candidate import Candidate, Tried
 from testbed.analysis.search.candidate_round import candidate_of
@@ -22,7 +23,7 @@ def nesting_guard(current: Candidate, tried: Sequence[Tried], catalogue: Mapping
     best = current
     for one in sorted((one for one in tried if isinstance(one, Candidate)), key=lambda one: one.error_fit)[:2]:
         for fit in _nested(current.fitter, one, catalogue):
-            if fit.cost < best.fit.cost * (1.0 - 1e-4):
+            if fit.cost < best.fit.cost - least_gain(best.fit):
                 best = candidate_of(current.fitter, fit, current.effects, best.fit, effective_size(fit))
     return best
 

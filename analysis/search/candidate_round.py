@@ -11,18 +11,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from testbed.analysis.fit.basin_hopping import basin_hopping
 from testbed.analysis.fit.effect_start import Origin
-from testbed.analysis.fit.entry_passes import entries_together
-from testbed.analysis.fit.evidence import bic, effective_size
+from testbed.analysis.fit.evidence import bic, effective_size, excess, noise_cost
 from testbed.analysis.fit.fit_state import WaveformFit
-from testbed.analysis.fit.fractional_passes import with_parts_of_passes
+from testbed.analysis.fit.free_parameters import at_a_bound
 from testbed.analysis.fit.held_out import errors_in_fit, held_out_errors, pooled
-from testbed.analysis.fit.length_cut import asks_length, with_lengths_found
-from testbed.analysis.fit.pass_count import cut_elsewhere, recounted
-from testbed.analysis.fit.starts import alternate_fit_and_passes, at_a_bound, rested
+from testbed.analysis.fit.moves import QUICK, WORTH_HOPPING, WORTH_PARTS
+from testbed.analysis.fit.solve import Goal, alternate_fit_and_passes, solve
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.candidate import ADEQUATE, Candidate, Tried
 from testbed.analysis.search.diagnosis import CERTAIN, COMPLETE
@@ -46,9 +41,6 @@ LEADERS = 4  # candidates refitted in full
 HOPE = 0.2  # share of the gain the gate asks for that the first step of a candidate must bring to be refitted at all
 GAIN = 0.01  # share of the held-out excess over the noise that an effect must take away
 CREEP = 15  # iterations of a law with a kink before its scales are looked for in other valleys
-HELPS = 0.95  # share of the cost that a candidate may leave for its scales to be looked for in other valleys too
-SOME = 20.0  # gain in minus the log likelihood from which it is asked whether the cuts were elsewhere: by then it is an effect
-HALVES = 0.5  # share of the excess that a candidate may leave for parts of passes to be looked for at once, not if it is named
 RIVAL = 1.5  # times the cost of the best of its round above which a candidate is given up where that explains everything,
 CLOSE = 0.3  # or above it by this share of what that takes away: so much no rival of it leaves
 MUCH = 0.3  # share of the excess that the best first step may leave for the others not to be tried from far,
@@ -100,7 +92,7 @@ def try_candidates(
     noise = pooled(current.errors)[1]
     near = nothing_hidden(current, noise)
     entries = first_steps(current, catalogue, origins, progress, growing=not near)
-    floor, over = _of_noise(current.fitter), _beyond_noise(current.fitter, current.fit)
+    floor, over = noise_cost(current.fitter), excess(current.fitter, current.fit.cost)
     hopeful = current.fit.cost - HOPE * GAIN * over
     wanted = COMPLETE**2 * floor if last else math.inf
     ruled_out: list[Tried] = []
@@ -252,49 +244,30 @@ def _refitted(
 ) -> Candidate:  # fmt: skip
     """The entry fitted in full, or as far as showed that it will not come down to `cost_limit`, or lacks another law."""
     progress(f"refitting with {entry.name}")
-    smooth = catalogue[entry.name].smooth
-    if not smooth:  # its valleys are narrow and bent: crept along after another scale is looked for
+    if not catalogue[entry.name].smooth:  # its valleys are narrow and bent: crept along after another scale is looked for
         iterations = min(iterations, CREEP)
-    fit = alternate_fit_and_passes(entry.fitter, entry.state, rounds=3, iterations=iterations, cost_limit=cost_limit)
-    if fit.cost > cost_limit:
-        return _candidate(current, entry.fitter, fit, (*current.effects, entry.name))
-    if entry.fitter.records is not current.fitter.records and asks_length([entry.name], catalogue):
-        entry.fitter, fit = with_lengths_found(entry.fitter, fit)
-    if not smooth:
-        fit = rested(entry.fitter, fit, rounds=3, iterations=iterations)
     effects = (*current.effects, entry.name)
-    fit = recounted(entry.fitter, entries_together(entry.fitter, fit))
-    if fit.cost < current.fit.cost - SOME:
-        entry.fitter, fit = cut_elsewhere(entry.fitter, fit)
+    goal = Goal(tuple(catalogue[name] for name in effects), cost_limit=cost_limit, before=current.fit.cost, rounds=3,
+                iterations=iterations)
+    fit = alternate_fit_and_passes(entry.fitter, entry.state, rounds=3, iterations=iterations, cost_limit=cost_limit)
+    entry.fitter, fit = solve(entry.fitter, fit, QUICK, goal)
+    if fit.cost > cost_limit:
+        return _candidate(current, entry.fitter, fit, effects)
     if of_other_law is not None and _rough(entry.fitter, fit):
         found = _candidate(current, entry.fitter, fit, effects)
         if of_other_law(found):
             return found
-    if _beyond_noise(entry.fitter, fit) < HALVES * _beyond_noise(entry.fitter, current.fit):
-        fit = with_parts_of_passes(entry.fitter, fit)
+    entry.fitter, fit = solve(entry.fitter, fit, WORTH_PARTS, goal)
     found = _candidate(current, entry.fitter, fit, effects)
-    if fit.cost < HELPS * current.fit.cost:
-        deeper = basin_hopping(entry.fitter, [catalogue[name] for name in effects], fit)
-        other = found if deeper is fit else _candidate(current, entry.fitter, deeper, effects)
-        if other.error_held_out <= found.error_held_out:  # a deeper valley that foretells less is one of this sample alone
-            return other
-    return found
+    fitter, deeper = solve(entry.fitter, fit, WORTH_HOPPING, goal)
+    other = found if deeper is fit else _candidate(current, fitter, deeper, effects)
+    return min(other, found, key=lambda one: one.error_held_out)  # a deeper valley that foretells less is of this sample alone
 
 
 def _rough(fitter: Fitter, fit: WaveformFit) -> bool:
     """Whether a fit leaves twice the noise."""
     error, noise = pooled(errors_in_fit(fitter, fit))
     return error > ROUGH * noise
-
-
-def _beyond_noise(fitter: Fitter, fit: WaveformFit) -> float:
-    """What a fit costs beyond the noise of the records."""
-    return max(fit.cost - _of_noise(fitter), 0.0)
-
-
-def _of_noise(fitter: Fitter) -> float:
-    """What the noise of the records costs, in units of their scale."""
-    return 0.5 * sum(one.count * float(np.sum((one.noise / one.scale) ** 2)) for one in fitter.records)
 
 
 def _candidate(current: Candidate, fitter: Fitter, fit: WaveformFit, effects: tuple[str, ...]) -> Candidate:

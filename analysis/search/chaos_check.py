@@ -18,7 +18,7 @@ from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import predict
 from testbed.analysis.fit.record_restart import own_course
-from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.analysis.fit.solve import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.outlier_records import still_loud
 

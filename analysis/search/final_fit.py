@@ -12,7 +12,8 @@ from testbed.analysis.fit.effect_start import is_required, refitted_without
 from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from testbed.analysis.fit.fine_steps import finely, has_kinks
 from testbed.analysis.fit.fit_state import WaveformFit
-from testbed.analysis.fit.starts import alternate_fit_and_passes, to_its_end
+from testbed.analysis.fit.moves import Scheme
+from testbed.analysis.fit.solve import alternate_fit_and_passes, solve, to_its_end
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.candidate_round import candidate_of
@@ -83,6 +84,11 @@ def _may_be_none(fit: WaveformFit, effect: Effect) -> bool:
 def fitted_anew(one: Candidate, fitter: Fitter, fit: WaveformFit) -> Candidate:
     """The set as it was fitted otherwise, its gain as it was; itself where that is its own fit."""
     return one if fit is one.fit else replace(candidate_of(fitter, fit, one.effects, None, 1.0), delta_bic=one.delta_bic)
+
+
+def solved_on(one: Candidate, scheme: Scheme) -> Candidate:
+    """The set after the moves of a scheme."""
+    return fitted_anew(one, *solve(one.fitter, one.fit, scheme))
 
 
 def _does_nothing(fitter: Fitter, fit: WaveformFit, name: str) -> bool:

@@ -11,20 +11,19 @@ from collections.abc import Callable, Mapping, Sequence
 from testbed.analysis.fit.budget import BudgetSpent
 from testbed.analysis.fit.effect_start import ANCHOR, Origin, origins_of
 from testbed.analysis.fit.fine_steps import has_kinks
-from testbed.analysis.fit.force_jumps import at_its_jumps
-from testbed.analysis.fit.fractional_passes import with_parts_of_passes
 from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.moves import NAMED, PARTS
 from testbed.analysis.search.backward import backward, nesting_guard
 from testbed.analysis.search.candidate import ADEQUATE, Candidate, Tried
 from testbed.analysis.search.candidate_round import by_noise, try_candidates
 from testbed.analysis.search.diagnosis import COMPLETE, OtherForm
-from testbed.analysis.search.final_fit import fitted_anew, settled
+from testbed.analysis.search.final_fit import settled, solved_on
 from testbed.analysis.search.gates import against, passing_gates
 from testbed.analysis.search.law_form import FormsAsked
 from testbed.analysis.search.prior_screening import PriorScreening
 from testbed.analysis.search.refit_from_prior import refit_from_prior, switched_on_too
 from testbed.analysis.search.reweight import reweighted
-from testbed.analysis.search.selection_trace import SelectionTrace, with_record_hypotheses, without_slopes
+from testbed.analysis.search.selection_trace import SelectionTrace, without_slopes
 from testbed.analysis.search.swap import exchanged
 from testbed.analysis.search.ties import tied_with, with_rivals
 from testbed.analysis.search.weak_effects import of_a_base_that_fits, with_weak_effect
@@ -33,11 +32,6 @@ from testbed.machine import Model
 
 HOPEFUL = 2.0  # error over noise floor above which the last effect that may be added is not: too much would still be missing
 COARSE = 1.06  # error over noise floor up to which what a law with kinks leaves may be the error of the steps
-
-
-def _at_its_jumps(one: Candidate) -> Candidate:
-    """The set with the samples left out at the jumps of a force where its own fit, not that of a smaller set, places them."""
-    return fitted_anew(one, *at_its_jumps(one.fitter, one.fit))
 
 
 def _with_finer_steps(
@@ -83,7 +77,8 @@ def _named(first: Candidate, model: Model, catalogue: Mapping[str, Effect], nois
     """The candidate that is named, as the next round finds it: begun anew, unless it is from the believed machine already."""
     if look is None or not look.gave(first.effects):
         first = refit_from_prior(first, model, catalogue, noise, progress)
-    return reweighted(_with_parts(with_record_hypotheses(_at_its_jumps(backward(first, catalogue, progress))), noise))
+    found = solved_on(backward(first, catalogue, progress), NAMED)
+    return reweighted(found if found.error_held_out <= ADEQUATE * noise else solved_on(found, PARTS))
 
 
 def _first_form(asked: Sequence[Tried], tried: Sequence[Tried], before: Candidate, noise: float, forms: FormsAsked
@@ -93,13 +88,6 @@ def _first_form(asked: Sequence[Tried], tried: Sequence[Tried], before: Candidat
         return None
     sets = [by_noise(one) for one in tried if isinstance(one, Candidate)]
     return forms.steeper(sets if asked is tried else [by_noise(one) for one in asked if isinstance(one, Candidate)], sets)
-
-
-def _with_parts(one: Candidate, noise: float) -> Candidate:
-    """The set, where it leaves more than noise, with cuts that begin or end within an arc looked for again."""
-    if one.error_held_out <= ADEQUATE * noise:
-        return one
-    return fitted_anew(one, one.fitter, with_parts_of_passes(one.fitter, one.fit))
 
 
 def forward(begun: Sequence[Candidate], model: Model, catalogue: Mapping[str, Effect], most: int,

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from testbed.analysis.fit.budget import Budgeted, BudgetSpent
+from testbed.analysis.fit.free_parameters import at_a_bound
 from testbed.analysis.fit.held_out import pooled, pooled_doubt
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.plausible import BELOW, against_adequacy, said_against, unlike_a_machine
-from testbed.analysis.fit.starts import at_a_bound
 from testbed.analysis.search.candidate import Candidate, Tried
 from testbed.analysis.search.candidate_round import by_noise
 from testbed.analysis.search.diagnosis import Diagnosis, told_of_base, verdict_of

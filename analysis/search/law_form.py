@@ -19,7 +19,7 @@ from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from testbed.analysis.fit.fit_state import FreeParameter, State, WaveformFit
 from testbed.analysis.fit.held_out import errors_in_fit, pooled
 from testbed.analysis.fit.model_fit import model_fit
-from testbed.analysis.fit.starts import from_the_best_half
+from testbed.analysis.fit.solve import solve
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import candidate_of
@@ -165,7 +165,8 @@ def _from_a_steeper_law(free: Fitter, fit: WaveformFit, path: str, exponent: Par
     above = held.fit(begun, iterations=ITERATIONS)
     if not np.median(above.mean_squares) < np.median(fit.mean_squares):
         return fit
-    return min(fit, from_the_best_half(free, free.fit(above.state, iterations=ITERATIONS)), key=lambda one: one.cost)
+    _, found = solve(free, free.fit(above.state, iterations=ITERATIONS), ("best_half",))
+    return min(fit, found, key=lambda one: one.cost)
 
 
 def _passes_alone(fit: WaveformFit, left: float) -> bool:

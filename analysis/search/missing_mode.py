@@ -15,10 +15,10 @@ import numpy as np
 
 from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from testbed.analysis.fit.fit_state import State, WaveformFit
-from testbed.analysis.fit.free_parameters import how_a_mode_rings, mass_of_a_mode
+from testbed.analysis.fit.free_parameters import at_a_bound, how_a_mode_rings, mass_of_a_mode
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.starts import alternate_fit_and_passes, at_a_bound
+from testbed.analysis.fit.solve import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.records.lines import standing_out
 from testbed.analysis.search.candidate import ADEQUATE, Candidate

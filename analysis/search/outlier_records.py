@@ -14,8 +14,9 @@ import numpy as np
 
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.held_out import errors_in_fit
+from testbed.analysis.fit.moves.best_half import begun_there
 from testbed.analysis.fit.record_restart import own_course
-from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.analysis.fit.solve import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 
 LOUD = 4.0  # mean square residual over the median record's, from which a record is doubted
@@ -38,14 +39,8 @@ def agreed(fitter: Fitter, fit: WaveformFit, suspect: int | None = None) -> tupl
     alone = alternate_fit_and_passes(fitter.of_records(kept), fit.state.of_records(kept))
     if alone.mean_squares.max() > SOUND:
         return fitter, fit
-    nuisances = list(fit.state.nuisances)
-    for place, own in zip(kept, alone.state.nuisances, strict=True):
-        nuisances[place] = own
-    doubted = [int(place) for place in np.flatnonzero(loud)]
-    for place in doubted:
-        nuisances[place] = own_course(fitter, place, replace(alone.state, nuisances=(nuisances[place],))).nuisances[0]
-    state = replace(alone.state, nuisances=tuple(nuisances))
-    strange = [place for place in doubted if still_loud(fitter, place, state)]
+    state = begun_there(fit, kept, alone.state, lambda place, state: own_course(fitter, place, state).nuisances[0])
+    strange = [int(place) for place in np.flatnonzero(loud) if still_loud(fitter, int(place), state)]
     if not strange:  # but its passes were wrong
         return fitter, min(fit, alternate_fit_and_passes(fitter, state), key=lambda one: one.cost)
     records = list(fitter.records)

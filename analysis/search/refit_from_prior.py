@@ -18,7 +18,8 @@ from testbed.analysis.fit.identifiable import Identifiable
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Engine
-from testbed.analysis.fit.starts import alternate_fit_and_passes, fitter_of_openings, scan_starts, with_exits
+from testbed.analysis.fit.solve import alternate_fit_and_passes
+from testbed.analysis.fit.starts import fitter_of_openings, scan_starts, with_exits
 from testbed.analysis.fit.switched import switchable
 from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import CREEP, by_noise, candidate_of

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from testbed.analysis.fit.fractional_passes import with_parts_of_passes
 from testbed.analysis.fit.held_out import pooled
-from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.analysis.fit.moves import PARTS
+from testbed.analysis.fit.solve import alternate_fit_and_passes, solve
 from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.candidate_round import candidate_of
 
@@ -33,5 +33,5 @@ def reweighted(current: Candidate) -> Candidate:
     fitter = current.fitter.on(weighed)
     fit = alternate_fit_and_passes(fitter, current.fit.state, rounds=2, iterations=20)
     if not rough:
-        fit = with_parts_of_passes(fitter, fit)  # such weights hid what a cut that begins within an arc leaves
+        fitter, fit = solve(fitter, fit, PARTS)  # such weights hid what a cut that begins within an arc leaves
     return replace(candidate_of(fitter, fit, current.effects, None, 1.0), delta_bic=current.delta_bic)

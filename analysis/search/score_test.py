@@ -14,7 +14,7 @@ from testbed.analysis.fit.effect_start import Origin, applicable, far_step, firs
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.length_cut import asks_length, carried_on
-from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.analysis.fit.solve import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.threads import threaded

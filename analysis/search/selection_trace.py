@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from testbed.analysis.fit.record_hypotheses import asked_again
 from testbed.analysis.search.candidate import Candidate, Tried
 from testbed.analysis.search.diagnosis import OtherForm
-from testbed.analysis.search.final_fit import fitted_anew
 
 Each = TypeVar("Each", bound=Tried)
 
@@ -35,8 +33,3 @@ class SelectionTrace:
 def without_slopes(one: Each) -> Each:
     """A candidate as it is told: without the slopes of its fit, which fill much memory and serve its round alone."""
     return one if not isinstance(one, Candidate) else replace(one, fit=replace(one.fit, parts=()))
-
-
-def with_record_hypotheses(one: Candidate) -> Candidate:
-    """The set with what of the records explains more, with these effects, otherwise than taken; see `record_hypotheses`."""
-    return fitted_anew(one, *asked_again(one.fitter, one.fit))

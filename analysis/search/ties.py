@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from testbed.analysis.fit.effect_start import extended, is_required, state_without
 from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
-from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.analysis.fit.solve import alternate_fit_and_passes
 from testbed.analysis.search.candidate import ADEQUATE, Candidate, Tried
 from testbed.analysis.search.candidate_round import candidate_of
 from testbed.analysis.search.diagnosis import excess

@@ -6,15 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from testbed.analysis.fit.effect_start import origins_of
+from testbed.analysis.fit.moves import HYPOTHESES
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.backward import nesting_guard
 from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import candidate_of, certain_candidates
 from testbed.analysis.search.diagnosis import CERTAIN
-from testbed.analysis.search.final_fit import settled
+from testbed.analysis.search.final_fit import settled, solved_on
 from testbed.analysis.search.gates import against, below_a_guess, certain_ones, vanishes
 from testbed.analysis.search.mains import hum_of
-from testbed.analysis.search.selection_trace import SelectionTrace, with_record_hypotheses, without_slopes
+from testbed.analysis.search.selection_trace import SelectionTrace, without_slopes
 from testbed.analysis.search.ties import tied_with
 from testbed.effect import Effect
 from testbed.machine import Model
@@ -45,7 +46,7 @@ def _weak_effect(steps: Sequence[Candidate], model: Model, catalogue: Mapping[st
     tied = tuple(one.effects[-1] for one in passing if tied_with(passing[0], one, current, noise))  # the first with itself
     if not passing or (len(tied) > 1 and current.effects):  # which of them it is, so faint, is not asked beside what is known
         return SelectionTrace(tuple(steps), seen, (), hum)
-    best = settled(with_record_hypotheses(passing[0]), catalogue)
+    best = settled(solved_on(passing[0], HYPOTHESES), catalogue)
     if current is not end:  # it may have made up for the error of the steps
         best = against(best, end)
         if best.delta_bic <= CERTAIN or best.error_where_known >= end.error_where_known:

@@ -224,19 +224,20 @@ def identify_by_waveform(model: Any, records: Sequence[Any], path: object, catal
 
     say: is told, before the fit, what the records' channels do not tell.
     """
-    from testbed.analysis.fit.doubted_marks import with_marks_doubted
     from testbed.analysis.fit.estimates import at_bound, clock_note
     from testbed.analysis.fit.held_guesses import with_guesses_held
     from testbed.analysis.fit.held_out import errors_in_fit, pooled
     from testbed.analysis.fit.model_fit import model_fit
+    from testbed.analysis.fit.moves import TOLD
     from testbed.analysis.fit.plausible import remarks_on
     from testbed.analysis.fit.record_hypotheses import taken_notes
+    from testbed.analysis.fit.solve import solve
     from testbed.analysis.fit.spindle_speed import at_modelled_speed
 
     observed, engine = observed_records(records, model, path, model_file), engine_of(catalogue)
     observed = at_modelled_speed(observed, model.effects, catalogue)
     told = told_before(engine, observed, model, catalogue, progress)
-    fitter, fit = with_marks_doubted(*model_fit(engine, observed, model, catalogue, told=told))  # as testbed compare does
+    fitter, fit = solve(*model_fit(engine, observed, model, catalogue, told=told), TOLD)  # as testbed compare does
     held = with_guesses_held(fitter, fit, model, catalogue)
     fitter, fit, found = held.fitter, held.fit, held.values
     chi_square = fit.squares / max(1, sum(residual.size for residual in fit.residuals) - len(fit.names))

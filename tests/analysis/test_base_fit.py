@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from testbed.analysis.fit import starts
 from testbed.analysis.fit.fit_state import Jacobian
 from testbed.analysis.fit.least_squares import covariance, too_slow
+from testbed.analysis.fit.moves import every_move
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.pass_search import place_entries
+from testbed.analysis.fit.solve import Goal, Move
 from testbed.analysis.fit.starts import base_fit
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
@@ -124,8 +125,8 @@ def plain():
 def test_a_fit_that_comes_to_the_cost_of_a_known_one_is_not_followed_further(plain, factor, followed, monkeypatch):
     observed, believed, _, fit = plain
     courses = []
-    monkeypatch.setattr(starts, "with_courses", lambda fitter, fit: courses.append(fit) or fit)
-    _, again = base_fit(predict, observed, believed, known=factor * fit.cost)
+    monkeypatch.setitem(every_move(), "pass_count", Move(lambda fitter, fit, goal: courses.append(fit) or ()))
+    _, again = base_fit(predict, observed, believed, goal=Goal(known=factor * fit.cost))
     assert bool(courses) is followed and again.cost == pytest.approx(fit.cost, rel=1e-3)
 
 

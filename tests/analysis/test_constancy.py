@@ -13,7 +13,7 @@ from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.analysis.fit.solve import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict

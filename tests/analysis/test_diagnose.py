@@ -9,9 +9,10 @@ import pytest
 
 from testbed.analysis.fit.effect_start import all_free
 from testbed.analysis.fit.fit_state import FreeParameter
+from testbed.analysis.fit.free_parameters import at_a_bound
 from testbed.analysis.fit.held_out import RecordError, pooled
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.starts import at_a_bound, base_fit
+from testbed.analysis.fit.starts import base_fit
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.answer import as_json
 from testbed.analysis.search.candidate import Candidate, Tried

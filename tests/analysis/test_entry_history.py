@@ -5,9 +5,9 @@ from functools import partial
 import pytest
 
 from testbed.analysis.comparison.compare import compare
-from testbed.analysis.fit.entry_history import with_other_front
 from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.moves.entry_history import with_other_front
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.record_hypotheses import taken_notes
 from testbed.api.fitting import engine_of

@@ -7,8 +7,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from testbed.analysis.fit.force_jumps import BESIDE
 from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.moves import every_move
+from testbed.analysis.fit.moves.force_jumps import BESIDE
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.add_effect import add_effect
 from testbed.api.fitting import engine_of
@@ -73,7 +74,7 @@ def test_what_the_jumps_show_bends_nothing(records, monkeypatch):
         assert record.size == record.count < record.samples
         laid_out = record.on_samples(record.project(record.data))
         assert np.count_nonzero(laid_out[0] == 0.0) == record.samples - record.count
-    monkeypatch.setattr("testbed.analysis.fit.model_fit.at_its_jumps", lambda fitter, fit: (fitter, fit))
+    monkeypatch.delitem(every_move(), "force_jumps")
     assert FITTED(records=records, model=believed)[1].mean_squares.max() > 1.3
 
 

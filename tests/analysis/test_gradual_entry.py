@@ -9,7 +9,8 @@ import pytest
 from testbed.analysis.fit.effect_start import gradual_entry, state_without
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.starts import alternate_fit_and_passes, anchored_states, base_fit
+from testbed.analysis.fit.solve import alternate_fit_and_passes
+from testbed.analysis.fit.starts import anchored_states, base_fit
 from testbed.analysis.search.backward import nesting_guard
 from testbed.analysis.search.candidate_round import candidate_of
 from testbed.analysis.search.refit_from_prior import from_believed

@@ -8,10 +8,11 @@ import pytest
 from testbed.analysis.fit.effect_start import all_free
 from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State
-from testbed.analysis.fit.growing_window import bends_frequency, grown_cuts
+from testbed.analysis.fit.moves.growing_window import bends_frequency
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.pass_search import SHORTEST, place_entries, place_exits
-from testbed.analysis.fit.starts import alternate_fit_and_passes, base_fit
+from testbed.analysis.fit.solve import Goal, alternate_fit_and_passes, solve
+from testbed.analysis.fit.starts import base_fit
 from testbed.analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
@@ -43,10 +44,11 @@ def test_where_phases_run_apart_a_fit_grown_along_the_cuts_finds_the_valley_that
     state = State(model, MARK, tuple(first_nuisances(record, MARK) for record in observed))
     astray = alternate_fit_and_passes(fitter, place_exits(fitter, state))
     assert astray.mean_squares.max() > 20.0
-    found = grown_cuts(fitter, astray)
+    goal = Goal((KNOWN["cubic_stiffness"],))
+    _, found = solve(fitter, astray, ("growing_window",), goal)
     assert found.mean_squares.max() < 1.1
     assert found.state.model.effects["cubic_stiffness"]["coefficient"] == pytest.approx(true, rel=0.01)
-    assert grown_cuts(fitter, found) is found  # no record stands out
+    assert solve(fitter, found, ("growing_window",), goal)[1] is found  # no record stands out
 
 
 def test_a_model_that_is_wrong_for_a_loud_record_still_has_it_cut(campaign):
@@ -60,4 +62,4 @@ def test_a_model_that_is_wrong_for_a_loud_record_still_has_it_cut(campaign):
 
 
 def test_only_a_smooth_force_of_the_displacement_bends_the_frequency():
-    assert [name for name in KNOWN if bends_frequency([name], KNOWN)] == ["cubic_stiffness"]
+    assert [name for name, law in KNOWN.items() if bends_frequency([law])] == ["cubic_stiffness"]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from testbed.analysis.fit import scale_profile
-from testbed.analysis.fit.basin_hopping import basin_hopping
 from testbed.analysis.fit.effect_start import effect_parameters, far_step
 from testbed.analysis.fit.estimates import estimates
 from testbed.analysis.fit.fine_steps import fine, finely, has_kinks, times_finer
@@ -18,7 +17,8 @@ from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.pass_search import begun_otherwise
 from testbed.analysis.fit.scale_profile import ALIKE, SAME, along_scales
-from testbed.analysis.fit.starts import base_fit, rested
+from testbed.analysis.fit.solve import Goal, solve
+from testbed.analysis.fit.starts import base_fit
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.candidate import Tried
 from testbed.analysis.search.candidate_round import candidate_of
@@ -146,7 +146,7 @@ def test_in_another_valley_the_exits_are_looked_for_anew(rubbing):
     model = fit.state.model.with_values({"dry_friction.presliding_displacement": 8e-7})
     astray = fitter.fit(replace(fit.state, model=model, nuisances=early), iterations=8)
     assert astray.cost > 1.5 * fit.cost
-    found = basin_hopping(fitter, [catalogue()["dry_friction"]], astray)
+    _, found = solve(fitter, astray, ("basin_hopping",), Goal((catalogue()["dry_friction"],)))
     assert [one.exit for one in found.state.nuisances] == true
     assert found.cost < 1.05 * fit.cost
 
@@ -164,8 +164,8 @@ def test_records_begun_with_a_vibration_are_begun_again_at_rest(rubbing):
     fitter, fit = rubbing
     shaken = tuple(replace(one, displacement=-6e-5, velocity=0.06) for one in fit.state.nuisances)
     astray = fitter.fit(replace(fit.state, nuisances=shaken), iterations=2)
-    assert 0.9 * astray.cost > 1.05 * fit.cost > rested(fitter, astray).cost
-    assert rested(fitter, fit).cost <= fit.cost
+    assert 0.9 * astray.cost > 1.05 * fit.cost > solve(fitter, astray, ("other_beginnings",))[1].cost
+    assert solve(fitter, fit, ("other_beginnings",))[1].cost <= fit.cost
 
 
 def test_slopes_lent_from_near_by_lead_to_the_same_place(rubbing):

@@ -7,9 +7,9 @@ import pytest
 
 from testbed.analysis.fit import waveform
 from testbed.analysis.fit.effect_start import extended
-from testbed.analysis.fit.fractional_passes import with_parts_of_passes
 from testbed.analysis.fit.model_fit import model_fit
-from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.analysis.fit.moves import PARTS
+from testbed.analysis.fit.solve import alternate_fit_and_passes, solve
 from testbed.api.fitting import engine_of, read_both
 from testbed.catalogue import catalogue
 from tests.validation.outside.files import write
@@ -59,7 +59,7 @@ def test_parts_of_passes_that_made_up_for_an_effect_are_given_up_with_it(tmp_pat
     with monkeypatch.context() as held:
         held.setattr(waveform, "EDGE", 0.0)
         assert alternate_fit_and_passes(wider, state).mean_squares.max() > 1.1
-    found = with_parts_of_passes(wider, alternate_fit_and_passes(wider, state))
+    _, found = solve(wider, alternate_fit_and_passes(wider, state), PARTS)
     assert found.mean_squares.max() < 1.06
     assert within(found, {"immersion_error.error": plan.hidden["immersion_error"]["error"],
                           "tangential_coefficient": plan.base.kt, "normal_coefficient": plan.base.kn}, 4.0)  # fmt: skip

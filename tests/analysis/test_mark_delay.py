@@ -7,9 +7,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from testbed.analysis.fit.doubted_marks import with_marks_doubted
 from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.moves import TOLD
 from testbed.analysis.fit.observe import observe
+from testbed.analysis.fit.solve import solve
 from testbed.analysis.search.mark_delay import delay_note
 from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
@@ -34,7 +35,7 @@ def moved_marks(moved, model=TRUE):
 def noted(moved, model=TRUE):
     """The note on such cuts, by a fit that doubts their marks."""
     records = moved_marks(moved, model)
-    return delay_note(records, *with_marks_doubted(*FITTED(records=records)))
+    return delay_note(records, *solve(*FITTED(records=records), TOLD))
 
 
 @pytest.mark.parametrize(("delay", "said"), [(0.5e-3, "the marks come"), (-0.5e-3, "the motion comes")])
@@ -56,12 +57,12 @@ def test_of_a_model_that_lacks_much_nothing_is_said():
 
 def test_marks_that_the_motion_contradicts_are_held_loosely_and_others_as_well_as_they_are_known():
     agreeing = FITTED(records=moved_marks([0.0] * 3))
-    assert with_marks_doubted(*agreeing) == agreeing
+    assert solve(*agreeing, TOLD) == agreeing
     fitter, fit = FITTED(records=moved_marks([0.5e-3] * 3))
-    wider, found = with_marks_doubted(fitter, fit)
+    wider, found = solve(fitter, fit, TOLD)
     off = [record.off_marks(own)[0] for record, own in zip(fitter.records, fit.state.nuisances, strict=True)]
     held = [record.off_marks(own)[0] for record, own in zip(wider.records, found.state.nuisances, strict=True)]
     assert np.abs(off).max() > 5.0 and np.abs(held).max() < 2.0
     assert found.cost < fit.cost - 10.0
     lacking = FITTED(records=moved_marks([0.5e-3] * 3, TRUE.with_effect("edge_force", tangential=2e4, normal=3e4)))
-    assert with_marks_doubted(*lacking) == lacking
+    assert solve(*lacking, TOLD) == lacking

@@ -7,12 +7,13 @@ from functools import partial
 import numpy as np
 import pytest
 
-from testbed.analysis.fit.fractional_passes import with_parts_of_passes
 from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.moves import every_move
 from testbed.analysis.fit.nuisances import Nuisances, nearly_whole
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.part_search import FINE, PARTS, VALLEYS, _parts, _placed, best_ends, reachable
 from testbed.analysis.fit.record_restart import own_course
+from testbed.analysis.fit.solve import solve
 from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling, whole_cut_sampling
@@ -83,7 +84,8 @@ def test_a_campaign_of_such_cuts_is_fitted_down_to_its_noise(observed, monkeypat
     found, true = fit.state.model, TRUE
     assert found.structure.damping_ratio == pytest.approx(true.structure.damping_ratio, rel=0.02)
     assert found.cutting.tangential_coefficient == pytest.approx(true.cutting.tangential_coefficient, rel=0.06)
-    monkeypatch.setattr("testbed.analysis.fit.starts.with_parts_of_passes", lambda fitter, fit: fit)
+    for move in ("parts_of_passes", "nearly_whole", "beside_whole"):
+        monkeypatch.delitem(every_move(), move)
     assert FITTED(records=observed)[1].mean_squares.max() > 2.0
 
 
@@ -206,8 +208,7 @@ def test_a_last_tooth_that_lacks_a_little_of_its_full_chip_is_seen_beside_the_wh
     own = fit.state.nuisances[1]
     whole = fitter.fit(fit.state.with_record(1, own.with_fields(early_exit=0.0)))
     assert whole.cost > fit.cost + 100.0
-    monkeypatch.setattr("testbed.analysis.fit.fractional_passes._bold", lambda fitter, fit: None)
-    again = with_parts_of_passes(fitter, whole)
+    _, again = solve(fitter, whole, ("beside_whole",))
     assert again.cost < fit.cost + 1.0
     assert again.state.nuisances[1].early_exit == pytest.approx(0.84, abs=1e-3)
 

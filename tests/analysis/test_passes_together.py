@@ -8,9 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from testbed.analysis.fit.entry_passes import REACH, best_moves, entries_together
+from testbed.analysis.fit.moves.cut_elsewhere import GAIN, _likely
+from testbed.analysis.fit.moves.entries_together import REACH, best_moves
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.pass_count import GAIN, _likely, cut_elsewhere, recounted
+from testbed.analysis.fit.solve import solve
 from testbed.analysis.fit.starts import base_fit
 from testbed.engines import fast, predict
 from tests.support.campaign_files import BELIEVED, TRUE
@@ -33,20 +34,19 @@ def _moved(fitter, fit, field, by):
     return fitter.fit(replace(fit.state, nuisances=own), iterations=10)
 
 
-@pytest.mark.parametrize(("field", "by", "search"), [("entry", (2, 2, 1), entries_together), ("exit", (0, 0, 2), recounted)])
-def test_passes_that_were_put_wrong_come_back(fitted, field, by, search):
+@pytest.mark.parametrize(("field", "by", "move"), [("entry", (2, 2, 1), "entries_together"), ("exit", (0, 0, 2), "pass_count")])
+def test_passes_that_were_put_wrong_come_back(fitted, field, by, move):
     fitter, fit = fitted
     wrong = _moved(fitter, fit, field, by)
     assert wrong.cost > 1.5 * fit.cost
-    again = search(fitter, wrong)
+    _, again = solve(fitter, wrong, (move,))
     assert again.cost == pytest.approx(fit.cost, rel=1e-3)
     assert [getattr(one, field) for one in again.state.nuisances] == [getattr(one, field) for one in fit.state.nuisances]
 
 
 def test_a_fit_down_to_its_noise_stays_as_it_is(fitted):
     fitter, fit = fitted
-    assert recounted(fitter, fit) is fit
-    assert entries_together(fitter, fit).cost <= fit.cost
+    assert solve(fitter, fit, ("pass_count", "entries_together"))[1] is fit
 
 
 def test_the_best_moves_are_those_of_an_exhaustive_search():
@@ -84,7 +84,7 @@ def test_a_quiet_cut_that_was_entered_many_passes_off_is_entered_right(quiet):
     entry = fit.state.nuisances[2].entry
     wrong = _begun_wrong(fitter, fit, entry=entry - 8)
     assert wrong.cost - GAIN > fit.cost and wrong.mean_squares[2] < 1.5 and wrong.state.nuisances[2].entry == entry - 8
-    _, again = cut_elsewhere(fitter, wrong)
+    _, again = solve(fitter, wrong, ("cut_elsewhere",))
     assert again.state.nuisances[2].entry == entry and again.cost == pytest.approx(fit.cost, abs=1.0)
 
 
@@ -94,7 +94,7 @@ def test_a_quiet_record_that_was_taken_to_start_in_the_cut_idles(quiet):
     begun = fitter.on([*fitter.records[:2], record])
     wrong = _begun_wrong(begun, fit, entry=record.first_pass - 20, displacement=0.0, velocity=0.0)
     assert wrong.cost - GAIN > fit.cost
-    found, again = cut_elsewhere(begun, wrong)
+    found, again = solve(begun, wrong, ("cut_elsewhere",))
     assert not found.records[2].starts_in_cut and again.state.nuisances[2].entry == entry
 
 
@@ -104,13 +104,13 @@ def test_without_marks_a_tooth_angle_in_another_valley_is_found(quiet):
     own = fit.state.nuisances[2]
     wrong = _begun_wrong(fitter, fit, angle=own.angle + 2 * np.pi / 3)
     assert wrong.cost - GAIN > fit.cost
-    _, again = cut_elsewhere(fitter, wrong)
+    _, again = solve(fitter, wrong, ("cut_elsewhere",))
     assert again.state.nuisances[2].angle == pytest.approx(own.angle, abs=0.05)
 
 
 def test_passes_that_are_right_stay(quiet):
     fitter, fit = quiet
-    assert cut_elsewhere(fitter, fit)[1] is fit
+    assert solve(fitter, fit, ("cut_elsewhere",))[1] is fit
 
 
 @pytest.mark.parametrize("quiet", [True], indirect=True, ids=["marks"])
@@ -133,5 +133,5 @@ def test_a_record_from_within_the_cut_still_starts_there_though_its_exit_was_put
     fitter, fit = base_fit(ENGINE, [observe(record, BELIEVED) for record in records], BELIEVED)
     assert all(record.starts_in_cut for record in fitter.records)
     wrong = _begun_wrong(fitter, fit, exit=fit.state.nuisances[2].exit + 1)
-    found, _ = cut_elsewhere(fitter, wrong)
+    found, _ = solve(fitter, wrong, ("cut_elsewhere",))
     assert all(record.starts_in_cut for record in found.records)

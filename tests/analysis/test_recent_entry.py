@@ -46,7 +46,7 @@ def test_its_cut_is_begun_where_it_began(observed, fitted, monkeypatch):
     assert entered < record.start - 6 * record.period and began == pytest.approx(entered, abs=0.1 * record.period)
     for name, error in zip(fit.names, np.sqrt(np.diag(fit.covariance)), strict=True):
         assert name == "mark_angle" or abs(fit.state.model.value(name) - TRUE.value(name)) < 4 * error
-    for module in ("starts", "record_restart", "pass_count"):
+    for module in ("starts", "record_restart", "moves.pass_count"):
         monkeypatch.setattr(f"testbed.analysis.fit.{module}.recently_entered", lambda fitter, state: state)
     assert FITTED(records=observed[:-1])[1].mean_squares.max() > 1.05
 

@@ -12,7 +12,8 @@ from testbed.analysis.fit.held_out import own_refit
 from testbed.analysis.fit.nuisances import Nuisances, turned_by
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.recurring_start import recurring_starts, residual_peaks
-from testbed.analysis.fit.starts import alternate_fit_and_passes, base_fit
+from testbed.analysis.fit.solve import alternate_fit_and_passes
+from testbed.analysis.fit.starts import base_fit
 from testbed.analysis.fit.waveform import Fitter
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict

@@ -6,6 +6,8 @@ import pytest
 
 from testbed.analysis.fit.effect_start import origins_of
 from testbed.analysis.fit.held_out import pooled
+from testbed.analysis.fit.moves import every_move
+from testbed.analysis.fit.solve import Move
 from testbed.analysis.search import candidate_round as cr
 from testbed.analysis.search import score_test as fl
 from testbed.analysis.search.candidate import Candidate
@@ -53,7 +55,7 @@ def test_a_leader_of_another_law_ends_the_round_before_the_believed_machine_is_a
 
 def test_another_law_is_asked_for_before_parts_of_passes_are_looked_for(base, monkeypatch):
     said = []
-    monkeypatch.setattr(cr, "with_parts_of_passes", lambda fitter, fit: said.append("parts") or fit)
+    monkeypatch.setitem(every_move(), "parts_of_passes", Move(lambda fitter, fit, goal: said.append("parts") or ()))
     origins = origins_of(base.fitter.engine, BELIEVED, base.fitter, base.fit, anchored=False)
     entry = fl.begun(base, KNOWN["cubic_stiffness"], origins)
     found = cr._refitted(base, entry, KNOWN, quiet, of_other_law=lambda one: said.append(one.effects) or True)
@@ -92,7 +94,7 @@ def test_a_gradual_entry_whose_first_step_costs_more_than_nothing_is_fitted_in_f
 @pytest.mark.parametrize(("hidden", "asked"), [(BENT, True), ({}, False)])
 def test_it_is_asked_whether_a_cut_was_elsewhere_where_an_effect_explains_something(hidden, asked, monkeypatch):
     known, calls = fitted(hidden=hidden), []
-    monkeypatch.setattr(cr, "cut_elsewhere", lambda fitter, fit: calls.append(fit) or (fitter, fit))
+    monkeypatch.setitem(every_move(), "cut_elsewhere", Move(lambda fitter, fit, goal: calls.append(fit) or ()))
     origins = origins_of(known.fitter.engine, BELIEVED, known.fitter, known.fit, anchored=False)
     found = cr.with_effect(known, "edge_force", KNOWN, origins, quiet)
     assert bool(calls) == asked and (found.fit.cost < 0.5 * known.fit.cost) == asked

@@ -8,10 +8,10 @@ import pytest
 from testbed.analysis.comparison.compare import compare
 from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.moves.table_feed import feed_note, with_other_feed
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.record_hypotheses import taken_notes
-from testbed.analysis.fit.table_feed import feed_note, with_other_feed
 from testbed.analysis.search.diagnose import diagnose
 from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue

@@ -14,7 +14,7 @@ from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.held_out import errors_in_fit, held_out_errors, pooled
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.analysis.fit.solve import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.report.compare_page import compare_page
 from testbed.analysis.report.page import Page, Panel

@@ -14,7 +14,8 @@ import numpy as np
 from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.starts import alternate_fit_and_passes, base_fit
+from testbed.analysis.fit.solve import alternate_fit_and_passes
+from testbed.analysis.fit.starts import base_fit
 from testbed.catalogue import catalogue
 from testbed.engines import fast, predict
 from testbed.machine import Cutter

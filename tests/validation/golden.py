@@ -3,10 +3,11 @@
     python -m tests.validation.golden                       compare with golden.jsonl; exit code 1 where a verdict changed
     python -m tests.validation.golden --write               keep what is found now, in place of what was kept
     python -m tests.validation.golden --only "blind 3002"   some campaigns alone; the text may be part of a name
+    python -m tests.validation.golden --without best_half   an ablation: without a move of the fit
 
-A trace has the verdict, each step of the search (effects, cost, errors, gain in BIC), the parameters of the best set, the
-simulations of every record that were spent, and what the search said on its way. The campaigns: cheap ones, another cause
-each, so that all of them take some minutes on two cores. Add others to the tuples below, and write.
+A trace has the verdict, each step of the search (effects, cost, errors, gain in BIC, the moves of the fit that helped), the
+parameters of the best set, the simulations of every record that were spent, and what the search said on its way. The campaigns:
+cheap ones, another cause each, so that all of them take some minutes on two cores. Add others to the tuples below, and write.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from pathlib import Path
 from typing import Any
 
 from testbed.analysis.fit.budget import BUDGET, Budgeted
+from testbed.analysis.fit.moves import every_move
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.search.candidate import Candidate, Tried
 from testbed.analysis.search.diagnose import diagnose
@@ -75,7 +77,8 @@ def _outside(seed: int) -> tuple[Any, Sequence[Any]]:
 def _step(one: Tried) -> dict[str, Any]:
     cost = one.fit.cost if isinstance(one, Candidate) else float("nan")
     numbers = {"cost": cost, "error_fit": one.error_fit, "error_held_out": one.error_held_out, "delta_bic": one.delta_bic}
-    return {"effects": list(one.effects), **{key: _rounded(value) for key, value in numbers.items()}}
+    helped = list(one.fit.helped) if isinstance(one, Candidate) else []
+    return {"effects": list(one.effects), **{key: _rounded(value) for key, value in numbers.items()}, "moves": helped}
 
 
 def _parameters(one: Tried) -> dict[str, float]:
@@ -102,6 +105,9 @@ def differences(kept: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
         found += [f"step {place}, {key}: {step[key]:g} -> {other[key]:g}"
                   for place, (step, other) in enumerate(zip(kept["steps"], now["steps"], strict=True))
                   for key in ("cost", "error_fit", "error_held_out", "delta_bic") if not _same(step[key], other[key])]
+        found += [f"step {place}, moves that helped: {step['moves']} -> {other['moves']}"
+                  for place, (step, other) in enumerate(zip(kept["steps"], now["steps"], strict=True))
+                  if step.get("moves", other["moves"]) != other["moves"]]  # a trace that was kept before has none
     paths = sorted(kept["parameters"].keys() | now["parameters"].keys())
     values = [(path, *(one["parameters"].get(path, float("nan")) for one in (kept, now))) for path in paths]
     found += [f"{path}: {value:g} -> {other:g}" for path, value, other in values if not _same(value, other)]
@@ -117,8 +123,14 @@ def _same(one: float, other: float) -> bool:
     return one == other or one != one and other != other or abs(one - other) <= SAME * max(abs(one), abs(other))
 
 
-def _traces(names: Sequence[str], workers: int) -> Iterator[dict[str, Any]]:
-    with ProcessPoolExecutor(workers) as pool:
+def leave_out(move: str) -> None:
+    """Take a move out of every scheme of the fit, in this process."""
+    if move:
+        del every_move()[move]
+
+
+def _traces(names: Sequence[str], workers: int, without: str) -> Iterator[dict[str, Any]]:
+    with ProcessPoolExecutor(workers, initializer=leave_out, initargs=(without,)) as pool:
         yield from pool.map(trace_of, names)
 
 
@@ -128,11 +140,12 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--only", default="")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--without", default="", choices=sorted(every_move()), metavar="MOVE")
     options = parser.parse_args(arguments)
     kept = {one["campaign"]: one for one in map(json.loads, KEPT.read_text().splitlines())} if KEPT.exists() else {}
     names = [name for name in CAMPAIGNS if options.only in name]
     changed, alike, spent = [], 0, [0.0, 0.0]
-    for now in _traces(names, options.workers):
+    for now in _traces(names, options.workers, options.without):
         name = now["campaign"]
         before = kept.get(name)
         other = ["new"] if before is None else differences(before, now)

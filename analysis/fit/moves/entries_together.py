@@ -8,36 +8,31 @@ and the best passes of all records are found by changing one or two of them at a
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.pass_search import left_at
+from testbed.analysis.fit.solve import Goal, Move, Trial
 from testbed.analysis.fit.waveform import Fitter
 
 REACH = 4  # passes to either side that are tried
-ROUNDS = 6  # times the search is begun anew from where a fit ended
-WORTH = 1e-4  # share of the cost that new passes must save
 PAIRED = 24  # records up to which two are moved at a time: of more there are too many pairs
 STEPS = 12  # iterations of the fit that follows
 
 
-def entries_together(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
-    """The fit with the first passes of all its cuts at their joint best; never one that costs more."""
-    for _ in range(ROUNDS):
-        moves = best_moves(*_pulls(fitter, fit))
-        if not np.any(moves):
-            return fit
-        moved = [
-            replace(one, entry=min(one.entry + int(move), one.exit - 1))
-            for one, move in zip(fit.state.nuisances, moves, strict=True)
-        ]
-        trial = fitter.fit(replace(fit.state, nuisances=tuple(moved)), iterations=STEPS)
-        if not trial.cost < (1.0 - WORTH) * fit.cost:
-            return fit
-        fit = trial
-    return fit
+def propose(fitter: Fitter, fit: WaveformFit, goal: Goal) -> Iterator[Trial]:
+    """The fit with the first passes of all its cuts at their joint best."""
+    moves = best_moves(*_pulls(fitter, fit))
+    if np.any(moves):
+        moved = tuple(replace(one, entry=min(one.entry + int(move), one.exit - 1))
+                      for one, move in zip(fit.state.nuisances, moves, strict=True))
+        yield Trial(fitter, fitter.fit(replace(fit.state, nuisances=moved), iterations=STEPS))
+
+
+MOVE = Move(propose, repeats=6)
 
 
 def _pulls(fitter: Fitter, fit: WaveformFit) -> tuple[np.ndarray, np.ndarray]:

@@ -6,33 +6,36 @@ model lacked when it was first fitted has often led into one of them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.pass_search import place_exits
-from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.analysis.fit.solve import Goal, Move, Trial, alternate_fit_and_passes, least_gain
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect, Parameter
 
 CORNER = 8  # iterations of a fit that only has to find its valley
 SETTLE = 20  # iterations of the fit that follows
 HOPS = (0.4, 2.5, 0.8, 1.25)  # factors by which a scale is moved, far and near
-CHEAPER = 1e-5  # share of the cost, and one unit more, that another valley must save
-MUCH = 1e-3  # share of it from which there may be a deeper one further along
+MUCH = 1e-3  # share of the cost that another valley must save for there to be a deeper one further along
 
 
-def basin_hopping(fitter: Fitter, effects: Sequence[Effect], fit: WaveformFit) -> WaveformFit:
-    """The fit, started again with every scale of these laws some way off, as long as that leads to a deeper valley.
+def propose(fitter: Fitter, fit: WaveformFit, goal: Goal) -> Iterator[Trial]:
+    """The fit, started again with every scale of its laws some way off, as long as that leads to a deeper valley.
 
-    There the exits are looked for anew: the valley that was left may have held them many passes early or late.
+    There the exits are looked for anew: the valley that was left may have held them many passes early or late. From the prior,
+    a law without a kink has no other valley: only what the model lacked when it was fitted leads into one.
     """
     first = fit
-    for path, bounds in scales(effects):
+    for path, bounds in scales([law for law in goal.laws if goal.before < math.inf or not law.smooth]):
         for factor in HOPS:
             fit = _along(fitter, path, factor, bounds, fit)
-    if fit is first:
-        return fit
-    return alternate_fit_and_passes(fitter, place_exits(fitter, fit.state), rounds=3, iterations=SETTLE)
+    if fit is not first:
+        yield Trial(fitter, alternate_fit_and_passes(fitter, place_exits(fitter, fit.state), rounds=3, iterations=SETTLE))
+
+
+MOVE = Move(propose)
 
 
 def scales(effects: Sequence[Effect]) -> Iterator[tuple[str, tuple[float, float]]]:
@@ -53,14 +56,9 @@ def _along(fitter: Fitter, path: str, factor: float, bounds: tuple[float, float]
     while bounds[0] <= factor * fit.state.model.value(path) <= bounds[1]:
         moved = fit.state.with_value(path, factor * fit.state.model.value(path))
         trial = fitter.fit(moved, iterations=CORNER, cost_limit=fit.cost)
-        if not deeper(trial, fit):
+        if not trial.cost < fit.cost - least_gain(fit):
             return fit
         before, fit = fit.cost, trial if trial.converged else fitter.fit(trial.state, iterations=4 * CORNER, near=trial)
         if fit.cost > (1.0 - MUCH) * before:  # the same valley, which is flat along the scale
             return fit
     return fit
-
-
-def deeper(trial: WaveformFit, fit: WaveformFit) -> bool:
-    """Whether a valley is deeper by more than what a fit that has converged may still gain."""
-    return trial.cost < fit.cost * (1.0 - CHEAPER) - 1.0

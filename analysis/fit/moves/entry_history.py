@@ -7,35 +7,33 @@ from where the idling tool swung one pitch before. The file does not say which; 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.solve import Goal, Move, Trial
 from testbed.analysis.fit.waveform import Fitter
 
 SEEN = 0.1  # standard deviations of the noise: a smaller swing at the entry tells nothing of the front
-WORTH = 10.0  # in mean square residuals, by which the cost must fall
 NEARLY_ALL = 0.99  # of an arc
 TRIED = 2  # iterations of a fit with the other front
 
 
-def with_front_found(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
-    """The fit with the front of every cut as the swing before it would have left it, if that explains the rest; else as it was.
+def propose(fitter: Fitter, fit: WaveformFit, goal: Goal) -> Iterator[Trial]:
+    """The fit with the front of every cut as the swing before it would have left it; or, where it is so, straight again.
 
-    The plainer does if it is about as good: a straight front, but not one before which a pass lacks all of its arc.
+    A straight front is the plainer, but not one before which a pass lacks all of its arc.
     """
     other = with_other_front(fitter.records, fit.state)
-    if other is None:
-        return fitter, fit
-    wider, whole = fitter.on(other), _with_whole_passes(other, fit.state)
-    tried = wider.fit(whole, iterations=TRIED)
-    worth = WORTH * max(min(fit.variance, tried.variance), 1.0)
-    plainer = _swung(fitter.records) or whole != fit.state
-    if not fit.cost - tried.cost > (-worth if plainer else worth):
-        return fitter, fit
-    return wider, wider.fit(tried.state)
+    if other is not None:
+        wider, whole = fitter.on(other), _with_whole_passes(other, fit.state)
+        plainer = _swung(fitter.records) or whole != fit.state
+        yield Trial(wider, wider.fit(whole, iterations=TRIED), -1 if plainer else 1)
+
+
+MOVE = Move(propose, worth=10.0, finish=25)
 
 
 def _with_whole_passes(records: Sequence[Observed], state: State) -> State:

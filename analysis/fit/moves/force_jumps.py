@@ -7,6 +7,7 @@ the noise of a pass. Next to the jump both sides are told all the same.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -15,23 +16,22 @@ from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import from_first_tooth
+from testbed.analysis.fit.solve import Goal, Move, Trial
 from testbed.analysis.fit.waveform import Fitter
 
 BESIDE = 1.5  # samples to either side of a jump that are left out
 FEWEST = 0.5  # share of a record's samples that must be left; else all are believed
-ROUNDS = 3
 
 
-def at_its_jumps(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
-    """The fit without the samples at the jumps where it places them, and where it places them then; itself if none are seen."""
-    for _ in range(ROUNDS):
-        records = [_without_jumps(record, fit.state, own)
-                   for record, own in zip(fitter.records, fit.state.nuisances, strict=True)]
-        if all(new is old for new, old in zip(records, fitter.records, strict=True)):
-            break
-        fitter = fitter.on(records)
-        fit = fitter.fit(fit.state)
-    return fitter, fit
+def propose(fitter: Fitter, fit: WaveformFit, goal: Goal) -> Iterator[Trial]:
+    """The fit without the samples at the jumps where it places them; none where they are those left out so far."""
+    records = [_without_jumps(record, fit.state, own) for record, own in zip(fitter.records, fit.state.nuisances, strict=True)]
+    if any(new is not old for new, old in zip(records, fitter.records, strict=True)):
+        wider = fitter.on(records)
+        yield Trial(wider, wider.fit(fit.state))
+
+
+MOVE = Move(propose, repeats=3, incomparable=True)  # asked again, since it may place them elsewhere then
 
 
 def _without_jumps(record: Observed, state: State, own: Nuisances) -> Observed:

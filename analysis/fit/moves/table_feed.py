@@ -7,38 +7,38 @@ as a machine's does; a simulator may keep it. The file does not say which. Both 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.solve import Goal, Move, Trial
 from testbed.analysis.fit.waveform import Fitter
 
 APART = 3e-4  # by which true over stated speed must differ among the cuts: what is common to all, the coefficients take
-WORTH = 10.0  # in mean square residuals, by which the cost must fall
 EXPLAINED = 0.5  # share of what is beyond the noise that must go: something else that is missing leans on the feed a little
 SLIGHT = 1.1  # mean square residual up to which the fall of the cost alone decides
 TRIED = 2  # iterations of a fit with the other feed
 
 
-def with_feed_found(fitter: Fitter, fit: WaveformFit) -> tuple[Fitter, WaveformFit]:
-    """The fit with the feed of every cut as the table leaves it at the true speed, if that explains the rest; else as it was.
+def propose(fitter: Fitter, fit: WaveformFit, goal: Goal) -> Iterator[Trial]:
+    """The fit with the feed of every cut as the table leaves it at the true speed.
 
     Records that were taken so, with an effect missing that leant on it, and do about as well with the feed as it was written,
     get it back.
     """
     other = with_other_feed(fitter.records, fit.state)
     if other is None:
-        return fitter, fit
+        return
     wider = fitter.on(other)
     tried = wider.fit(fit.state, iterations=TRIED)
-    back = any(record.feed_basis == "table" for record in fitter.records)
-    worth = WORTH * max(fit.variance, 1.0)
-    if not fit.cost - tried.cost > (-worth if back else worth):
-        return fitter, fit
-    if not back and fit.variance > SLIGHT and tried.variance - 1.0 > EXPLAINED * (fit.variance - 1.0):
-        return fitter, fit
-    return wider, wider.fit(tried.state)
+    if any(record.feed_basis == "table" for record in fitter.records):
+        yield Trial(wider, tried, -1)
+    elif fit.variance <= SLIGHT or tried.variance - 1.0 <= EXPLAINED * (fit.variance - 1.0):
+        yield Trial(wider, tried)
+
+
+MOVE = Move(propose, worth=10.0, finish=25)
 
 
 def with_other_feed(records: Sequence[Observed], state: State) -> list[Observed] | None:

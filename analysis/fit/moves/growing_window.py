@@ -7,44 +7,45 @@ and from a rough fit the exit, too, seems to be where the model can no longer fo
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from testbed.analysis.fit.first_passes import first_nuisances
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.pass_search import place_exits
-from testbed.analysis.fit.starts import alternate_fit_and_passes
+from testbed.analysis.fit.solve import Goal, Move, Trial, alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
 
 GROWTH = (0.3, 0.6)  # shares of the cuts that are fitted before the whole of them
 ASTRAY = 4.0  # mean square of the worst record, over the noise's, from which phases may have run apart
-BETTER = 0.999  # times the cost that the fit grown may have to be taken
 
 
-def bends_frequency(names: Iterable[str], catalogue: Mapping[str, Effect]) -> bool:
-    """Whether one of these effects is a smooth force of the displacement: then the frequency depends on the amplitude."""
-    laws = [catalogue[name].hooks["structure_force"] for name in names
-            if catalogue[name].smooth and "structure_force" in catalogue[name].hooks]
-    return any("displacement" in inspect.signature(law).parameters for law in laws)
+def bends_frequency(laws: Iterable[Effect]) -> bool:
+    """Whether one of these is a smooth force of the displacement: then the frequency depends on the amplitude."""
+    forces = [law.hooks["structure_force"] for law in laws if law.smooth and "structure_force" in law.hooks]
+    return any("displacement" in inspect.signature(force).parameters for force in forces)
 
 
-def grown_cuts(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
-    """The fit, or the one grown from its state where that explains the records better; itself where no record stands out.
+def propose(fitter: Fitter, fit: WaveformFit, goal: Goal) -> Iterator[Trial]:
+    """The fit grown from its state, where a record stands out.
 
     A model that does not explain the openings will not explain the whole: it is given up there.
     """
-    if fit.mean_squares.max() < ASTRAY or all(record.cut is None for record in fitter.records):
-        return fit
+    cut = any(record.cut is not None for record in fitter.records)
+    if not cut or not bends_frequency(goal.laws) or fit.mean_squares.max() < ASTRAY:
+        return
     state = fit.state
     for share in GROWTH:
         opened, begun = _opened(fitter, state, share)
         grown = alternate_fit_and_passes(opened, begun, rounds=2, iterations=15)
         if grown.mean_squares.max() > ASTRAY:
-            return fit
+            return
         state = grown.state
-    found = alternate_fit_and_passes(fitter, place_exits(fitter, state))
-    return found if found.cost < BETTER * fit.cost else fit
+    yield Trial(fitter, alternate_fit_and_passes(fitter, place_exits(fitter, state)))
+
+
+MOVE = Move(propose, rescues=True)
 
 
 def _opened(fitter: Fitter, state: State, share: float) -> tuple[Fitter, State]:

@@ -7,8 +7,7 @@ records lack bends the parameters that all share, so parts are tried boldly firs
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -18,17 +17,9 @@ import numpy as np
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.nuisances import Nuisances, end_whole
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.part_search import (
-    PLAIN,
-    beside_whole,
-    best_ends,
-    best_moved,
-    best_whole,
-    plainer,
-    reachable,
-    settled,
-)
+from testbed.analysis.fit.part_search import best_ends, best_moved, best_whole, plainer, reachable
 from testbed.analysis.fit.pass_search import squares_of
+from testbed.analysis.fit.solve import Goal, Move, Trial
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.threads import threaded
 
@@ -47,7 +38,6 @@ SHARE = 0.6  # and of the record's that must be worth it in the end for the part
 USUAL = 0.5  # share of the cuts above which a weak first pass is no chance of where the work begins, but a slow entry,
 ALIKE = 0.15  # if what is missing of them is as much in all: standard deviation, in arcs,
 EXPLAINED = 0.05  # and leaves more than this share of their excess
-NEAR = 0.1  # of the arc: so near a whole pass an end may be at it
 NEARLY_WHOLE = 0.1  # of a pass before the next begins, where a tooth is always in the work: so little is no slow entry
 MOVES = 4  # of the end of one cut, with all unknowns following,
 MOVED = 0.02  # and share of all records' excess that must go with each: where much is left, small gains are no end
@@ -58,7 +48,7 @@ STEPS = 12  # iterations of a fit between them
 LAST = 60  # and of the last ones: the coefficients creep along with how much is missing of most cuts
 
 
-def with_parts_of_passes(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
+def propose(fitter: Fitter, fit: WaveformFit, goal: Goal) -> Iterator[Trial]:
     """The fit with first and last passes cut in part, where that explains a record far better than whole ones do.
 
     Parts that made up for what has been added since have led into a valley of their own: whole passes are begun from, too.
@@ -66,7 +56,10 @@ def with_parts_of_passes(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     begun = [fit, fitter.fit(_with_whole_passes(fit.state), iterations=LAST)] if _misled(fitter, fit) else [fit]
     bold = [one for each in begun if (one := _bold(fitter, each)) is not None]
     found = [one for each in bold if (one := as_believed(fitter, each)) is not None]
-    return _by_a_little(fitter, _plain_together(fitter, min((fit, *found), key=lambda one: one.cost)))
+    yield from (Trial(fitter, one) for one in sorted(found, key=lambda one: one.cost)[:1])
+
+
+MOVE = Move(propose)
 
 
 def _misled(fitter: Fitter, fit: WaveformFit) -> bool:
@@ -74,42 +67,6 @@ def _misled(fitter: Fitter, fit: WaveformFit) -> bool:
     if fit.mean_squares.max() < MISFIT or fit.variance >= NEARLY:
         return False
     return any(own.ends_in_arc(fitter.gradual) for own in fit.state.nuisances)
-
-
-def _plain_together(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
-    """The fit with all ends that are nearly at a whole pass put there at once, if that explains the records as well.
-
-    A tooth angle a hundredth of a pass off makes every sudden entry begin a little within the arc, and each of them holds the
-    angle there: one alone does not become whole.
-    """
-    whole = fit.state.with_nearly_whole(fitter.records, fitter.gradual, NEAR)
-    if whole == fit.state:
-        return fit
-    plain = fitter.fit(whole, iterations=LAST, cost_limit=fit.cost + PLAIN)
-    return plain if plain.cost < fit.cost + PLAIN else fit
-
-
-def _by_a_little(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
-    """A fit that is nearly right, with ends of cuts a little beside a whole pass where that explains a record better.
-
-    A tooth that enters at its full chip a five-hundredth of a pass too late is a kick, in a valley between the places tried.
-    """
-    if fit.variance >= NEARLY:
-        return fit
-
-    def one(index: int) -> Nuisances:
-        now, record = fit.state.nuisances[index], fitter.records[index]
-        if record.cut is None or record.forces_only:
-            return now
-        cost, own = min((settled(fitter, index, fit.state, each) for each in beside_whole(fitter, index, fit.state)),
-                        key=lambda pair: pair[0], default=(math.inf, now))  # fmt: skip
-        return own if cost < fitter.cost(fit.state, [index]) - GAIN else now
-
-    nuisances = threaded(one, range(len(fitter.records)))
-    if nuisances == fit.state.nuisances:
-        return fit
-    moved = fitter.fit(replace(fit.state, nuisances=nuisances), iterations=LAST)
-    return moved if moved.cost < fit.cost - GAIN else fit
 
 
 def _with_whole_passes(state: State) -> State:
