@@ -35,7 +35,7 @@ _LATER = {"testbed.store.chunk_writer": ("ChannelWriter._hand_over",), "testbed.
           "pyarrow.parquet": ("ParquetWriter.__init__", "ParquetWriter.write_table", "ParquetWriter.close")}
 _MODULES = tuple(f"testbed.{name}" for name in (
     "store.chunk_writer", "store.store", "store.rows", "store.data_set", "store.content_hash", "system.memory_file",
-    "sweeps.consolidate", "sweeps.shards", "sweeps.batch", "export.shards", "export.writing",
+    "sweeps.consolidate", "sweeps.shards", "sweeps.batch", "exports.shards", "exports.writing",
     "analysis.multipliers.run_labels", "analysis.multipliers.baseline_scores"))
 _MAKING = frozenset(("empty", "zeros", "full", "arange", "array", "where", "rint", "concatenate", "stack", "frombuffer"))
 
