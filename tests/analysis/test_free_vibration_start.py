@@ -69,7 +69,7 @@ def test_a_cut_whose_entry_still_dies_away_keeps_its_beginning(records):
     opened = [record.at_constant_speed() for record in (*records, late)]
     model = BELIEVED.with_effect("speed_variation", amplitude=0.03, frequency=5.0, phase=0.0)
     free = all_free(opened, model, catalogue())
-    _, fit = free_vibration_fit(engine_of(catalogue()), opened, model, [catalogue()[SWING]], free)
+    _, fit = free_vibration_fit(engine_of(catalogue()), opened, model, [SWING], free)
     assert late.starts_in_cut and fit.state.nuisances[-1].entry > opened[-1].first_simulated
     assert fit.mean_squares.max() < 1.05
 
