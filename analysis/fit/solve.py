@@ -79,10 +79,15 @@ class Move:
 
 
 def solve(fitter: Fitter, fit: WaveformFit, scheme: Scheme, goal: Goal = PLAIN) -> tuple[Fitter, WaveformFit]:
-    """The fit after the moves of a scheme, and its fitter; `fit.helped` names those that helped, in their order."""
+    """The fit after the moves of a scheme, and its fitter; `fit.helped` names those that helped, in their order.
+
+    A fit that begins in a known valley stays there; one that comes to it on its way may leave it again.
+    """
+    return (fitter, fit) if arrived(fit, goal.known) else _tried(fitter, fit, scheme, goal)
+
+
+def _tried(fitter: Fitter, fit: WaveformFit, scheme: Scheme, goal: Goal) -> tuple[Fitter, WaveformFit]:
     for step, move in steps_of(scheme):
-        if arrived(fit, goal.known):
-            break
         too_high = fit.cost > goal.cost_limit and not (goal.patient and move.rescues)
         if too_high or not step.when(fitter, fit, goal):
             continue
@@ -93,7 +98,7 @@ def solve(fitter: Fitter, fit: WaveformFit, scheme: Scheme, goal: Goal = PLAIN) 
                 break
             fitter, fit = kept.fitter, replace(_finished(move, kept), helped=(*fit.helped, step.move))
         if fit is not before:
-            fitter, fit = solve(fitter, fit, step.then, goal)
+            fitter, fit = _tried(fitter, fit, step.then, goal)
     return fitter, fit
 
 

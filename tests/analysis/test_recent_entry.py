@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from testbed.analysis.fit import starts
 from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.moves import lost_records
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.pass_search import recently_entered, settle_passes
 from testbed.analysis.fit.record_restart import own_course
@@ -83,7 +83,7 @@ def test_a_late_record_that_leads_the_search_astray_is_left_out_at_first(refit_f
     Here the record is found in the first fit, if it may be begun anew there.
     """
     if not refit_from_prior:
-        monkeypatch.setattr(starts, "LATE", math.inf)
+        monkeypatch.setattr(lost_records, "LATE", math.inf)
     true = TRUE.with_values({"damping_ratio": 0.002}).with_effect("quadratic_damping", coefficient=50.0)
     made, said = partial(synthetic_record, partial(fast.simulate, steps=61), true, course=(IDLE, 50, 15)), []
     records = [observe(made(rpm, depth, number), BELIEVED)
