@@ -8,6 +8,7 @@ a mode shows along x and along y is its direction, in every decay the same.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -58,43 +59,45 @@ def modes_start(records: Sequence[Observed], model: Model) -> Model:
         moved = least_squares(rest, moved, bounds=(-reach, reach), x_scale=0.1 * belief, args=(share,), max_nfev=30).x
     found = believed * np.exp(moved.reshape(-1, 2))
     values = {}
-    for place, (omega, damping) in enumerate(found):
+    for place, ((omega, damping), motions) in enumerate(zip(found, _motions(decays, found, modes), strict=True)):
         values[model.mode_path(place, "natural_frequency")] = float(omega) / (2 * math.pi)
         values[model.mode_path(place, "damping_ratio")] = min(float(damping), 0.5)
-        direction = _direction(decays, found, modes, place)
+        direction = _direction(motions, modes[place].direction)
         if direction is not None:
             values[model.mode_path(place, "direction")] = direction
     return model.with_values(values)
 
 
-def _direction(decays: Sequence[_Decay], found: np.ndarray, modes: Sequence[Mode], place: int) -> float | None:
-    """The direction (rad) along which the mode at a place moves, nearest to the believed one; None where no decay tells it.
+def _direction(motions: Sequence[np.ndarray], believed: float) -> float | None:
+    """The direction (rad) along which a mode moves, nearest to the `believed` one; None where no decay tells it.
+
+    motions: of the mode in each decay, see `_motions`.
+    """
+    if not motions:
+        return None
+    _, sizes, turned = np.linalg.svd(np.concatenate(motions))
+    if sizes[0] < SHOWN * math.sqrt(2.0 * len(motions)) or sizes[1] > LINE * sizes[0]:
+        return None
+    return believed + math.remainder(math.atan2(turned[0, 1], turned[0, 0]) - believed, math.pi)
+
+
+def _motions(decays: Sequence[_Decay], found: np.ndarray, modes: Sequence[Mode]) -> list[list[np.ndarray]]:
+    """For every mode, its two phases along x and y (phases, axes) in each decay that has both, in standard errors.
 
     found: (rad/s, damping ratio) of all modes.
     """
-    pairs = []
+    motions: list[list[np.ndarray]] = [[] for _ in modes]
     for decay in decays:
-        on = [number for number, mode in enumerate(modes) if mode.on == decay.on]
-        if place not in on:
-            continue
+        on = [place for place, mode in enumerate(modes) if mode.on == decay.on]
         columns = _columns(decay.time, float(decay.time[-1]), found[on])
         amplitudes = np.linalg.lstsq(columns, decay.values.T, rcond=None)[0] * decay.scale
-        inverse = np.linalg.inv(columns.T @ columns)
-        own = [2 + 2 * on.index(place), 3 + 2 * on.index(place)]
-        for order in {sensor.order for sensor in decay.sensors}:
-            along = [[row for row, sensor in enumerate(decay.sensors) if (sensor.order, sensor.axis) == (order, axis)]
-                     for axis in (0, 1)]
-            if all(along):
-                rows = [one[0] for one in along]
-                error = np.sqrt(np.diag(inverse)[own])[:, None] * decay.scale[rows].max()
-                pairs.append(amplitudes[np.ix_(own, rows)] / error)
-    if not pairs:
-        return None
-    _, sizes, turned = np.linalg.svd(np.concatenate(pairs))
-    if sizes[0] < SHOWN * math.sqrt(2.0 * len(pairs)) or sizes[1] > LINE * sizes[0]:
-        return None
-    believed = modes[place].direction
-    return believed + math.remainder(math.atan2(turned[0, 1], turned[0, 0]) - believed, math.pi)
+        errors = np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
+        rows = {(sensor.order, sensor.axis): row for row, sensor in reversed(list(enumerate(decay.sensors)))}
+        pairs = [[rows[order, 0], rows[order, 1]] for order, axis in rows if axis == 0 and (order, 1) in rows]
+        for (number, place), pair in itertools.product(enumerate(on), sorted(pairs)):
+            own = [2 + 2 * number, 3 + 2 * number]
+            motions[place].append(amplitudes[np.ix_(own, pair)] / (errors[own][:, None] * decay.scale[pair].max()))
+    return motions
 
 
 def _decays(record: Observed) -> list[_Decay]:

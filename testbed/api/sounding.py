@@ -27,8 +27,7 @@ def listened(chart: Any, path: Path, catalogue: Any, watch: Watch) -> Path:
     from testbed.analysis.report.sound_page import SimulatedCut, sound_page
 
     model: Model = chart.model if "contact_loss" in chart.model.effects else chart.model.with_effect("contact_loss")
-    slowest, fastest = model.structure.frequency_range
-    rate = next((one for one in RATES if one >= OVER * fastest), RATES[-1])
+    rate = next((one for one in RATES if one >= OVER * model.structure.frequency_range[1]), RATES[-1])
     mode = min(model.structure.modes, key=lambda one: one.natural_frequency)
     axis = "x" if abs(mode.shape[0]) >= abs(mode.shape[1]) else "y"
     speeds, depths = (np.linspace(one[0], one[-1], min(count, len(one)))

@@ -119,11 +119,11 @@ class _Batch:
         result = BatchResult(np.empty((runs, len(asked) if lean else signals, count)), np.empty((runs, passes + 1)),
                              np.empty((runs, passes + 1, 2)), np.empty(runs, dtype=np.int64), np.empty(runs))  # fmt: skip
         found = result.arrays()
-        clock = with_motions_asked(self.clock, self.asked, self.models, self.effects) if planar else self.clock
+        clock = self.clock if linear or not planar else with_motions_asked(self.clock, self.asked, self.models, self.effects)
         if lean:
-            run_plane_linear(packed, layout_of(self.effects), asked, self.clock, LIMIT, found)
+            run_plane_linear(packed, layout_of(self.effects), asked, clock, LIMIT, found)
         elif linear:
-            run_linear(packed, self.clock, LIMIT, found)
+            run_linear(packed, clock, LIMIT, found)
         elif uneven:
             run_uneven(packed, compose(self.effects, UNEVEN, True), self.table, clock, self.forces, LIMIT, found)
         else:
