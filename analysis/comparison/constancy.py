@@ -25,8 +25,8 @@ from testbed.analysis.fit.free_parameters import free_parameters
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.information import Z_95
-from testbed.analysis.threads import threaded
 from testbed.effect import Effect
+from testbed.system.threads import threaded
 
 PARAMETERS = ("natural_frequency", "damping_ratio", "tangential_coefficient", "normal_coefficient")
 COVARIATES = ("spindle speed", "depth of cut", "feed per tooth", "depth over speed")

@@ -21,8 +21,8 @@ from testbed.analysis.fit.least_squares import covariance
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.threads import threaded
 from testbed.effect import Effect, arguments_of
+from testbed.system.threads import threaded
 
 LENGTH = "length_cut"
 LONGER = 1e-5  # m: a length by which slopes are taken

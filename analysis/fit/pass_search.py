@@ -14,8 +14,8 @@ from testbed.analysis.fit.fit_state import State, WaveformFit, together
 from testbed.analysis.fit.nuisances import Nuisances, other_teeth, turned_by
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.threads import threaded
 from testbed.machine import Model
+from testbed.system.threads import threaded
 
 COARSE = 24  # places over a record at which an exit is looked for first
 EARLIER = 5  # passes by which a gentle entry may precede what is seen of it

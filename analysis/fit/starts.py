@@ -21,8 +21,8 @@ from testbed.analysis.fit.record_restart import angles_tried
 from testbed.analysis.fit.solve import PLAIN, Goal, alternate_fit_and_passes, solve
 from testbed.analysis.fit.structure_start import decay_start, structure_start
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.threads import threaded
 from testbed.machine import Model
+from testbed.system.threads import threaded
 
 COEFFICIENTS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
 OPENING = 8192  # samples of an excited record that the first fits see

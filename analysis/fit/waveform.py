@@ -29,8 +29,8 @@ from testbed.analysis.fit.nuisances import MISSING, Nuisances, begun_with, end_m
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Engine, predict
 from testbed.analysis.fit.residual_kernel import difference, fill_residuals
-from testbed.analysis.threads import threaded
 from testbed.machine import Model
+from testbed.system.threads import threaded
 
 SLOWEST = 0.8  # of the nominal speed, that a record without marks may turn out to have had
 SLOPE_STEP = 1e-4  # of a natural step, by which slopes are taken

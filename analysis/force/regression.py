@@ -31,8 +31,8 @@ from testbed.analysis.force.cut_variables import (
 from testbed.analysis.force.latent_force import MissingForce, motion_channels
 from testbed.analysis.force.response import response
 from testbed.analysis.force.terms import cell_force, structure_terms, tooth_terms
-from testbed.analysis.threads import threaded
 from testbed.machine import Model
+from testbed.system.threads import threaded
 from testbed.trial.proposal import ForceTerm
 
 CYCLES, REVOLUTIONS = 8, 3  # a window spans at least so many vibrations and revolutions

@@ -29,10 +29,10 @@ from testbed.analysis.linear.spectral_elements import (
     swing_rate,
 )
 from testbed.analysis.linear.temporal_elements import transition_matrix
-from testbed.analysis.threads import WORKERS, threaded
 from testbed.cut import Cut
 from testbed.machine import Model
 from testbed.system.kernel_cache import kept
+from testbed.system.threads import WORKERS, threaded
 
 LADDER = math.log(1.1)  # swings within this ratio share their elements
 BLANK = 1e-4  # of the largest multiplier over max(1, modulus): a cell with a larger error is left blank

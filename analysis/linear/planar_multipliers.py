@@ -17,10 +17,10 @@ from testbed.analysis.linear.planar_elements import PLANAR_TABLES, period_map, t
 from testbed.analysis.linear.planar_equation import PlanarMachine, chip_stiffness, divide, planar_machine
 from testbed.analysis.linear.spectral_elements import FINE, TOLERANCE, multipliers
 from testbed.analysis.linear.temporal_elements import sort_multipliers
-from testbed.analysis.threads import threaded
 from testbed.cut import Cut
 from testbed.machine import Model
 from testbed.system.kernel_cache import kept
+from testbed.system.threads import threaded
 
 MORE = (0, 2, 4, 7)  # points more in every element
 BLANK = 1e-4  # of the largest multiplier of a period over max(1, modulus): beyond, no answer

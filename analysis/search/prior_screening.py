@@ -19,9 +19,9 @@ from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.diagnosis import COMPLETE
 from testbed.analysis.search.refit_from_prior import explaining, from_believed, with_examples
 from testbed.analysis.search.score_test import shifts_in_time
-from testbed.analysis.threads import threaded
 from testbed.effect import Effect
 from testbed.machine import Model
+from testbed.system.threads import threaded
 
 LIKELY = 4  # effects whose openings are fitted from several starts
 RIVAL = 1.2  # times the cost of the openings with the best effect, up to which another may explain the records as well

@@ -17,8 +17,8 @@ from testbed.analysis.fit.length_cut import asks_length, carried_on
 from testbed.analysis.fit.solve import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.search.candidate import ADEQUATE, Candidate
-from testbed.analysis.threads import threaded
 from testbed.effect import Effect
+from testbed.system.threads import threaded
 
 # Error over noise floor below which a leader that leaves only noise may still be the wrong one: what a helix does grows with
 # the square of its angle, so that its own first step leads nowhere, and what is left of a faint effect passes for noise.

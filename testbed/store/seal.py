@@ -12,8 +12,8 @@ bytes themselves in their place.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
+from contextlib import closing
 from hashlib import sha256
 from io import FileIO
 from pathlib import Path
@@ -22,6 +22,7 @@ from typing import Any, Literal
 import numpy as np
 
 from testbed.system.file_cache import leave_when_written
+from testbed.system.threads import in_order
 
 BLOCK = 16 * 2**20  # bytes
 _PIECE = 2**19  # bytes read or written at once
@@ -127,8 +128,8 @@ def _digest(path: Path, size: int, threads: int, kind: str) -> str:
             file.seek(first)
             return _summed(file, min(BLOCK, size - first), memoryview(bytearray(_PIECE)), kind)
 
-    with ThreadPoolExecutor(threads) as pool:
-        for digest in _few_ahead(pool, block, size, 2 * threads):
+    with closing(in_order(block, range(0, size, BLOCK), threads, 2 * threads)) as digests:  # so memory stays flat
+        for digest in digests:
             total.update(digest)
     return total.hexdigest()
 
@@ -145,14 +146,3 @@ def _summed(file: FileIO, size: int, piece: memoryview, kind: str) -> bytes:
             break
         size -= wanted
     return found.digest()
-
-
-def _few_ahead(pool: ThreadPoolExecutor, block: Callable[[int], bytes], size: int, ahead: int) -> Iterator[bytes]:
-    """The blocks' digests in order, with a few in work at a time: memory stays flat however large the file."""
-    waiting: list[Future[bytes]] = []
-    for first in range(0, size, BLOCK):
-        waiting.append(pool.submit(block, first))
-        if len(waiting) >= ahead:
-            yield waiting.pop(0).result()
-    for future in waiting:
-        yield future.result()

@@ -19,7 +19,7 @@ from testbed.files.yaml_text import Document, Strict, load, validate
 from testbed.problem import InputProblem
 from testbed.sweeps.batch import Job, compute, write_failed
 from testbed.sweeps.pool import DEATHS_OF_A_RUN
-from testbed.sweeps.shards import Span, shard_path
+from testbed.sweeps.shards import Span, Spans, shard_path
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -38,7 +38,7 @@ class _ClusterFile(Strict):
 
 
 @contextmanager
-def on_cluster(address: str | None, cluster_file: str | Path | None) -> Iterator[Callable[[Job, list[Span]], Iterator[Span]]]:
+def on_cluster(address: str | None, cluster_file: str | Path | None) -> Iterator[Callable[[Job, list[Span]], Spans]]:
     """A function that computes a sweep's batches on a running scheduler, or on the cluster that a file describes.
 
     InputProblem where distributed is not installed, nobody answers at the address, or the file is wrong.
@@ -107,7 +107,7 @@ def task(job: Job, first: int, last: int) -> Span:
     return first, last
 
 
-def compute_on(client: Client, job: Job, spans: list[Span]) -> Iterator[Span]:
+def compute_on(client: Client, job: Job, spans: list[Span]) -> Spans:
     """Compute spans of runs on a cluster, giving each as its shard is there.
 
     A span that takes its workers with it time and again is halved until the one run is found, which is `crashed`.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 
 import h5py
@@ -21,6 +21,7 @@ from testbed.sweeps.shards import fault, remove
 from testbed.system.atomic import replacing
 from testbed.system.file_cache import leave
 from testbed.system.steady_file import SteadyFile
+from testbed.system.threads import in_order
 
 _BOOKKEEPING = {"DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME", "_Netcdf4Dimid"}
 _SHARED = {"run", "time", "mark", "pass", "digest_byte", "scenario_text", "model_text", "model_xml", provenance.NAME}
@@ -59,21 +60,14 @@ def consolidate(target: Path, header: Header, shards: Sequence[tuple[int, int, P
 
 def _whole(shards: Iterable[tuple[int, int, Path]], threads: int, fingerprint: str) -> Iterator[tuple[int, Path]]:
     """Shards whose every byte is as it was written, for this scenario and these runs, checked a few ahead."""
-    with ThreadPoolExecutor(max(1, threads)) as pool:
-        waiting = []
-        for first, _, path in shards:
-            waiting.append((first, path, pool.submit(fault, path, fingerprint)))
-            if len(waiting) > 2 * threads:
-                yield _sound(*waiting.pop(0))
-        for item in waiting:
-            yield _sound(*item)
-
-
-def _sound(first: int, path: Path, found: Future[str | None]) -> tuple[int, Path]:
-    if (wrong := found.result()) is not None:
-        remove(path, wrong)
-        raise InputProblem(path, f"{wrong}; it is removed", "continue with --resume")
-    return first, path
+    paths = [(first, path) for first, _, path in shards]
+    faults = in_order(lambda one: fault(one[1], fingerprint), paths, max(1, threads), 2 * threads + 1)
+    with closing(faults) as found:
+        for (first, path), wrong in zip(paths, found, strict=True):
+            if wrong is not None:
+                remove(path, wrong)
+                raise InputProblem(path, f"{wrong}; it is removed", "continue with --resume")
+            yield first, path
 
 
 class _Writer:

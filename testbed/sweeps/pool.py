@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import gc
 import multiprocessing
-import threading
 import time
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from collections.abc import Sequence
+from contextlib import closing
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for
 from typing import Any
 
 from testbed.sweeps.batch import Job, compute, write_failed
-from testbed.sweeps.shards import Span, shard_path
+from testbed.sweeps.shards import Span, Spans, shard_path
 from testbed.system.interruption import deaf, deaf_from_birth
 from testbed.system.memory_file import release
+from testbed.system.threads import Stop, as_done
 
 STALL = 600.0       # s without a run begun or ended, after which a worker is taken for hung
 DEATHS_OF_A_RUN = 3  # a run that was under way alone so often when its process died is `crashed`
@@ -29,7 +29,7 @@ _SELDOM = 20_000    # objects more than were freed, after which rings are looked
 _STILLBORN = 10     # workers in a row that die before they are ready: nothing will come of it
 
 
-def work(job: Job, spans: Sequence[Span], workers: int, processes: bool, stall: float = STALL) -> Iterator[Span]:
+def work(job: Job, spans: Sequence[Span], workers: int, processes: bool, stall: float = STALL) -> Spans:
     """Compute spans of runs, giving each as its shard is written, in any order and perhaps in smaller pieces.
 
     stall: seconds after which a process that shows no progress is ended. KeyboardInterrupt passes through at once.
@@ -40,47 +40,36 @@ def work(job: Job, spans: Sequence[Span], workers: int, processes: bool, stall: 
     settled, usual = False, gc.get_threshold()
     gc.set_threshold(_SELDOM, *usual[1:])
     try:
-        for span in _in_turn(job, spans) if workers <= 1 else _in_threads(job, spans, workers):
-            if not settled:
-                gc.freeze()
-                settled = True
-            yield span
+        with closing(_in_turn(job, spans) if workers <= 1 else _in_threads(job, spans, workers)) as done:
+            for span in done:
+                if not settled:
+                    gc.freeze()
+                    settled = True
+                yield span
     finally:
         gc.unfreeze()
         gc.set_threshold(*usual)
         release()
 
 
-def _in_turn(job: Job, spans: Sequence[Span]) -> Iterator[Span]:
+def _in_turn(job: Job, spans: Sequence[Span]) -> Spans:
     for span in spans:
         compute(job, span[0], span[1])
         yield span
 
 
-def _in_threads(job: Job, spans: Sequence[Span], workers: int) -> Iterator[Span]:
-    stop = threading.Event()
+def _in_threads(job: Job, spans: Sequence[Span], workers: int) -> Spans:
+    stop = Stop()
 
     def tell(_: int) -> None:
-        if stop.is_set():
+        if stop.now:
             raise KeyboardInterrupt
 
-    pool = ThreadPoolExecutor(workers)
-    running: dict[Future, Span] = {}
-    ahead = iter(spans)
-    try:
-        while True:
-            while len(running) < workers + 1 and (span := next(ahead, None)) is not None:
-                running[pool.submit(compute, job, span[0], span[1], tell)] = span
-            if not running:
-                return
-            finished, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in finished:
-                span = running.pop(future)
-                future.result()
-                yield span
-    finally:
-        stop.set()
-        pool.shutdown(cancel_futures=True)
+    with closing(as_done(lambda span: compute(job, span[0], span[1], tell), spans, workers, workers + 1, stop)) as done:
+        for place, _, fault in done:
+            if fault is not None:
+                raise fault
+            yield spans[place]
 
 
 def _serve(connection: Connection, job: Job, place: Any) -> None:
@@ -152,7 +141,7 @@ class _Processes:
         self.stalls: Counter[Span] = Counter()
         self.stillborn = 0
 
-    def run(self, count: int) -> Iterator[Span]:
+    def run(self, count: int) -> Spans:
         workers: list[_Worker] = []
         try:
             while self.waiting or any(worker.span for worker in workers):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Generator
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from testbed.store.seal import state
 
 _NAME = re.compile(r"runs-(\d{8,})-(\d{8,})\.h5")
 Span = tuple[int, int]  # runs `first` up to, not including, `last`
+Spans = Generator[Span, None, None]
 Shard = tuple[int, int, Path]
 NOTE = "sweep.json"
 INDEX = "index.h5"  # all tables of a data set that stays a folder of shards

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass, replace
 from glob import escape
 from hashlib import sha256
@@ -33,6 +34,7 @@ from testbed.sweeps.shards import (
     NOTE,
     STRANGE,
     Span,
+    Spans,
     fault,
     find,
     gaps,
@@ -49,7 +51,7 @@ from testbed.system.one_writer import one_writer
 LARGEST_BATCH = {"fast": 2048, "mujoco": 64}
 BATCH_BYTES = 128_000_000
 Progress = Callable[[int, int], None]
-Work = Callable[[Job, list[Span]], Iterator[Span]]
+Work = Callable[[Job, list[Span]], Spans]
 
 
 @dataclass(frozen=True)
@@ -115,8 +117,8 @@ def _computed(target: Path, job: Job, size: int, computing: Work, progress: Prog
         spans = list(_batches(gaps(there, count), size))
         if progress:
             progress(done, count)
-        with remembered_interruptions() as check:
-            for first, last in computing(job, spans):
+        with remembered_interruptions() as check, closing(computing(job, spans)) as computed:
+            for first, last in computed:
                 done += last - first
                 if progress:
                     progress(done, count)

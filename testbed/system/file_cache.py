@@ -9,35 +9,37 @@ Nobody waits for it: one thread sees to it, and where the disk is slower than th
 
 from __future__ import annotations
 
+import _thread
 import os
-import threading
-from concurrent.futures import ThreadPoolExecutor
+from queue import SimpleQueue
 
 _MOST_WAITING = 4  # files at a time; beyond it the disk is behind, and memory is what holds the files meanwhile
-_free = threading.Semaphore(_MOST_WAITING)
-_thread: list[ThreadPoolExecutor] = []
-_lock = threading.Lock()
+_waiting: SimpleQueue[int] = SimpleQueue()  # descriptors; no lock of Python's, which Ctrl-C might leave taken
+_begun: list[int] = []
 
 
 def leave_when_written(descriptor: int) -> None:
     """Have an open file's bytes put on the disk and dropped from memory, at some later time; it may be closed meanwhile."""
-    if not hasattr(os, "posix_fadvise") or not _free.acquire(blocking=False):
+    if not hasattr(os, "posix_fadvise") or _waiting.qsize() >= _MOST_WAITING:
         return
     try:
         own = os.dup(descriptor)
     except OSError:  # too many open files: it stays in the cache
-        _free.release()
         return
-    with _lock:
-        if not _thread:
-            _thread.append(ThreadPoolExecutor(1, "file_cache"))
-    _thread[0].submit(_settle, own)
+    _waiting.put(own)
+    if not _begun:
+        _begun.append(_thread.start_new_thread(_settle_all, ()))
 
 
 def leave(descriptor: int) -> None:
     """Drop what the disk has of an open file from memory."""
     if hasattr(os, "posix_fadvise"):
         os.posix_fadvise(descriptor, 0, 0, os.POSIX_FADV_DONTNEED)
+
+
+def _settle_all() -> None:
+    while True:
+        _settle(_waiting.get())
 
 
 def _settle(descriptor: int) -> None:
@@ -48,4 +50,3 @@ def _settle(descriptor: int) -> None:
         pass
     finally:
         os.close(descriptor)
-        _free.release()

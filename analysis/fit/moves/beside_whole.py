@@ -15,7 +15,7 @@ from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.part_search import beside_whole, settled
 from testbed.analysis.fit.solve import Goal, Move, Trial
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.threads import threaded
+from testbed.system.threads import threaded
 
 
 def propose(fitter: Fitter, fit: WaveformFit, goal: Goal) -> Iterator[Trial]:

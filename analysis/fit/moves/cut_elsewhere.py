@@ -19,7 +19,7 @@ from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.pass_search import entered, left_at, squares_of
 from testbed.analysis.fit.solve import Goal, Move, Trial
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.threads import threaded
+from testbed.system.threads import threaded
 
 ROUND = 24  # places round a tooth's pitch at which the angle of a record without marks is looked for,
 LIKELY = 4  # and of them those whose own unknowns are refitted

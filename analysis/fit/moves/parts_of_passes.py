@@ -21,7 +21,7 @@ from testbed.analysis.fit.part_search import best_ends, best_moved, best_whole, 
 from testbed.analysis.fit.pass_search import squares_of
 from testbed.analysis.fit.solve import Goal, Move, Trial
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.threads import threaded
+from testbed.system.threads import threaded
 
 MISFIT = 1.05  # mean squared residual, in noise, above which a record may have begun or ended within an arc,
 KICK = 3.0  # or slow residual about its entry or exit over that of its other passes, as mean squares,
