@@ -13,7 +13,7 @@ and each of its places a constant with a name. `packing` makes them of a model a
 | V       | teeth, 2            | of unequal pitch: where each tooth enters, by how much it follows    | `turn_kernel`        |
 | Y       | states              | [q, q', t, effects' states, further modes' q and q']                 | `hooks`              |
 | D, W, K | as Y                | the slope of Y; a stage's state; what the stages of a step add       | `fast_kernel.advance`|
-| T       | rows, edges, T_SIZE | what depends on the angle alone: cover, travel, theta, sine, cosine  | `fast_kernel`        |
+| T       | rows, edges, T_SIZE | what depends on the angle alone: cover, travel, theta, sine, cosine  | `loop_kernel`        |
 | S       | rows, edges         | the surface: radial position (m) left one tooth pass before          | `loop_kernel`        |
 | M       | rows, edges         | of unequal pitch: what each edge left, for the tooth that follows    | `uneven_kernel`      |
 | H, E    | oscillators, 4      | exact maps of O over half a step, and over a whole one               | `oscillator_kernel`  |
@@ -23,7 +23,8 @@ and each of its places a constant with a name. `packing` makes them of a model a
 | tooth   | edges               | which tooth an edge belongs to                                       | `fast_kernel`        |
 | modes   | modes, MODE_SIZE    | of a machine in the plane: direction, mass, damping, stiffness, part | `plane_kernel`       |
 | Q       | modes, 2            | their coordinates and rates, where nothing else is a state           | `modes_kernel`       |
-| kappa   | rows, 4             | of base models: the force under a chip, along and across             | `plane_linear_kernel`|
+| bench   | five arrays         | of a step in the cut: kappa and memory, or T, S, left, tooth, Y      | `plane_run_kernel`   |
+| kappa   | rows, 1, 4          | of base models: the force under a chip, along and across             | `plane_linear_kernel`|
 | memory  | rows, 2             | of base models: where the tool was one tooth pass before             | `plane_linear_kernel`|
 | clock   | 2, or 2 + channels  | time of the first sample (s), sampling rate (Hz); what is asked for  | `sampling_kernel`    |
 | out     | channels, samples   | the record; NaN before the structure is let go and after a divergence | `sampling_kernel`   |

@@ -30,17 +30,21 @@ FAST = ("array_kernel", "plane_kernel", "loop_kernel", "oscillator_kernel", "fro
 _SLOTS = {"displacement": "Y[0]", "velocity": "Y[1]", "time": "Y[2]"} | dict.fromkeys(ACROSS_OFFERS, "0.0")
 _PLANAR_SLOTS = {"displacement": "structure_x(P, Y)", "velocity": "structure_vx(P, Y)", "displacement_y": "structure_y(P, Y)",
                  "velocity_y": "structure_vy(P, Y)", "time": "Y[2]"}  # fmt: skip
+# and where the state holds what all modes come to: [x (m), x' (m/s), time (s), y, y']
+_GIVEN_SLOTS = {"displacement": "Y[0]", "velocity": "Y[1]", "time": "Y[2]", "displacement_y": "Y[3]", "velocity_y": "Y[4]"}
 _COMPILED = [name for name, hook in HOOKS.items() if hook.joins in ("sum", "product", "replace")]
 
 
 class Layout:
     """Where each effect's flag, parameters and states lie in the arrays the kernels are given, sorted by name.
 
-    planar: for the kernels of structures with more than one mode along the feed.
+    planar: for the kernels of structures with more than one mode along the feed. given: for those of them that carry the modes
+    themselves, and hand on where the structure is, and how fast.
     """
 
-    def __init__(self, effects: Mapping[str, Effect], planar: bool = False) -> None:
-        self.slots = _PLANAR_SLOTS if planar else _SLOTS
+    def __init__(self, effects: Mapping[str, Effect], planar: bool = False, given: bool = False) -> None:
+        self.planar = planar
+        self.slots = _GIVEN_SLOTS if given else _PLANAR_SLOTS if planar else _SLOTS
         self.effects = dict(sorted(effects.items()))
         self.flag = {name: index for index, name in enumerate(self.effects)}
         self.parameter: dict[tuple[str, str], int] = {}
@@ -111,7 +115,7 @@ def _kernel_text(name: str) -> str:
 
 
 def _module_text(layout: Layout, kernels: tuple[str, ...]) -> str:
-    constants = [f"PLANAR, N_STATES, N_PARAMETERS = {layout.slots is _PLANAR_SLOTS}, {len(layout.state)}, {layout.parameters}"]
+    constants = [f"PLANAR, N_STATES, N_PARAMETERS = {layout.planar}, {len(layout.state)}, {layout.parameters}"]
     lines = [*_import_text(layout.effects), *constants, "", ""]
     for hook in _COMPILED:
         lines += _hook_text(layout, hook)
@@ -138,33 +142,30 @@ def _compose(key: str, text: str, effects: Mapping[str, Effect]) -> ModuleType:
 
 
 _ONE_AT_A_TIME = RLock()  # ast.parse on several threads fails in Python 3.11, and numba compiles one module at a time
-_modules: dict[tuple[int, tuple[str, ...], bool], tuple[Mapping[str, Effect], ModuleType]] = {}
+_Kind = tuple[int, tuple[str, ...], bool, bool]
+_modules: dict[_Kind, tuple[Mapping[str, Effect], ModuleType]] = {}
 
 
-def compose(effects: Mapping[str, Effect], kernels: tuple[str, ...], planar: bool = False) -> ModuleType:
+def compose(effects: Mapping[str, Effect], kernels: tuple[str, ...], planar: bool = False, given: bool = False) -> ModuleType:
     """The kernels (names of files in testbed/engines) over this catalogue's hooks.
 
     planar: for structures with more than one mode along the feed; those of one mode keep kernels without a loop over modes.
+    given: see `Layout`; of effects without states.
     """
-    known = _modules.get((id(effects), kernels, planar))
+    kind = (id(effects), kernels, planar, given)
+    known = _modules.get(kind)
     if known is not None and known[0] is effects:
         return known[1]
     with _ONE_AT_A_TIME:
-        return _composed(effects, kernels, planar)
-
-
-def _composed(effects: Mapping[str, Effect], kernels: tuple[str, ...], planar: bool) -> ModuleType:
-    known = _modules.get((id(effects), kernels, planar))
-    if known is not None and known[0] is effects:  # by another thread, while this one waited
+        known = _modules.get(kind)
+        if known is None or known[0] is not effects:  # else by another thread, while this one waited
+            layout = Layout(effects, planar, given)
+            known = _modules[kind] = (effects, _compose(*_keyed(layout, kernels), effects))
         return known[1]
-    module = _compose(*_keyed(effects, kernels, planar), effects)
-    _modules[id(effects), kernels, planar] = (effects, module)
-    return module
 
 
-def _keyed(effects: Mapping[str, Effect], kernels: tuple[str, ...], planar: bool) -> tuple[str, str]:
+def _keyed(layout: Layout, kernels: tuple[str, ...]) -> tuple[str, str]:
     """(a hash of all that compiled code depends on, the text of the module)."""
-    layout = Layout(effects, planar)
     text, by_name = _module_text(layout, kernels), layout.effects.values()
     sources = "".join(effect.path.read_text() for effect in by_name if effect.path)
     modules = " ".join(hook.__module__ for effect in by_name for hook in effect.hooks.values())  # kept in code
@@ -174,5 +175,5 @@ def _keyed(effects: Mapping[str, Effect], kernels: tuple[str, ...], planar: bool
 
 def composed_before(effects: Mapping[str, Effect], kernels: tuple[str, ...] = FAST) -> bool:
     """Whether this process or an earlier one has had the kernels of one mode over these effects: else they compile first."""
-    name = f"testbed_kernels_{_keyed(effects, kernels, False)[0]}"
+    name = f"testbed_kernels_{_keyed(Layout(effects), kernels)[0]}"
     return name in sys.modules or read(f"{name}.code") is not None

@@ -14,10 +14,9 @@ from testbed.effect import Effect
 from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
 from testbed.engines import sampling_kernel as sk
-from testbed.engines.compose import FAST, compose
-from testbed.engines.kernel_runs import UNEVEN, run_linear, run_plane_linear, run_uneven, with_motions_asked
+from testbed.engines.kernel_runs import run_general, run_linear, run_plane, with_motions_asked
 from testbed.engines.measure import measured_channels, senses
-from testbed.engines.model_arrays import active_names, each_once, kind_of, layout_of, runs_by
+from testbed.engines.model_arrays import active_names, each_once, kind_of, runs_by
 from testbed.engines.packing import Stack, pack_many
 from testbed.engines.stiffening import stiffening, stiffens
 from testbed.machine import Cutter, Model
@@ -74,6 +73,7 @@ class _Batch:
     shape: tuple[int, int, int]  # channels, samples, passes
     most_steps: float  # within one sample, beyond which a run is not followed
     asked: Sequence[int] | None  # channels that `out` is to hold alone; None: the first `shape[0]`
+    lean: bool  # whether kernels that sample no forces and know no measured durations may serve
 
     def of(self, runs: Sequence[int] | np.ndarray) -> _Batch:
         """The same of some runs."""
@@ -85,50 +85,51 @@ class _Batch:
 
         linear: by the kernel of the base model alone. NaN for those beyond `most_steps`.
         """
-        kinds = runs_by(lambda model: kind_of(model, self.effects)[:2], self.models)
+        kinds = runs_by(self._kernel_of, self.models)
         if len(kinds) == 1:
-            return self._run(assumed, linear, *next(iter(kinds)))
+            return self._run(assumed, linear, next(iter(kinds)))
         groups = list(kinds.values())
-        parts = [self.of(runs)._run(assumed[runs], False, *kind) for kind, runs in kinds.items()]
+        parts = [self.of(runs)._run(assumed[runs], False, kind) for kind, runs in kinds.items()]
         order = np.argsort(np.concatenate(groups))
         return BatchResult(*(array[order] for array in _together(*parts).arrays()))
 
-    def _run(self, assumed: np.ndarray, linear: bool, planar: bool, uneven: bool) -> BatchResult:
+    def _kernel_of(self, model: Model) -> tuple[bool, bool, bool]:
+        planar, uneven, at_edges, _ = kind_of(model, self.effects)
+        return planar, uneven, self.lean and planar and at_edges
+
+    def _run(self, assumed: np.ndarray, linear: bool, kind: tuple[bool, bool, bool]) -> BatchResult:
         """The runs of one kind."""
         packed = pack_many(self.models, self.cuts, self.effects, self.steps, assumed, self.refinement)
         most = np.maximum(self.most_steps * self.clock[:, 1] * packed.nominal_pass, self.refinement * ALWAYS_TAKEN)
         followed = np.flatnonzero(packed.steps_of_pass <= most)
         if len(followed) == len(self.models):
-            return self._simulated(packed, linear, planar, uneven)
+            return self._simulated(packed, linear, kind)
         runs, (signals, count, passes) = len(self.models), self.shape
         rows = signals if self.asked is None else len(self.asked)
         whole = BatchResult(np.full((runs, rows, count), np.nan), np.full((runs, passes + 1), np.nan),
                             np.full((runs, passes + 1, 2), np.nan), np.full(runs, fk.OUTCOME_DIVERGED),
                             np.zeros(runs))  # fmt: skip
         if len(followed):
-            part = self.of(followed)._simulated(packed.some(followed), linear, planar, uneven)
+            part = self.of(followed)._simulated(packed.some(followed), linear, kind)
             for one in fields(BatchResult):
                 getattr(whole, one.name)[followed] = getattr(part, one.name)
         return whole
 
-    def _simulated(self, packed: Stack, linear: bool, planar: bool, uneven: bool) -> BatchResult:
+    def _simulated(self, packed: Stack, linear: bool, kind: tuple[bool, bool, bool]) -> BatchResult:
         """The runs of one kind as they are packed, all of them followed."""
-        runs, (signals, count, passes) = len(self.models), self.shape
+        runs, (signals, count, passes), (planar, _, at_edges) = len(self.models), self.shape, kind
         asked = range(signals) if self.asked is None else self.asked
-        lean = linear and planar  # such a kernel fills nothing that is not asked for
+        lean = planar and (linear or at_edges)  # such a kernel fills nothing that is not asked for
         result = BatchResult(np.empty((runs, len(asked) if lean else signals, count)), np.empty((runs, passes + 1)),
                              np.empty((runs, passes + 1, 2)), np.empty(runs, dtype=np.int64), np.empty(runs))  # fmt: skip
         found = result.arrays()
-        clock = self.clock if linear or not planar else with_motions_asked(self.clock, self.asked, self.models, self.effects)
         if lean:
-            run_plane_linear(packed, layout_of(self.effects), asked, clock, LIMIT, found)
+            run_plane(packed, self.effects, linear, asked, self.clock, LIMIT, found)
         elif linear:
-            run_linear(packed, clock, LIMIT, found)
-        elif uneven:
-            run_uneven(packed, compose(self.effects, UNEVEN, True), self.table, clock, self.forces, LIMIT, found)
+            run_linear(packed, self.clock, LIMIT, found)
         else:
-            kernel = compose(self.effects, FAST, planar)
-            kernel.run_batch(*packed.arrays(), self.table, clock, self.forces, LIMIT, *found)
+            clock = with_motions_asked(self.clock, self.asked, self.models, self.effects) if planar else self.clock
+            run_general(packed, self.effects, planar, self.table, clock, self.forces, LIMIT, found)
         if not planar and signals > sk.N_CHANNELS:
             result.out[:, sk.N_CHANNELS :] = 0.0 * result.out[:, :1]  # NaN where the run diverged
         if lean or self.asked is None:
@@ -172,9 +173,9 @@ def simulate_batch(
     clock = np.array([[sampling.start, sampling.rate] for sampling in samplings]) if samplings else np.ones((len(models), 2))
     batch = _Batch(models, columns, effects, clock, table, steps, refinement, forces,
                    (signals, max((sampling.count for sampling in samplings or ()), default=0), passes), most_steps,
-                   asked)  # fmt: skip
+                   asked, not (general or forces or table.shape[1]))  # fmt: skip
     assumed = np.ones(len(models))
-    if not (general or forces or table.shape[1]) and all(kind_of(model, effects)[2] for model in each_once(models)):
+    if batch.lean and all(kind_of(model, effects).base for model in each_once(models)):
         return batch.run(assumed, linear=True)
     if steps is not None:
         return batch.run(assumed)
@@ -295,7 +296,7 @@ def simulate_side_by_side(models: Sequence[Model], cuts: Cuts, counts: np.ndarra
                           catalogue: Mapping[str, Effect] | None = None) -> Records:  # fmt: skip
     """What `simulate` gives for each run, to the bit. counts: samples of each, (runs,), at `rate` (Hz) from time 0 on."""
     effects = known_effects() if catalogue is None else catalogue
-    kinds = runs_by(lambda model: (not model.effects, kind_of(model, effects)[2]), models)
+    kinds = runs_by(lambda model: (not model.effects, kind_of(model, effects).base), models)
     if len(kinds) > 1:
         parts = [simulate_side_by_side([models[run] for run in runs], cuts.some(runs), counts[runs], rate, channels=channels,
                                        steps=steps, catalogue=effects) for runs in kinds.values()]  # fmt: skip
@@ -319,6 +320,5 @@ def simulate_side_by_side(models: Sequence[Model], cuts: Cuts, counts: np.ndarra
 
 
 simulate.__dict__["side_by_side"] = simulate_side_by_side  # a sweep looks for it there
-
 
 __all__ = ["BatchResult", "lk", "simulate", "simulate_batch", "simulate_side_by_side"]

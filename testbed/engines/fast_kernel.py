@@ -7,29 +7,29 @@ and only the rest is integrated. At a varying speed the maps are those of the sp
 and nothing but oscillators moves, one exact map replaces the steps; beside a spring and slider, one map an event.
 """
 
-import math
-
 import numpy as np
 
 from testbed.engines.array_kernel import copy, fill, fill_columns, fill_rows
 from testbed.engines.compiled import holding, inner
 from testbed.engines.front_kernel import first_surface
 from testbed.engines.glide_kernel import glide
-from testbed.engines.hooks import PLANAR, hook_chip
+from testbed.engines.hooks import hook_chip
 from testbed.engines.loop_kernel import (
     CORNERS,
-    ENTRY,
+    COSINE,
     FEED_SPEED,
     FLUTES,
     HELD_UNTIL,
     OMEGA,
     PITCH,
-    RADIUS,
+    SINE,
     SLICES,
     T_ENTRY,
+    T_SIZE,
+    THETA,
     derivative,
-    force_of_edge,
-    piece_of_edge,
+    fill_row,
+    force_at_row,
     radius_of_edge,
     spindle_speed,
     weights_in_cut,
@@ -42,7 +42,6 @@ from testbed.system.kernel_cache import kept
 
 # integer settings of one run; STEPS and TEETH hold one number a segment, PLAIN the places of the states not carried exactly
 IDLE, CUT, RING_DOWN, EXACT_FLIGHT, STEADY_SPEED, SEGMENTS, CARRIED, PLAIN_COUNT, STEPS, TEETH, PLAIN = (*range(9), 12, 16)
-COVER, TURNED, THETA, SINE, COSINE, T_SIZE = range(6)
 OUTCOME_OK, OUTCOME_DIVERGED = 0, 1
 
 
@@ -61,14 +60,9 @@ def row_phase(G, I, row):
 
 @inner
 def fill_table(G, I, T):
-    """What depends on the angle alone, for every row and edge: T (rows, edges, 5)."""
+    """`fill_row` of every row."""
     for row in range(T.shape[0]):
-        phase = row_phase(G, I, row)
-        for edge in range(T.shape[1]):
-            cover, turned = piece_of_edge(G, phase, edge)
-            theta = G[ENTRY] + turned
-            T[row, edge, COVER], T[row, edge, TURNED], T[row, edge, THETA] = cover, turned, theta
-            T[row, edge, SINE], T[row, edge, COSINE] = math.sin(theta), math.cos(theta)
+        fill_row(G, T, row, row_phase(G, I, row))
 
 
 @inner
@@ -77,19 +71,8 @@ def slope(A, P, G, Y, D, T, row, S, left, left_row, tooth, edges, weight):
 
     weight: what the force counts, see `weights_in_cut`.
     """
-    force, across, torque = 0.0, 0.0, 0.0
     at, moving = position_at_cut(A, P, Y), velocity_at_cut(A, P, Y)
-    feed = G[FEED_SPEED] * (Y[2] - G[T_ENTRY])
-    for edge in range(edges):
-        sine, cosine = T[row, edge, SINE], T[row, edge, COSINE]
-        tangential, normal, radial = force_of_edge(
-            A, P, G, Y, at, moving, feed, T[row, edge, COVER], T[row, edge, TURNED], T[row, edge, THETA], sine, cosine,
-            S[row, edge], tooth[edge])  # fmt: skip
-        left[left_row, edge] = radial
-        force -= tangential * cosine + normal * sine
-        if PLANAR:
-            across += tangential * sine - normal * cosine
-        torque += tangential * G[RADIUS]
+    force, across, torque = force_at_row(A, P, G, Y, at, moving, T, row, S, left, left_row, tooth, edges)
     derivative(A, P, G, Y, D, weight * force, weight * across, weight * torque)
     return spindle_speed(A, P, G, Y)
 
@@ -140,6 +123,12 @@ def keep_surface(A, P, G, Y, D0, Y1, D1, ends, W, T, S, row, left, now, tooth, e
     for i in range(Y.shape[0]):
         W[i] = 0.5 * (Y[i] + Y1[i]) + 0.125 * (D0[i] * ends[0] - D1[i] * ends[1])
     x, y = position_at_cut(A, P, W)
+    keep_middle(A, P, G, W, x, y, T, S, row, left, now, tooth, edges)
+
+
+@inner
+def keep_middle(A, P, G, W, x, y, T, S, row, left, now, tooth, edges):
+    """`keep_surface` where the state at the step's middle is W, and the workpiece at (x, y)."""
     x += G[FEED_SPEED] * (W[2] - G[T_ENTRY])
     for edge in range(edges):
         met = S[row + 1, edge]

@@ -37,6 +37,7 @@ FLUTES, PITCH, RADIUS, ENTRY, ENGAGED, SLICES, SLICE_LAG, SLICE_DEPTH, KT, KN, F
 MOST_SEGMENTS = 4
 G_SIZE = CORNERS + MOST_SEGMENTS + 1
 
+COVER, TURNED, THETA, SINE, COSINE, T_SIZE = range(6)  # what a table of the angles holds of an edge at a row
 
 MOST_POINTS = 32
 GAUSS_NODES, GAUSS_WEIGHTS = np.zeros((MOST_POINTS + 1, MOST_POINTS)), np.zeros((MOST_POINTS + 1, MOST_POINTS))
@@ -139,6 +140,37 @@ def force_of_edge(A, P, G, Y, at, moving, feed, cover, turned, theta, sine, cosi
         A, P, Y, chip, penetration, theta, radial_velocity, velocity_along, depth, cutting_speed, length, G[RADIUS], G[FEED],
         tooth)
     return tangential, normal, radial if chip == penetration else met + chip
+
+
+@inner
+def fill_row(G, T, row, phase):
+    """What depends on the angle alone, for every edge: one row of T (rows, edges, 5)."""
+    for edge in range(T.shape[1]):
+        cover, turned = piece_of_edge(G, phase, edge)
+        theta = G[ENTRY] + turned
+        T[row, edge, COVER], T[row, edge, TURNED], T[row, edge, THETA] = cover, turned, theta
+        T[row, edge, SINE], T[row, edge, COSINE] = math.sin(theta), math.cos(theta)
+
+
+@inner
+def force_at_row(A, P, G, Y, at, moving, T, row, S, left, left_row, tooth, edges):
+    """(force along, across, torque) of all edges at a row, N and N m; left[left_row]: the surface left there.
+
+    at, moving: `position_at_cut` and `velocity_at_cut`.
+    """
+    force, across, torque = 0.0, 0.0, 0.0
+    feed = G[FEED_SPEED] * (Y[2] - G[T_ENTRY])
+    for edge in range(edges):
+        sine, cosine = T[row, edge, SINE], T[row, edge, COSINE]
+        tangential, normal, radial = force_of_edge(
+            A, P, G, Y, at, moving, feed, T[row, edge, COVER], T[row, edge, TURNED], T[row, edge, THETA], sine, cosine,
+            S[row, edge], tooth[edge])  # fmt: skip
+        left[left_row, edge] = radial
+        force -= tangential * cosine + normal * sine
+        if PLANAR:
+            across += tangential * sine - normal * cosine
+        torque += tangential * G[RADIUS]
+    return force, across, torque
 
 
 @inner

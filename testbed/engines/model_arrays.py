@@ -8,7 +8,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from threading import Lock
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from testbed.machine import Cutter, Cutting, Mode, Model, Structure
 from testbed.problem import InputProblem
 
 _PYTHON_HOOKS = ("measure",)
+_OF_GEOMETRY = ("immersion", "helix_angle")
+_AT_EDGES = ("edge_position", "engagement", "chip", "force_factor", "tangential_force", "normal_force")
 _MODE_STATE = re.compile(r"modes\[([1-9]\d*)\]\.(displacement|velocity)")
 _REPLACED = [hook for hook, what in HOOKS.items() if what.joins == "replace"]
 
@@ -49,7 +51,12 @@ def active_effects(model: Model, catalogue: Mapping[str, Effect]) -> dict[str, M
 
 
 def _touches_loop(effect: Effect) -> bool:
-    return any(hook not in _PYTHON_HOOKS and hook not in ("immersion", "helix_angle") for hook in effect.hooks)
+    return any(hook not in (*_PYTHON_HOOKS, *_OF_GEOMETRY) for hook in effect.hooks)
+
+
+def acts_at_edges(effect: Effect) -> bool:
+    """Whether all that an effect does to the loop is done at an edge, in an instant: it remembers and moves nothing."""
+    return not effect.states and all(hook in (*_AT_EDGES, *_PYTHON_HOOKS, *_OF_GEOMETRY) for hook in effect.hooks)
 
 
 _layouts: dict[int, tuple[Mapping[str, Effect], Layout]] = {}
@@ -129,6 +136,7 @@ class OfModel:
     motion: Motion
     numbers: tuple[float, ...]  # by the places below
     base: bool
+    at_edges: bool
     planar: bool
     lags: dict[float, OfLag] = field(default_factory=dict)  # without a helix all depths share one
 
@@ -169,8 +177,9 @@ def of_model(model: Model, catalogue: Mapping[str, Effect]) -> OfModel:
                OWN: max(mode.natural_frequency_rad for mode in model.structure.modes), EXACT: motion.exact,
                STEADY: "speed" not in hooks, WANDERS: "engagement" in hooks}  # fmt: skip
     base = not cutter.pitch_angles and not any(_touches_loop(catalogue[name]) for name in active)
+    at_edges = not cutter.pitch_angles and all(acts_at_edges(catalogue[name]) for name in active)
     found = OfModel(model, {name: catalogue[name] for name in model.effects}, layout, active, cutter, cutting, A, P, motion,
-                     tuple(float(numbers[place]) for place in range(len(numbers))), base, planar)
+                     tuple(float(numbers[place]) for place in range(len(numbers))), base, at_edges, planar)
     with _turn:
         _of_models[id(model)] = found
         while len(_of_models) > KEPT:
@@ -183,10 +192,19 @@ def active_names(model: Model, catalogue: Mapping[str, Effect]) -> tuple[str, ..
     return tuple(of_model(model, catalogue).active)
 
 
-def kind_of(model: Model, catalogue: Mapping[str, Effect]) -> tuple[bool, bool, bool]:
-    """(moves in the plane, has teeth of unequal pitch, is a base model): runs of one kernel agree in it, but for the last."""
+class Kind(NamedTuple):
+    """Runs of one kernel agree in it; but where all are of base models, another serves."""
+
+    planar: bool    # moves in the plane
+    uneven: bool    # has teeth of unequal pitch
+    at_edges: bool  # what effects do is done at the edges
+    base: bool
+
+
+def kind_of(model: Model, catalogue: Mapping[str, Effect]) -> Kind:
+    """Which kernels can serve a model."""
     of = of_model(model, catalogue)
-    return of.planar, bool(of.cutter.pitch_angles), of.base
+    return Kind(of.planar, bool(of.cutter.pitch_angles), of.at_edges, of.base)
 
 
 @dataclass(frozen=True)

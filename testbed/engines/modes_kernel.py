@@ -4,9 +4,19 @@ modes (modes, 6) holds what `plane_kernel` says of each mode, Q (modes, 2) their
 """
 
 from testbed.engines.compiled import inner
+from testbed.engines.fast_kernel import SEGMENTS, STEPS
 from testbed.engines.oscillator_kernel import oscillator_map
 from testbed.engines.plane_kernel import MODE_DAMPING, MODE_MASS, MODE_STIFFNESS, ON_TOOL, SHAPE_X, SHAPE_Y
 from testbed.engines.sampling_kernel import quintic, samples_until
+
+
+@inner
+def rows_of(I):  # noqa: E741
+    """Rows of a table over one tooth pass: the ends and middles of all steps, segment by segment."""
+    size = 0
+    for segment in range(I[SEGMENTS]):
+        size += 2 * I[STEPS + segment] + 1
+    return size
 
 
 @inner
@@ -30,6 +40,17 @@ def carried_on(modes, Q, E):
 
 
 @inner
+def rates_carried_on(modes, Q, E):
+    """(x', y') of all modes, m/s, after the time of the maps E."""
+    vx, vy = 0.0, 0.0
+    for mode in range(modes.shape[0]):
+        rate = E[mode, 2] * Q[mode, 0] + E[mode, 3] * Q[mode, 1]
+        vx += modes[mode, SHAPE_X] * rate
+        vy += modes[mode, SHAPE_Y] * rate
+    return vx, vy
+
+
+@inner
 def carry_modes(Q, E):
     """Q after the time of the maps E, in place."""
     for mode in range(Q.shape[0]):
@@ -48,15 +69,27 @@ def in_the_plane(modes, Q, order):
 
 
 @inner
-def compliance(modes, F):
-    """(xx, xy, yy): how far the force of one newton, kept up for a second's share, moves all modes by the maps F; m/(N s)."""
+def compliance(modes, F, column):
+    """(xx, xy, yy): what a force of one newton a second long makes of all modes by a column of the maps F: m (1) or m/s (3)."""
     xx, xy, yy = 0.0, 0.0, 0.0
     for mode in range(modes.shape[0]):
-        share = F[mode, 1] / modes[mode, MODE_MASS]
+        share = F[mode, column] / modes[mode, MODE_MASS]
         xx += share * modes[mode, SHAPE_X] * modes[mode, SHAPE_X]
         xy += share * modes[mode, SHAPE_X] * modes[mode, SHAPE_Y]
         yy += share * modes[mode, SHAPE_Y] * modes[mode, SHAPE_Y]
     return xx, xy, yy
+
+
+@inner
+def carry_under_force(modes, E, F, dt, Q, Q1, first_x, first_y, middle_x, middle_y, last_x, last_y):
+    """Q1: Q after a step of dt by its maps E, those of half of it F, and the force (N) at its start, middle (times 4), end."""
+    for mode in range(modes.shape[0]):
+        along, across, part = modes[mode, SHAPE_X], modes[mode, SHAPE_Y], dt / (6.0 * modes[mode, MODE_MASS])
+        first, last = along * first_x + across * first_y, along * last_x + across * last_y
+        middle = along * middle_x + across * middle_y
+        q, r = Q[mode, 0], Q[mode, 1]
+        Q1[mode, 0] = E[mode, 0] * q + E[mode, 1] * r + part * (E[mode, 1] * first + F[mode, 1] * middle)
+        Q1[mode, 1] = E[mode, 2] * q + E[mode, 3] * r + part * (E[mode, 3] * first + F[mode, 3] * middle + last)
 
 
 @inner

@@ -128,7 +128,7 @@ def predict_driven(
         for path, value in begun.items():
             row[state_place(effects, path)] = value
     out = np.zeros((len(models), fast.signals_for(channels), len(force)))
-    kernel = compose(effects, (*FAST, "drive_kernel"), kind_of(models[0], effects)[0])
+    kernel = compose(effects, (*FAST, "drive_kernel"), kind_of(models[0], effects).planar)
     kernel.drive_batch(
         A,
         P,

@@ -8,18 +8,22 @@ import math
 
 from testbed.engines.array_kernel import fill
 from testbed.engines.compiled import inner
-from testbed.engines.fast_kernel import COSINE, COVER, SINE, THETA, TURNED
 from testbed.engines.front_kernel import FINE, plane_swing_before, time_before
 from testbed.engines.hooks import hook_chip
 from testbed.engines.loop_kernel import (
+    COSINE,
+    COVER,
     ENGAGED,
     ENTRY,
     FEED_SPEED,
     FIRST_TOOTH,
     PITCH,
+    SINE,
     SLICE_LAG,
     SLICES,
     SWUNG_FRONT,
+    THETA,
+    TURNED,
     piece_of_tooth,
     radius_of_edge,
 )

@@ -191,11 +191,14 @@ def test_unequal_teeth_are_simulated_beside_equal_ones():
 
 
 @pytest.mark.parametrize("modes", [1, 2, 3, 4])
-def test_the_kernel_of_base_models_gives_what_the_general_one_gives(modes):
-    """Whatever a record begins with, and from whatever channels are asked for."""
-    rng = np.random.default_rng([77, modes])
+@pytest.mark.parametrize("effects", [(), ("edge_force", "runout", "contact_loss"), ("process_damping", "entry_ramp"),
+                                     ("chip_force_exponent", "tool_wear", "helix")])
+def test_the_lean_kernels_give_what_the_general_one_gives(modes, effects):
+    """Whatever a record begins with, whatever channels are asked for: of base models, and of effects at the edges."""
+    rng, known = np.random.default_rng([77, modes]), catalogue()
+    hidden = {name: known[name].example() for name in effects}
     for number in range(5):
-        model = random_machine(rng, modes)
+        model = replace(random_machine(rng, modes), effects=hidden)
         cut = Cut(rng.uniform(200.0, 900.0), rng.uniform(0.05e-3, 0.4e-3), idle_passes=int(rng.integers(1, 6)), passes=14,
                   ring_down_passes=6, late_entry=0.3 * (number % 2), early_exit=0.2, initial_displacement=1e-5,
                   initial_velocity=2e-3, swung_front=number == 2, held_until=0.002 * (number == 3),
@@ -211,6 +214,20 @@ def test_the_kernel_of_base_models_gives_what_the_general_one_gives(modes):
         assert np.nanmax(np.abs(lean.out[0] - true) / size) < 1e-9
         assert apart(lean.pass_states[0], whole.pass_states[0]) < 1e-11
         assert np.allclose(lean.pass_times, whole.pass_times, 1e-13)
+
+
+def test_which_kernel_serves_depends_on_nothing_but_the_run():
+    """An effect at the edges, one of the structure, none, and teeth of unequal pitch: each as it is alone, to the bit."""
+    cut = Cut(2.0 * math.pi * 60.0, 0.4e-3, passes=8)
+    sampling, known = whole_cut_sampling(cut, 2, RATE), catalogue()
+    hidden = [{}, *({name: known[name].example()} for name in ("edge_force", "cubic_stiffness"))]
+    models = [Model(MACHINE, Cutter(2), Cutting(), effects=effects) for effects in hidden] + [uneven((170.0, 190.0))]
+    together = fast.simulate_batch(models, [cut] * 4, [sampling] * 4, signals=15, asked=[0, 6])
+    for place in (1, 2, 3):
+        alone = fast.simulate_batch([models[place]], [cut], [sampling], signals=15, asked=[0, 6])
+        assert np.array_equal(together.out[place], alone.out[0])
+    pair = fast.simulate_batch(models[:2], [cut] * 2, [sampling] * 2, signals=15, asked=[0, 6])
+    assert np.array_equal(pair.out, together.out[:2])
 
 
 def test_a_base_model_that_diverges_is_told_so_by_its_kernel():
