@@ -73,7 +73,7 @@ def diagnose(
     counted = Budgeted(engine, records, budget, progress, told)
     try:
         found = of_a_machine(_at_its_speed(counted, records, model, catalogue, most, progress), model, catalogue)
-        return with_modes_told(found, model)
+        return with_modes_told(found, model, catalogue)
     except BudgetSpent as spent:
         return as_far_as(spent, counted, records, progress)
 

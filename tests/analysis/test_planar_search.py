@@ -26,7 +26,7 @@ from testbed.analysis.search.diagnose import diagnose
 from testbed.analysis.search.diagnosis import verdict_of
 from testbed.analysis.search.homogeneity_check import differing
 from testbed.analysis.search.judged import too_slow
-from testbed.analysis.search.modes_told import with_modes_told
+from testbed.analysis.search.modes_told import mode_in_words, with_modes_told
 from testbed.analysis.search.next_test import next_test
 from testbed.analysis.search.planar_slips import planar_slips
 from testbed.analysis.search.sign_check import _ways, other_way_note
@@ -219,19 +219,32 @@ def test_what_every_record_has_for_itself_stays_free(observed):
     assert {"ambient_vibration.amplitude", "ambient_vibration.phase"} <= {one.path for one in told.free} and told.held
 
 
-def test_a_second_mode_is_told_by_frequency_direction_and_carrier_and_a_turned_mode_too(base):
-    values = {"mass_ratio": 0.5, "frequency": 480.0, "damping_ratio": 0.01, "participation": 1.0,
-              "direction": -math.radians(140)}
-    model = BELIEVED.with_effect("second_mode", **values)
-    fit = replace(base.fit, state=replace(base.fit.state, model=model), covariance=np.zeros((len(base.fit.names),) * 2))
-    found = replace(verdict_of(base, base, [base], (), 0.1, ()), verdict="missing_effect", effects=("second_mode",),
+def test_a_second_mode_is_told_by_what_the_records_show_of_it():
+    found = {"frequency": 480.0, "damping_ratio": 0.01, "participation": 1.0, "direction": -math.radians(140)}
+    ends = {"second_mode.frequency": (470.0, 490.0), "second_mode.direction": (-2.5, -2.4)}
+
+    def told(found, ends):
+        values = {path: Estimate(found[path.partition(".")[2]], *pair, "") for path, pair in ends.items()}
+        return mode_in_words("second_mode", found, values)
+
+    assert told(found, ends) == ("second_mode: a mode of 480 Hz that moves along 40 deg (from x towards y), carried by the "
+                                 "workpiece.")
+    assert "480 Hz in a direction that these records do not show" in told(found, ends | {"second_mode.direction": (-3.1, 1.0)})
+    for vague in (told(found, ends | {"second_mode.frequency": (100.0, 900.0)}), told(found, {}),
+                  told(found | {"damping_ratio": 0.2}, ends)):
+        assert "480" not in vague and "do not show at what frequency" in vague
+
+
+def test_a_mode_that_moves_far_from_the_believed_direction_is_told(base):
+    fit = replace(base.fit, covariance=np.zeros((len(base.fit.names),) * 2))
+    found = replace(verdict_of(base, base, [base], (), 0.1, ()), verdict="missing_effect", effects=("edge_force",),
                     best=replace(base, fit=fit))
-    said = with_modes_told(found, BELIEVED).sentence
-    assert "480 Hz that moves along 40 deg (from x towards y), carried by the workpiece" in said and "mend" not in said
-    elsewhere = with_modes_told(found, BELIEVED.with_values({"modes[1].direction": math.radians(10)})).sentence
-    assert "modes[1] moves along 104 deg, not along 10 deg" in elsewhere and "modes[0]" not in elsewhere
-    turned = with_modes_told(found, BELIEVED.with_values({"modes[1].direction": math.radians(-76)})).sentence
-    assert "mend" not in turned  # half a turn is the same direction
+
+    def told(degrees):
+        return with_modes_told(found, BELIEVED.with_values({"modes[1].direction": math.radians(degrees)}), KNOWN).sentence
+
+    assert "modes[1] moves along 104 deg, not along 10 deg" in told(10) and "modes[0]" not in told(10)
+    assert "mend" not in told(104) and "mend" not in told(-76)  # half a turn is the same direction
 
 
 def test_a_sensor_of_the_tool_tells_the_direction_of_a_second_mode_too(observed):
