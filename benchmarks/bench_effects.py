@@ -18,6 +18,7 @@ import numpy as np
 
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling
+from testbed.effect import Effect
 from testbed.engines import fast
 from testbed.engines import fast_kernel as fk
 from testbed.engines.packing import pack
@@ -43,14 +44,15 @@ def cost(model: Model, passes: int, general: bool) -> tuple[float, int, int]:
     return 1e6 * best / passes, int(steps[teeth > 0].sum()), int(steps[teeth == 0].sum())
 
 
-def in_the_plane(modes: int, channels: int, rate: float) -> tuple[float, float]:
-    """Milliseconds of processor a record of 2 s takes by the kernel of base models, and by the general one.
+def in_the_plane(modes: int, channels: int, rate: float, effect: Effect | None) -> tuple[float, float]:
+    """Milliseconds of processor a record of 2 s takes by the lean kernel, and by the general one.
 
-    modes: on tool and workpiece in turn; channels: displacements; rate: Hz.
+    modes: on tool and workpiece in turn; channels: displacements; rate: Hz; effect: at the edges, or none.
     """
     structure = Structure.of([Mode(2.5 / (1 + mode), 146.0 * 1.5**mode, 0.01, 0.2 + mode, CARRIERS[mode % 2])
                               for mode in range(modes)])  # fmt: skip
-    model = Model(structure, Cutter(2), Cutting("down-milling", 0.2, 6e8, 2e8))
+    model = Model(structure, Cutter(2), Cutting("down-milling", 0.2, 6e8, 2e8),
+                  effects={} if effect is None else {effect.name: effect.example()})  # fmt: skip
     cut = Cut(3800 * 2 * math.pi / 60, 0.3e-3, idle_passes=10, passes=220, ring_down_passes=20)
     sampling = Sampling(rate, int(2 * rate))
     asked = [fast.CHANNELS[name] for name in MOTIONS[:channels]]
@@ -78,10 +80,11 @@ def main() -> None:
     print(f"{'effect':24}{'us a pass':>10}{'x base':>8}{'steps in cut':>14}{'in flight':>11}")
     for name, microseconds, cutting, flight in rows:
         print(f"{name:24}{microseconds:10.2f}{microseconds / base:8.1f}{cutting:14d}{flight:11d}")
-    print(f"\n{'in x and y, no effect':36}{'base, ms':>10}{'general, ms':>13}{'ratio':>7}")
-    for modes, channels, rate in itertools.product((2, 4), (1, 4), (4000.0, 12800.0)):
-        lean, general = in_the_plane(modes, channels, rate)
-        print(f"{f'{modes} modes, {channels} channels, {rate:g} Hz':36}{lean:10.2f}{general:13.2f}{general / lean:7.1f}")
+    print(f"\n{'in x and y':52}{'lean, ms':>10}{'general, ms':>13}{'ratio':>7}")
+    for name, modes, channels, rate in itertools.product(("", "edge_force", "runout"), (2, 4), (1, 4), (4000.0, 12800.0)):
+        lean, general = in_the_plane(modes, channels, rate, effects.get(name))
+        what = f"{name or 'no effect'}, {modes} modes, {channels} channels, {rate:g} Hz"
+        print(f"{what:52}{lean:10.2f}{general:13.2f}{general / lean:7.1f}")
 
 
 if __name__ == "__main__":

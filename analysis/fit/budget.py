@@ -34,7 +34,7 @@ class Budgeted:
 
     def __init__(self, engine: Engine, records: Sequence[Observed], budget: float,
                  progress: Callable[[str], None] = lambda text: None, told: Identifiable | None = None) -> None:  # fmt: skip
-        self.engine, self.budget, self._say, self.told = engine, budget, progress, told
+        self.engine, self.budget, self._whole, self._say, self.told = engine, budget, budget, progress, told
         self.known: Any = None
         self._all = max(1, sum(record.samples for record in records))
         self._spent, self._told, self._lock = 0, 0.0, threading.Lock()
@@ -47,6 +47,10 @@ class Budgeted:
     def allow(self, more: float) -> None:
         """Allow no more than so many simulations from here on."""
         self.budget = min(self.budget, self.spent + more)
+
+    def allow_all(self) -> None:
+        """Allow as many again as there were to begin with."""
+        self.budget = self._whole
 
     def predict_cuts(self, models: Sequence[Any], cuts: Sequence[Any], samplings: Sequence[Any], channels: Sequence[str],
                      **more: Any) -> np.ndarray:  # fmt: skip

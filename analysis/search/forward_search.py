@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from testbed.analysis.fit.budget import BudgetSpent
+from testbed.analysis.fit.budget import Budgeted, BudgetSpent
 from testbed.analysis.fit.effect_start import ANCHOR, Origin, origins_of
 from testbed.analysis.fit.fine_steps import has_kinks
 from testbed.analysis.fit.held_out import pooled
@@ -19,6 +19,7 @@ from testbed.analysis.search.candidate_round import by_noise, try_candidates
 from testbed.analysis.search.diagnosis import COMPLETE, OtherForm
 from testbed.analysis.search.final_fit import settled, solved_on
 from testbed.analysis.search.gates import against, passing_gates
+from testbed.analysis.search.judged import foretells_little
 from testbed.analysis.search.law_form import FormsAsked
 from testbed.analysis.search.prior_screening import PriorScreening
 from testbed.analysis.search.refit_from_prior import refit_from_prior, switched_on_too
@@ -146,6 +147,8 @@ def _forward(steps: list[Candidate], seen: list[Tried], model: Model, catalogue:
             rivals = [first, *equal]
         current = _named(first, model, catalogue, noise, progress, look)
         steps.append(current)
+        if not foretells_little(current) and isinstance(engine := current.fitter.engine, Budgeted):
+            engine.allow_all()  # a search that began with a model of little worth has found what makes it one of some
         if current is not first:  # begun anew, its law is asked once more
             seen[:] = [*(one for one in seen if one.effects != current.effects), without_slopes(current)]
             if (form := _first_form([current], last, steps[-2], noise, forms)) is not None:

@@ -74,6 +74,13 @@ def test_a_budget_ends_a_diagnosis_with_what_is_known_at_the_same_place_every_ti
     with pytest.raises(BudgetSpent):
         model_fit(counted, some, TWO, CANDIDATES)
     assert counted.spent > 30.0 and counted.known is None
+    counted.allow(10.0)
+    assert counted.budget == 30.0  # never more than there was
+    counted = Budgeted(ENGINE, some, 30.0)
+    counted.allow(10.0)
+    assert counted.budget == 10.0
+    counted.allow_all()  # what it was worth less for is over
+    assert counted.budget == 30.0
 
 
 def of(**values):
