@@ -1,5 +1,7 @@
 """Arrays filled element by element: a slice would be copied through memory of its own, and takes long to compile."""
 
+import numpy as np
+
 from testbed.engines.compiled import inner
 
 
@@ -31,3 +33,17 @@ def fill_rows(target, first, value):
     for row in range(first, target.shape[0]):
         for place in range(target.shape[1]):
             target[row, place] = value
+
+
+@inner
+def end_record(out, pass_times, pass_states, position, passes):
+    """NaN behind the `position` samples and the `passes` ends of tooth passes that there are."""
+    fill_columns(out, position, np.nan)
+    end_passes(pass_times, pass_states, passes)
+
+
+@inner
+def end_passes(pass_times, pass_states, passes):
+    """`end_record` of the passes alone."""
+    fill(pass_times, passes, np.nan)
+    fill_rows(pass_states, passes, np.nan)

@@ -9,7 +9,7 @@ and nothing but oscillators moves, one exact map replaces the steps; beside a sp
 
 import numpy as np
 
-from testbed.engines.array_kernel import copy, fill, fill_columns, fill_rows
+from testbed.engines.array_kernel import copy, end_record
 from testbed.engines.compiled import holding, inner
 from testbed.engines.front_kernel import first_surface
 from testbed.engines.glide_kernel import glide
@@ -285,9 +285,7 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
         position, within = cross_pitch(A, P, G, I, O, T, S, pass_number, maps, work, left, tooth, clock, wanted, limit, out,
                                         position)  # fmt: skip
         if not within:
-            fill_columns(out, position, np.nan)
-            fill(pass_times, number + 1, np.nan)
-            fill_rows(pass_states, number + 1, np.nan)
+            end_record(out, pass_times, pass_states, position, number + 1)
             return OUTCOME_DIVERGED, Y[2]
         if durations.shape[0] > 0:
             Y[2] = pass_times[number] + durations[number]
@@ -295,10 +293,7 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
             Y[2] = start + (number + 1) * G[PITCH] / G[OMEGA]
         pass_times[number + 1] = Y[2]
         pass_states[number + 1, 0], pass_states[number + 1, 1] = structure_x(P, Y), structure_vx(P, Y)
-    last = I[IDLE] + I[CUT] + I[RING_DOWN] + 1
-    fill_columns(out, position, np.nan)
-    fill(pass_times, last, np.nan)
-    fill_rows(pass_states, last, np.nan)
+    end_record(out, pass_times, pass_states, position, I[IDLE] + I[CUT] + I[RING_DOWN] + 1)
     return OUTCOME_OK, np.nan
 
 

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from testbed.engines.array_kernel import fill, fill_columns, fill_rows
+from testbed.engines.array_kernel import end_record
 from testbed.engines.compiled import holding, inner
 from testbed.engines.fast_kernel import CUT, IDLE, OUTCOME_DIVERGED, OUTCOME_OK, RING_DOWN, SEGMENTS, STEPS, TEETH
 from testbed.engines.front_kernel import swing_before
@@ -168,15 +168,11 @@ def run_linear(G, I, Y, clock, limit, out, pass_times, pass_states):  # noqa: E7
             x, v, position, bounded = cross_pitch_linear(G, I, x, v, t0, (number - I[IDLE]) * G[PITCH], kappa, memory, flights,
                                                          clock, limit, out, position)  # fmt: skip
             if not bounded:
-                fill_columns(out, position, np.nan)
-                fill(pass_times, number + 1, np.nan)
-                fill_rows(pass_states, number + 1, np.nan)
+                end_record(out, pass_times, pass_states, position, number + 1)
                 return OUTCOME_DIVERGED, t0
         pass_times[number + 1], pass_states[number + 1, 0], pass_states[number + 1, 1] = Y[2] + (number + 1) * tau, x, v
     Y[0], Y[1] = x, v
-    fill_columns(out, position, np.nan)
-    fill(pass_times, I[IDLE] + I[CUT] + I[RING_DOWN] + 1, np.nan)
-    fill_rows(pass_states, I[IDLE] + I[CUT] + I[RING_DOWN] + 1, np.nan)
+    end_record(out, pass_times, pass_states, position, I[IDLE] + I[CUT] + I[RING_DOWN] + 1)
     return OUTCOME_OK, np.nan
 
 

@@ -7,7 +7,7 @@ is, by the names `widths_of_bench`, `fill_bench`, `meet_front` and `cross`: `pla
 
 import numpy as np
 
-from testbed.engines.array_kernel import fill, fill_columns, fill_rows
+from testbed.engines.array_kernel import end_record
 from testbed.engines.compiled import holding, inner
 from testbed.engines.fast_kernel import CUT, IDLE, OUTCOME_DIVERGED, OUTCOME_OK, RING_DOWN, SEGMENTS, STEPS, TEETH
 from testbed.engines.loop_kernel import CORNERS, HELD_UNTIL, OMEGA, PITCH
@@ -82,16 +82,11 @@ def run_plane(A, P, G, I, modes, Q, Y, rows, clock, limit, out, pass_times, pass
             position, bounded = pass_in_cut(A, P, G, I, modes, bench, number, maps, work, free, rows, clock, t0, limit, out,
                                             position)  # fmt: skip
             if not bounded:
-                fill_columns(out, position, np.nan)
-                fill(pass_times, number + 1, np.nan)
-                fill_rows(pass_states, number + 1, np.nan)
+                end_record(out, pass_times, pass_states, position, number + 1)
                 return OUTCOME_DIVERGED, t0
         pass_times[number + 1] = Y[2] + (number + 1) * tau
         keep_motion(modes, work[0], pass_states, number + 1)
-    last = I[IDLE] + I[CUT] + I[RING_DOWN] + 1
-    fill_columns(out, position, np.nan)
-    fill(pass_times, last, np.nan)
-    fill_rows(pass_states, last, np.nan)
+    end_record(out, pass_times, pass_states, position, I[IDLE] + I[CUT] + I[RING_DOWN] + 1)
     return OUTCOME_OK, np.nan
 
 

@@ -10,7 +10,7 @@ row of M is a segment: what a step of it takes. F has the exact maps of the segm
 
 import numpy as np
 
-from testbed.engines.array_kernel import fill, fill_rows
+from testbed.engines.array_kernel import end_passes
 from testbed.engines.compiled import holding, inner
 from testbed.engines.fast_kernel import CUT, IDLE, OUTCOME_DIVERGED, OUTCOME_OK, RING_DOWN, SEGMENTS, STEPS, TEETH
 from testbed.engines.linear_kernel import chip_stiffness
@@ -127,8 +127,7 @@ def keep_pass(G, Y, S, lane, number, cutting, limit, pass_times, pass_states):
     """A lane's state after a pass. False where it has left all bounds in it: nothing is known of it any more."""
     tau = G[PITCH] / G[OMEGA]
     if cutting and not S[LANE_WORST + lane] < limit:
-        fill(pass_times, number + 1, np.nan)
-        fill_rows(pass_states, number + 1, np.nan)
+        end_passes(pass_times, pass_states, number + 1)
         return False
     pass_times[number + 1] = Y[2] + (number + 1) * tau
     pass_states[number + 1, 0], pass_states[number + 1, 1] = S[LANE_X + lane], S[LANE_V + lane]
@@ -148,8 +147,7 @@ def run_lanes(G, I, Y, runs, limit, pass_times, pass_states, outcome, outcome_ti
         fill_lane(G[run], own, Y[run], lane, S, M, F, R)
         outcome[run], outcome_time[run] = OUTCOME_OK, np.nan
         pass_times[run, 0], pass_states[run, 0, 0], pass_states[run, 0, 1] = Y[run, 2], Y[run, 0], Y[run, 1]
-        fill(pass_times[run], total + 1, np.nan)
-        fill_rows(pass_states[run], total + 1, np.nan)
+        end_passes(pass_times[run], pass_states[run], total + 1)
     for number in range(total):
         cutting = own[IDLE] <= number < own[IDLE] + own[CUT]
         if cutting:

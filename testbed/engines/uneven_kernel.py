@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from testbed.engines.array_kernel import copy, fill, fill_columns, fill_rows
+from testbed.engines.array_kernel import copy, end_record
 from testbed.engines.compiled import holding, inner
 from testbed.engines.fast_kernel import (
     CUT,
@@ -177,9 +177,7 @@ def run_one_uneven(A, P, G, I, O, Y, C, steps, firsts, V, durations, clock, want
             Y[2] = start + (number + 1) * G[PITCH] / G[OMEGA]
         pass_times[number + 1] = Y[2]
         pass_states[number + 1, 0], pass_states[number + 1, 1] = structure_x(P, Y), structure_vx(P, Y)
-    fill_columns(out, position, np.nan)
-    fill(pass_times, last, np.nan)
-    fill_rows(pass_states, last, np.nan)
+    end_record(out, pass_times, pass_states, position, last)
     if last <= I[IDLE] + I[CUT] + I[RING_DOWN]:
         return OUTCOME_DIVERGED, Y[2]
     return OUTCOME_OK, np.nan
