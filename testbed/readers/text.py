@@ -29,6 +29,7 @@ _HELD = 1.8  # bytes a byte of the file, while its lines are found
 _LONGEST_LINE = 1_000_000  # characters: 50,000 columns and more
 _LONGEST_HEADER = 20_000  # characters of a line above the numbers that is no row of their names; what looks for a rate in it,
 # or for units, may take the square of that
+_LOOKED_BACK, _ENOUGH = 20, 3  # lines, at the end of a table, by whose length it is seen that the last is cut off
 _OVERLOADS = {"ovl", "overload", "ovr", "over", "ovld", "ol", "clip", "overflow", "saturated"}
 
 
@@ -44,16 +45,22 @@ def _body(lines: Lines, first: int, layout: Layout, notes: list[str]) -> Lines:
     body = lines[kept]
     if comments:
         notes.append(f"comment lines passed over amid the numbers: {comments}")
-    if len(body) > 1 and _is_cut(layout, body[-2], body[-1]):
+    if len(body) > 1 and _is_cut(layout, body[-_LOOKED_BACK:]):
         notes.append(f"line {body.places[-1] + 1}, the last, is cut off and was dropped: the file may be incomplete")
         body = body[:-1]
     return body
 
 
-def _is_cut(layout: Layout, before: str, last: str) -> bool:
-    """Whether a last line lacks fields, or the number behind its last delimiter where the line before has one."""
-    earlier, fields = layout.split(before), layout.split(last)
-    return len(fields) < layout.fields or (layout.numeric[-1] and not fields[-1].strip() and bool(earlier[-1].strip()))
+def _is_cut(layout: Layout, lines: Lines) -> bool:
+    """Whether the last of these lines lacks fields, or the number behind its last delimiter where the line before has one.
+
+    Where it has no end, too, if its last number is shorter than all before it: 2.1e-06 cut off is 2.1, or no number at all.
+    """
+    *before, last = [layout.split(line) for line in lines]
+    if len(last) < layout.fields or (layout.numeric[-1] and not last[-1].strip() and bool(before[-1][-1].strip())):
+        return True
+    long = [len(fields[-1]) for fields in before]
+    return not lines.ended and len(long) >= _ENOUGH and layout.numeric[-1] and len(last[-1]) < min(long)
 
 
 def _parse_fast(body: Lines, layout: Layout) -> np.ndarray | None:
@@ -119,16 +126,6 @@ def _advice(field: str, name: str) -> str:
     return "mend or remove the line"
 
 
-def _ending_notes(body: Lines, layout: Layout) -> list[str]:
-    """A last line without an end whose last number is shorter than all before it was probably cut."""
-    if body.ended or len(body) < 4:
-        return []
-    lengths = [len(layout.split(line)[-1]) for line in body[-20:]]
-    if lengths[-1] < min(lengths[:-1]):
-        return ["the last line has no end and its last number is short: the file may be cut off"]
-    return []
-
-
 def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None, key: str | None = None) -> Table:
     """A text table. `skip_rows` lines at the top are ignored; `delimiter` overrides the one found; `key` picks a capture of
     LabVIEW's files.
@@ -169,7 +166,6 @@ def read_text(path: Path, *, skip_rows: int = 0, delimiter: str | None = None, k
     values = _parse_fast(body, layout)
     if values is None:
         values = _parse_slowly(path, body, layout, names, header.misfit)
-    notes += _ending_notes(body, layout)
     columns = {header.names[index]: values[:, position] for position, index in enumerate(used)
                if len(body) == 1 or not np.isnan(values[:, position]).all()}  # not the empty one behind a trailing delimiter
     clocks = _clocks(header.names, body, layout)
