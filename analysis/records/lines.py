@@ -66,7 +66,7 @@ def standing_out(values: np.ndarray, rate: float, count: int = MOST_LINES,
 
     frequencies, amplitude = amplitude_spectrum(values, rate)
     width = min(len(amplitude) // 4 * 2 + 1, 401)
-    floor = median_filter(amplitude, size=width, mode="nearest")
+    floor = median_filter(amplitude, size=width, mode="mirror")  # as the spectrum of a real signal goes on
     inner = amplitude[1:-1]
     tops = np.flatnonzero((inner >= amplitude[:-2]) & (inner > amplitude[2:]) & (inner > above * floor[1:-1])) + 1
     tops = tops[frequencies[tops] > 3 * rate / len(values)]

@@ -63,7 +63,7 @@ def _heights(values: np.ndarray, rate: float) -> tuple[np.ndarray, float]:
 
     frequencies, spectrum = amplitude_spectrum(values, rate, PADDED)
     width = min(len(spectrum) // 4 * 2 + 1, 2 * FLOOR * PADDED + 1)
-    floor = median_filter(spectrum, size=width, mode="nearest")
+    floor = median_filter(spectrum, size=width, mode="mirror")
     return np.log1p((spectrum / (2.0 * np.maximum(floor, 1e-300))) ** 2), float(frequencies[1])
 
 
