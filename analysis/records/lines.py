@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -16,6 +17,7 @@ FARTHEST = 0.6, 1.7  # of the nominal speed: between one half and twice it, whic
 CLEARLY = 1.25  # times the score, by which a spacing far from the nominal one must explain more
 FAR_LINES, FAR_SHARE = 6, 0.6  # lines, and share of their amplitude, that such a one explains where it is told
 MOST_LINES = 40
+BY_CHANCE = 0.1  # lines in a record of white noise; a padded spectrum has about as many peaks as the record has samples
 ANY_LENGTH = 1 << 20  # points up to which a transform has any length: one with a large prime factor takes twenty times its size
 FINE = 0.1  # of the spindle frequency: width of a line up to which half orders are told from what lies between them
 
@@ -61,10 +63,14 @@ def find_peaks(values: np.ndarray, rate: float, count: int = MOST_LINES, above: 
 
 def standing_out(values: np.ndarray, rate: float, count: int = MOST_LINES,
                  above: float = 4.0) -> list[tuple[float, float, float]]:  # fmt: skip
-    """The same lines as (frequency, amplitude, amplitude over that of their surroundings)."""
+    """The same lines as (frequency, amplitude, amplitude over that of their surroundings).
+
+    In a long record more is asked of a line: so much that white noise shows BY_CHANCE lines, its spectrum being Rayleigh's.
+    """
     from scipy.ndimage import median_filter
 
     frequencies, amplitude = amplitude_spectrum(values, rate)
+    above = max(above, math.sqrt(math.log(len(values) / BY_CHANCE) / math.log(2.0)))
     width = min(len(amplitude) // 4 * 2 + 1, 401)
     floor = median_filter(amplitude, size=width, mode="mirror")  # as the spectrum of a real signal goes on
     inner = amplitude[1:-1]
