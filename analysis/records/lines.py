@@ -94,16 +94,9 @@ def side_lobe(bins: float, ratio: float) -> bool:
     return bins < 2 or (bins < 4 and ratio < 0.04) or (bins < 12 and ratio < 0.01)
 
 
-def spectral_lines(
-    values: np.ndarray,
-    rate: float,
-    *,
-    spindle_speed: float | None = None,
-    flutes: int = 1,
-    natural_frequencies: Sequence[float] = (),
-    idle: np.ndarray | None = None,
-    count: int = MOST_LINES,
-) -> tuple[SpectralLine, ...]:
+def spectral_lines(values: np.ndarray, rate: float, *, spindle_speed: float | None = None, flutes: int = 1,
+                   natural_frequencies: Sequence[float] = (), idle: np.ndarray | None = None,
+                   count: int = MOST_LINES) -> tuple[SpectralLine, ...]:  # fmt: skip
     """The lines of a record, strongest first.
 
     A multiple of 50 or 60 Hz is hum only where the idling (`idle`, samples) has it too or the spindle cannot make it; a

@@ -9,7 +9,7 @@ import pytest
 from scipy.fft import next_fast_len
 
 from testbed.analysis.records.hum import hum_lag, without_hum
-from testbed.analysis.records.lines import amplitude_spectrum, comb_speed, find_peaks, follow_line, spectral_lines, standing_out
+from testbed.analysis.records.lines import amplitude_spectrum, comb_speed, find_peaks, follow_line, spectral_lines
 from testbed.analysis.records.noise import noise_floor, samples_of
 from testbed.analysis.records.orders import turns_of
 from testbed.analysis.records.segments import Segment, _levels, find_segments, main_channel
@@ -312,11 +312,3 @@ def test_hum_is_taken_out_where_its_period_lies_between_samples() -> None:
     assert len(left) == len(hum) and left.std() < 1e-4 * hum.std() < 0.1 * whole.std()
     late = np.where(np.arange(20000) < 9000, 0.0, np.cos(2 * np.pi * 173.0 * time))
     assert not without_hum(hum + late, lag)[:9000].std() > 1e-4  # nothing is seen before it came
-
-def test_white_noise_has_no_lines_at_the_ends_of_its_spectrum():
-    """What is beyond an end is the spectrum mirrored, not its last value again."""
-    found = [frequency for seed in range(40) for frequency, _, _ in
-             standing_out(np.random.default_rng(seed).standard_normal(5000), 10000.0)]
-    assert len(found) < 20 and sum(frequency < 200.0 or frequency > 4800.0 for frequency in found) <= 2
-    long = np.random.default_rng(7).standard_normal((8, 400_000))
-    assert sum(len(standing_out(row, 50000.0)) for row in long) <= 3  # some fifty, were no more asked of them
