@@ -43,7 +43,7 @@ class Layout:
     """
 
     def __init__(self, effects: Mapping[str, Effect], planar: bool = False, given: bool = False) -> None:
-        self.planar = planar
+        self.planar, self.given = planar, given
         self.slots = _GIVEN_SLOTS if given else _PLANAR_SLOTS if planar else _SLOTS
         self.effects = dict(sorted(effects.items()))
         self.flag = {name: index for index, name in enumerate(self.effects)}
@@ -115,7 +115,8 @@ def _kernel_text(name: str) -> str:
 
 
 def _module_text(layout: Layout, kernels: tuple[str, ...]) -> str:
-    constants = [f"PLANAR, N_STATES, N_PARAMETERS = {layout.planar}, {len(layout.state)}, {layout.parameters}"]
+    constants = [f"PLANAR, GIVEN = {layout.planar}, {layout.given}",
+                 f"N_STATES, N_PARAMETERS = {len(layout.state)}, {layout.parameters}"]
     lines = [*_import_text(layout.effects), *constants, "", ""]
     for hook in _COMPILED:
         lines += _hook_text(layout, hook)

@@ -73,7 +73,7 @@ class _Batch:
     shape: tuple[int, int, int]  # channels, samples, passes
     most_steps: float  # within one sample, beyond which a run is not followed
     asked: Sequence[int] | None  # channels that `out` is to hold alone; None: the first `shape[0]`
-    lean: bool  # whether kernels that sample no forces and know no measured durations may serve
+    lean: bool  # whether kernels that sample no angle and know no measured durations may serve
 
     def of(self, runs: Sequence[int] | np.ndarray) -> _Batch:
         """The same of some runs."""
@@ -124,7 +124,7 @@ class _Batch:
                              np.empty((runs, passes + 1, 2)), np.empty(runs, dtype=np.int64), np.empty(runs))  # fmt: skip
         found = result.arrays()
         if lean:
-            run_plane(packed, self.effects, linear, asked, self.clock, LIMIT, found)
+            run_plane(packed, self.effects, linear, asked, self.clock, self.forces, LIMIT, found)
         elif linear:
             run_linear(packed, self.clock, LIMIT, found)
         else:
@@ -173,9 +173,9 @@ def simulate_batch(
     clock = np.array([[sampling.start, sampling.rate] for sampling in samplings]) if samplings else np.ones((len(models), 2))
     batch = _Batch(models, columns, effects, clock, table, steps, refinement, forces,
                    (signals, max((sampling.count for sampling in samplings or ()), default=0), passes), most_steps,
-                   asked, not (general or forces or table.shape[1]))  # fmt: skip
+                   asked, not (general or table.shape[1] or forces and (asked is None or sk.ANGLE in asked)))  # fmt: skip
     assumed = np.ones(len(models))
-    if batch.lean and all(kind_of(model, effects).base for model in each_once(models)):
+    if batch.lean and not forces and all(kind_of(model, effects).base for model in each_once(models)):
         return batch.run(assumed, linear=True)
     if steps is not None:
         return batch.run(assumed)

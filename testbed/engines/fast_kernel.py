@@ -201,12 +201,9 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, maps, 
             position = sample_step(A, P, G, clock, Y, D0, Y1, D1, angle + phase, angle + phase + span, speed0, speed1, out,
                                    position)  # fmt: skip
             if wanted:
-                sample_forces(A, P, G, clock, Y, D0, Y1, D1, phase, phase + span, pass_number, teeth, S, row, left[3], W,
-                              out, first)  # fmt: skip
-                share = (weights[0] + 4.0 * weights[1] + weights[2]) / 6.0  # of the step that is in the cut
-                for sample in range(first, position):
-                    out[FORCE_X, sample] *= share
-                    out[FORCE_Y, sample] *= share
+                share = (weights[0] + 4.0 * weights[1] + weights[2]) / 6.0
+                sample_forces(A, P, G, clock, Y, D0, Y1, D1, phase, phase + span, pass_number, teeth, S, row, left[3], W, share,
+                              out, FORCE_X, FORCE_Y, first)  # fmt: skip
         keep_surface(A, P, G, Y, D0, Y1, D1, (span / speed0, span / speed1), W, T, S, row, left, now, tooth, edges)
         for i in range(Y.shape[0]):
             Y[i], D0[i] = Y1[i], D1[i]

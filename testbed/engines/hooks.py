@@ -4,12 +4,12 @@ The kernels are written against these names. `testbed.engines.compose` puts the 
 A holds one flag per effect, P all effects' parameters, Y the state [q (m), q' (m/s), t (s), effects' states ...]: q is the
 coordinate of the structure's first mode. PLANAR: whether the structure has more than one mode along the feed; the coordinates
 of its further modes, and their rates, then stand behind all that in Y, and what the modes are behind all that in P (see
-`plane_kernel`).
+`plane_kernel`). GIVEN: whether the modes stay aside, and Y is [x, x', t, y, y'] of all of them together.
 """
 
 from testbed.engines.compiled import inner
 
-PLANAR, N_STATES, N_PARAMETERS = False, 0, 1
+PLANAR, GIVEN, N_STATES, N_PARAMETERS = False, False, 0, 1
 
 
 @inner

@@ -19,6 +19,7 @@ from testbed.machine import Model
 UNEVEN = (*FAST, "turn_kernel", "uneven_kernel")
 _NO_EFFECTS: Mapping[str, Effect] = MappingProxyType({})
 _MOTIONS = [first + order for first in (sk.SENSED_X, sk.ACROSS, sk.TOOL_X, sk.TOOL_Y) for order in range(sk.N_MOTION)]
+_FORCES = [sk.FORCE_X, sk.FORCE_Y]
 
 
 def with_motions_asked(clock: np.ndarray, asked: Sequence[int] | None, models: Sequence[Model],
@@ -58,10 +59,14 @@ def _of_edges(catalogue: Mapping[str, Effect]) -> _AtEdges:
     return known
 
 
-def run_plane(packed: Stack, catalogue: Mapping[str, Effect], base: bool, asked: Sequence[int], clock: np.ndarray, limit: float,
-              found: Sequence[np.ndarray]) -> None:  # fmt: skip
-    """Runs in the plane with effects at the edges alone; base: without any. asked: which channel each row of `out` holds."""
-    rows = np.array([asked.index(one) if one in asked else -1 for one in _MOTIONS]).reshape(-1, sk.N_MOTION)
+def run_plane(packed: Stack, catalogue: Mapping[str, Effect], base: bool, asked: Sequence[int], clock: np.ndarray, forces: bool,
+              limit: float, found: Sequence[np.ndarray]) -> None:  # fmt: skip
+    """Runs in the plane with effects at the edges alone; base: without any, and without forces.
+
+    asked: which channel each row of `out` holds. forces: they are sampled, too.
+    """
+    wanted = [*_MOTIONS, *(_FORCES if forces else (None, None)), None]
+    rows = np.array([asked.index(one) if one in asked else -1 for one in wanted]).reshape(-1, sk.N_MOTION)
     A, P, runs = packed.A, packed.P, len(packed.Y)
     if base:
         kernel = compose(_NO_EFFECTS, (*FAST, "modes_kernel", "plane_linear_kernel", "plane_run_kernel"))

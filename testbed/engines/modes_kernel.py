@@ -9,6 +9,8 @@ from testbed.engines.oscillator_kernel import oscillator_map
 from testbed.engines.plane_kernel import MODE_DAMPING, MODE_MASS, MODE_STIFFNESS, ON_TOOL, SHAPE_X, SHAPE_Y
 from testbed.engines.sampling_kernel import quintic, samples_until
 
+FORCES = 4  # row of `rows` behind the motions: where `out` has the forces along and across the feed
+
 
 @inner
 def rows_of(I):  # noqa: E741
@@ -100,6 +102,17 @@ def acceleration_of(modes, Q, mode, force_x, force_y):
 
 
 @inner
+def acceleration_in_the_plane(modes, Q, force_x, force_y):
+    """(x'', y'') of all modes under a force on the workpiece, m/s^2."""
+    ax, ay = 0.0, 0.0
+    for mode in range(modes.shape[0]):
+        one = acceleration_of(modes, Q, mode, force_x, force_y)
+        ax += modes[mode, SHAPE_X] * one
+        ay += modes[mode, SHAPE_Y] * one
+    return ax, ay
+
+
+@inner
 def seen(modes, mode, group):
     """How much of a mode a group of rows sees: the motion along x, y on the workpiece (0, 1) and on the tool (2, 3)."""
     if modes[mode, ON_TOOL] != group // 2:
@@ -111,7 +124,7 @@ def seen(modes, mode, group):
 def sample_modes(modes, rows, clock, t0, dt, Q0, Q1, x0, y0, x1, y1, out, position):
     """Fill the samples that fall into a step from Q0 to Q1, under the forces (x0, y0) first and (x1, y1) last; the next one.
 
-    rows (4, 3): where `out` has displacement, velocity and acceleration of each group of `seen`, -1 where nobody asks.
+    rows (5, 3): where `out` has displacement, velocity and acceleration of each group of `seen`, -1 where nobody asks.
     """
     start, rate = clock[0], clock[1]
     if position >= out.shape[1] or start + position / rate > t0 + dt:

@@ -6,7 +6,7 @@ the maps and a 2 x 2 compliance tell. Y is that alone: [x, x', time, y, y'].
 """
 
 from testbed.engines.compiled import inner
-from testbed.engines.fast_kernel import SEGMENTS, STEPS, TEETH, keep_middle
+from testbed.engines.fast_kernel import IDLE, SEGMENTS, STEPS, TEETH, keep_middle
 from testbed.engines.front_kernel import first_surface
 from testbed.engines.loop_kernel import (
     CORNERS,
@@ -24,6 +24,8 @@ from testbed.engines.loop_kernel import (
     weights_in_cut,
 )
 from testbed.engines.modes_kernel import (
+    FORCES,
+    acceleration_in_the_plane,
     carried_on,
     carry_under_force,
     compliance,
@@ -32,6 +34,8 @@ from testbed.engines.modes_kernel import (
     rates_carried_on,
     sample_modes,
 )
+from testbed.engines.plane_kernel import position_at_cut, velocity_at_cut
+from testbed.engines.sampling_kernel import sample_forces
 
 
 @inner
@@ -43,7 +47,8 @@ def put(Y, x, y, vx, vy, time):
 @inner
 def force_in(A, P, G, Y, T, row, S, left, left_row, tooth, edges, weight):
     """(F_x, F_y) on the workpiece, N, in the state Y; left[left_row]: the surface left there."""
-    fx, fy, torque = force_at_row(A, P, G, Y, (Y[0], Y[3]), (Y[1], Y[4]), T, row, S, left, left_row, tooth, edges)
+    at, moving = position_at_cut(A, P, Y), velocity_at_cut(A, P, Y)
+    fx, fy, torque = force_at_row(A, P, G, Y, at, moving, T, row, S, left, left_row, tooth, edges)
     return weight * fx, weight * fy
 
 
@@ -53,7 +58,7 @@ def step_under_edges(A, P, G, modes, bench, row, now, edges, t0, dt, weights, E,
 
     spread: what `compliance` makes of position and velocity over half a step, and of velocity at once.
     """
-    T, S, left, tooth, Y = bench
+    T, S, left, tooth, Y = bench[:5]
     moves, kicks, at_once = spread
     x, y = carried_on(modes, Q, F)
     vx, vy = rates_carried_on(modes, Q, F)
@@ -79,7 +84,7 @@ def step_under_edges(A, P, G, modes, bench, row, now, edges, t0, dt, weights, E,
 def cross(A, P, G, I, modes, bench, number, segment, row0, steps, dt, angle, span, maps, work, rows, clock, t0, limit, out,  # noqa: E741
           position):  # fmt: skip
     """As that of `plane_linear_kernel`. number: of the pass, from the run's first on."""
-    T, S, left, tooth, Y = bench
+    T, S, left, tooth, Y, ends = bench
     Q, Q1, E, F = work[0], work[1], maps[0], maps[1]
     edges = I[TEETH + segment] * int(G[SLICES])
     for edge in range(edges):
@@ -98,7 +103,19 @@ def cross(A, P, G, I, modes, bench, number, segment, row0, steps, dt, angle, spa
         x1, vx1, y1, vy1 = Y[0], Y[1], Y[3], Y[4]
         if not (abs(x1) < limit and abs(y1) < limit):
             return position, False
+        first = position
         position = sample_modes(modes, rows, clock, t0, dt, Q, Q1, fx0, fy0, fx1, fy1, out, position)
+        if position > first and max(rows[FORCES, 0], rows[FORCES, 1]) >= 0:
+            put(ends[0], x, y, vx, vy, t0)
+            put(ends[2], x1, y1, vx1, vy1, t0 + dt)
+            (ax0, ay0), (ax1, ay1) = (acceleration_in_the_plane(modes, Q, fx0, fy0),
+                                      acceleration_in_the_plane(modes, Q1, fx1, fy1))  # fmt: skip
+            put(ends[1], vx, vy, ax0, ay0, 1.0)
+            put(ends[3], vx1, vy1, ax1, ay1, 1.0)
+            share, phase = (weights[0] + 4.0 * weights[1] + weights[2]) / 6.0, G[CORNERS + segment] + step * span
+            sample_forces(A, P, G, clock, ends[0], ends[1], ends[2], ends[3], phase, phase + span, number - I[IDLE],
+                          I[TEETH + segment], S, row, left[3], Y, share, out, rows[FORCES, 0], rows[FORCES, 1],
+                          first)  # fmt: skip
         middle_x, middle_y = 0.5 * (x + x1) + 0.125 * dt * (vx - vx1), 0.5 * (y + y1) + 0.125 * dt * (vy - vy1)
         put(Y, middle_x, middle_y, 1.5 * (x1 - x) / dt - 0.25 * (vx + vx1), 1.5 * (y1 - y) / dt - 0.25 * (vy + vy1),
             t0 + 0.5 * dt)  # fmt: skip
@@ -135,7 +152,7 @@ def fill_bench(G, I, bench):  # noqa: E741
 @inner
 def meet_front(A, P, G, I, modes, Q, E, bench, begun):  # noqa: E741
     """As that of `plane_linear_kernel`; here the feed starts, too."""
-    T, S, left, tooth, Y = bench
+    T, S, left, tooth, Y = bench[:5]
     row0, G[T_ENTRY] = 0, begun
     for segment in range(I[SEGMENTS]):
         steps, low, high = I[STEPS + segment], G[CORNERS + segment], G[CORNERS + segment + 1]

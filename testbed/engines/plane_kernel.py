@@ -10,6 +10,7 @@ PLANAR is a constant of the composed module, not a flag of a run: the kernels of
 
 from testbed.engines.compiled import inner
 from testbed.engines.hooks import (
+    GIVEN,
     N_PARAMETERS,
     N_STATES,
     PLANAR,
@@ -61,25 +62,25 @@ def carried_by(P, Y, axis, order, tool):
 @inner
 def structure_x(P, Y):
     """Displacement along the feed of the structure's own modes, m."""
-    return along(P, Y, 0, 0) if PLANAR else Y[0]
+    return along(P, Y, 0, 0) if PLANAR and not GIVEN else Y[0]
 
 
 @inner
 def structure_vx(P, Y):
     """Velocity along the feed of the structure's own modes, m/s."""
-    return along(P, Y, 0, 1) if PLANAR else Y[1]
+    return along(P, Y, 0, 1) if PLANAR and not GIVEN else Y[1]
 
 
 @inner
 def structure_y(P, Y):
     """Displacement across the feed of the structure's own modes, m."""
-    return along(P, Y, 1, 0) if PLANAR else 0.0
+    return Y[3] if GIVEN else along(P, Y, 1, 0) if PLANAR else 0.0
 
 
 @inner
 def structure_vy(P, Y):
     """Velocity across the feed of the structure's own modes, m/s."""
-    return along(P, Y, 1, 1) if PLANAR else 0.0
+    return Y[4] if GIVEN else along(P, Y, 1, 1) if PLANAR else 0.0
 
 
 @inner

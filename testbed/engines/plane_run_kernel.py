@@ -7,11 +7,11 @@ is, by the names `widths_of_bench`, `fill_bench`, `meet_front` and `cross`: `pla
 
 import numpy as np
 
-from testbed.engines.array_kernel import end_record
+from testbed.engines.array_kernel import end_record, fill
 from testbed.engines.compiled import holding, inner
 from testbed.engines.fast_kernel import CUT, IDLE, OUTCOME_DIVERGED, OUTCOME_OK, RING_DOWN, SEGMENTS, STEPS, TEETH
 from testbed.engines.loop_kernel import CORNERS, HELD_UNTIL, OMEGA, PITCH
-from testbed.engines.modes_kernel import carry_modes, fill_mode_maps, in_the_plane, rows_of, sample_free_modes
+from testbed.engines.modes_kernel import FORCES, carry_modes, fill_mode_maps, in_the_plane, rows_of, sample_free_modes
 from testbed.engines.plane_linear_kernel import cross, fill_bench, meet_front, widths_of_bench
 from testbed.engines.sampling_kernel import skip_held
 from testbed.system.kernel_cache import kept
@@ -46,12 +46,15 @@ def keep_motion(modes, Q, pass_states, number):
 
 @holding
 def run_plane(A, P, G, I, modes, Q, Y, rows, clock, limit, out, pass_times, pass_states):  # noqa: E741
-    """As the general kernel's run_one. Forces and angle are not sampled. Of Y the clock counts. rows: see `sample_modes`."""
+    """As the general kernel's run_one. The angle is not sampled, forces by `plane_edge_kernel` alone. Of Y the clock counts.
+
+    rows (5, 3): see `sample_modes` and FORCES.
+    """
     many, tau, maps = modes.shape[0], G[PITCH] / G[OMEGA], np.empty((I[SEGMENTS], 4, modes.shape[0], 4))
     whole, free, work, size = np.empty((many, 4)), np.empty((many, 4)), np.empty((2, many, 2)), rows_of(I)
     edges, numbers, across = widths_of_bench(G, I)
-    bench = (np.zeros((size, edges, numbers)), np.zeros((size, across)), np.zeros((3, across)), np.zeros(across, np.int64),
-             np.zeros(5))  # fmt: skip
+    bench = (np.zeros((size, edges, numbers)), np.zeros((size, across)), np.zeros((4, across)), np.zeros(across, np.int64),
+             np.zeros(5), np.zeros((4, 5)))  # fmt: skip
     fill_bench(G, I, bench)
     for segment in range(I[SEGMENTS]):
         duration = (G[CORNERS + segment + 1] - G[CORNERS + segment]) / G[OMEGA]
@@ -63,6 +66,9 @@ def run_plane(A, P, G, I, modes, Q, Y, rows, clock, limit, out, pass_times, pass
     for mode in range(many):
         work[0, mode, 0], work[0, mode, 1] = Q[mode, 0], Q[mode, 1]
     position = skip_held(G, clock, out)
+    for row in rows[FORCES, :2]:
+        if row >= 0:
+            fill(out[row], position, 0.0)
     pass_times[0] = Y[2]
     keep_motion(modes, work[0], pass_states, 0)
     for number in range(I[IDLE] + I[CUT] + I[RING_DOWN]):

@@ -62,7 +62,7 @@ def predict_cuts(
     places = [fast.CHANNELS[name] for name in channels]
     result = fast.simulate_batch(
         [models[run] for run in moved], [cuts[run] for run in moved], [samplings[run] for run in moved], forces=forces,
-        catalogue=effects, durations=None if durations is None else [durations[run] for run in moved], general=forces,
+        catalogue=effects, durations=None if durations is None else [durations[run] for run in moved],
         refinement=refinement, alike=True, signals=signals, most_steps=MOST_STEPS * refinement,
         asked=None if sensed else places)  # fmt: skip
     if not sensed:

@@ -165,8 +165,12 @@ def sample_step(A, P, G, clock, Y0, D0, Y1, D1, angle0, angle1, w0, w1, out, pos
 
 
 @inner
-def sample_forces(A, P, G, clock, Y0, D0, Y1, D1, phase0, phase1, pass_number, teeth, S, row, surface, W, out, position):
-    """Fill the forces of the samples that fall into one step; S still holds what its edges met."""
+def sample_forces(A, P, G, clock, Y0, D0, Y1, D1, phase0, phase1, pass_number, teeth, S, row, surface, W, share, out, along,
+                  across, position):  # fmt: skip
+    """Fill the forces of the samples that fall into one step, into rows of `out`, -1 where nobody asks for one.
+
+    S still holds what its edges met. share: of the step that is in the cut.
+    """
     start, rate = clock[0], clock[1]
     dt = Y1[2] - Y0[2]
     while position < out.shape[1]:
@@ -182,8 +186,10 @@ def sample_forces(A, P, G, clock, Y0, D0, Y1, D1, phase0, phase1, pass_number, t
         for edge in range(teeth * int(G[SLICES])):
             surface[edge] = low * S[row, edge] + middle * S[row + 1, edge] + high * S[row + 2, edge]
         fx, fy, torque = cutting_force(A, P, G, W, phase0 + u * (phase1 - phase0), pass_number, teeth, surface)
-        out[FORCE_X, position] = fx
-        out[FORCE_Y, position] = fy
+        if along >= 0:
+            out[along, position] = share * fx
+        if across >= 0:
+            out[across, position] = share * fy
         position += 1
 
 

@@ -205,12 +205,15 @@ def test_the_lean_kernels_give_what_the_general_one_gives(modes, effects):
                   states=(("modes[1].velocity", 1e-2),) if modes > 1 else ())  # fmt: skip
         sampling = Sampling(float(rng.choice([2000.0, 10000.0])), 900, 0.001)
         names = [f"{place}{quantity}_{axis}" for place in ("", "tool_") for quantity in MOTION_UNITS for axis in "xy"]
-        asked = [fast.CHANNELS[name] for name in rng.permutation(names)[: 3 + number]]
-        lean = fast.simulate_batch([model], [cut], [sampling], signals=15, asked=asked)
-        whole = fast.simulate_batch([model], [cut], [sampling], signals=15, general=True)
+        forces = [[], [], ["force_x"], ["force_y"], ["force_x", "force_y"]][number]
+        asked = [fast.CHANNELS[name] for name in rng.permutation([*rng.permutation(names)[: 3 + number], *forces])]
+        lean = fast.simulate_batch([model], [cut], [sampling], signals=15, asked=asked, forces=bool(forces))
+        whole = fast.simulate_batch([model], [cut], [sampling], signals=15, general=True, forces=bool(forces))
         true = whole.out[0, asked]
         assert np.array_equal(np.isnan(lean.out[0]), np.isnan(true)) and np.isfinite(true).any()
         size = np.nanmax(np.abs(whole.out[0, [0, 6, 9, 12]])) * (2000.0 * math.pi) ** (np.array(asked) % 3)[:, None]
+        for row in (row for row, one in enumerate(asked) if one in (fast.CHANNELS["force_x"], fast.CHANNELS["force_y"])):
+            size[row] = np.nanmax(np.abs(true[row]))
         assert np.nanmax(np.abs(lean.out[0] - true) / size) < 1e-9
         assert apart(lean.pass_states[0], whole.pass_states[0]) < 1e-11
         assert np.allclose(lean.pass_times, whole.pass_times, 1e-13)
