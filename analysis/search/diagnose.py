@@ -45,7 +45,8 @@ from testbed.machine import Model
 LONG = 16384  # samples of an excited record that are searched
 MOST_EFFECTS = 3
 FEWEST = 3  # cuts whose entries are seen, from which the others may be left out
-FEW = 15_000  # simulations of every record that a search is worth which begins with a model that foretells little
+FEW_STEPS = 1_400  # of fits, that a search is worth which begins with a model that foretells little
+OWN = 7  # simulations of a record that a step takes beside one for each unknown of the machine: for what it has for itself
 CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
 
 
@@ -119,8 +120,6 @@ def _diagnosed(engine: Budgeted, records: Sequence[Observed], model: Model, cata
     if all(part is record for part, record in zip(parts, records, strict=True)):
         base = base or _as_believed(engine, records, model, catalogue, progress)
         engine.known = engine.known or base
-        if foretells_little(base):
-            engine.allow(FEW)
         noise = pooled(base.errors)[1]
         plain, clear = (base.error_where_known > times * noise for times in (PLAINLY, COMPLETE))
         added = missing_mode(base, model, progress)
@@ -129,6 +128,8 @@ def _diagnosed(engine: Budgeted, records: Sequence[Observed], model: Model, cata
         restated = None if added is not None else explained_otherwise(base, model, catalogue, progress)
         if restated is not None and (plain or clear and restated[0].of_kind):
             return written_wrongly(verdict_of(base, base, [base], (), noise, ()), restated[0])
+        if foretells_little(base):
+            engine.allow(FEW_STEPS * (OWN + len(base.fitter.free)))
         found, first = _without_irregular(base, engine, model, catalogue, most, progress)
         if found is None:
             found = _search(base, engine, model, catalogue, most, progress, first)
