@@ -114,7 +114,8 @@ def table() -> str:
 
 
 def _answer(row: dict[str, Any]) -> tuple[str, frozenset[str]]:
-    return row["verdict"], frozenset(row["effects"])
+    """The verdict, and what it names: of what stays unexplained, a row may hold what was tried."""
+    return row["verdict"], frozenset(row["effects"] if row["verdict"] == "missing_effect" else ())
 
 
 def main(arguments: list[str]) -> int:
