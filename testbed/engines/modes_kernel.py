@@ -31,25 +31,14 @@ def fill_mode_maps(modes, dt, E):
 
 
 @inner
-def carried_on(modes, Q, E):
-    """(x, y) of all modes, m, after the time of the maps E."""
+def carried_on(modes, Q, E, order):
+    """(x, y) of all modes' coordinates (order 0, m) or rates (order 1, m/s) after the time of the maps E."""
     x, y = 0.0, 0.0
     for mode in range(modes.shape[0]):
-        moved = E[mode, 0] * Q[mode, 0] + E[mode, 1] * Q[mode, 1]
+        moved = E[mode, 2 * order] * Q[mode, 0] + E[mode, 2 * order + 1] * Q[mode, 1]
         x += modes[mode, SHAPE_X] * moved
         y += modes[mode, SHAPE_Y] * moved
     return x, y
-
-
-@inner
-def rates_carried_on(modes, Q, E):
-    """(x', y') of all modes, m/s, after the time of the maps E."""
-    vx, vy = 0.0, 0.0
-    for mode in range(modes.shape[0]):
-        rate = E[mode, 2] * Q[mode, 0] + E[mode, 3] * Q[mode, 1]
-        vx += modes[mode, SHAPE_X] * rate
-        vy += modes[mode, SHAPE_Y] * rate
-    return vx, vy
 
 
 @inner

@@ -31,7 +31,6 @@ from testbed.engines.modes_kernel import (
     compliance,
     fill_mode_maps,
     in_the_plane,
-    rates_carried_on,
     sample_modes,
 )
 from testbed.engines.plane_kernel import position_at_cut, velocity_at_cut
@@ -60,16 +59,16 @@ def step_under_edges(A, P, G, modes, bench, row, now, edges, t0, dt, weights, E,
     """
     T, S, left, tooth, Y = bench[:5]
     moves, kicks, at_once = spread
-    x, y = carried_on(modes, Q, F)
-    vx, vy = rates_carried_on(modes, Q, F)
+    x, y = carried_on(modes, Q, F, 0)
+    vx, vy = carried_on(modes, Q, F, 1)
     half = 0.5 * dt
     put(Y, x + half * (moves[0] * x1 + moves[1] * y1), y + half * (moves[1] * x1 + moves[2] * y1),
         vx + half * (kicks[0] * x1 + kicks[1] * y1), vy + half * (kicks[1] * x1 + kicks[2] * y1), t0 + half)  # fmt: skip
     x2, y2 = force_in(A, P, G, Y, T, row + 1, S, left, 2, tooth, edges, weights[1])
     put(Y, x, y, vx + half * (at_once[0] * x2 + at_once[1] * y2), vy + half * (at_once[1] * x2 + at_once[2] * y2), t0 + half)
     x3, y3 = force_in(A, P, G, Y, T, row + 1, S, left, 2, tooth, edges, weights[1])
-    x, y = carried_on(modes, Q, E)
-    vx, vy = rates_carried_on(modes, Q, E)
+    x, y = carried_on(modes, Q, E, 0)
+    vx, vy = carried_on(modes, Q, E, 1)
     put(Y, x + dt * (moves[0] * x3 + moves[1] * y3), y + dt * (moves[1] * x3 + moves[2] * y3),
         vx + dt * (kicks[0] * x3 + kicks[1] * y3), vy + dt * (kicks[1] * x3 + kicks[2] * y3), t0 + dt)  # fmt: skip
     x4, y4 = force_in(A, P, G, Y, T, row + 2, S, left, 2, tooth, edges, weights[2])
@@ -161,7 +160,7 @@ def meet_front(A, P, G, I, modes, Q, E, bench, begun):  # noqa: E741
             first_surface(A, P, G, Y, Y, True, phase, S.shape[1] // int(G[SLICES]), begun, S[row])
             if G[SWUNG_FRONT] != 0.0:
                 fill_mode_maps(modes, -(G[PITCH] - phase) / G[OMEGA], E)
-                x, y = carried_on(modes, Q, E)
+                x, y = carried_on(modes, Q, E, 0)
                 for edge in range(S.shape[1]):
                     S[row, edge] += x * T[row, edge, SINE] + y * T[row, edge, COSINE]
         row0 += 2 * steps + 1

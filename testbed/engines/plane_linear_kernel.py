@@ -65,11 +65,11 @@ def chip_force(kappa, row, memory, x, y, weight):
 def step_modes(modes, kappa, memory, row, dt, weights, feed, E, F, spread, Q, Q1, x, y):
     """One step in the cut from Q, which is at (x, y), to Q1. Returns (x, y, force at its start, and at its end) of that."""
     x1, y1 = chip_force(kappa, row, memory, feed + x, y, weights[0])
-    half_x, half_y = carried_on(modes, Q, F)
+    half_x, half_y = carried_on(modes, Q, F, 0)
     kick_x, kick_y = spread[0] * x1 + spread[1] * y1, spread[1] * x1 + spread[2] * y1
     x2, y2 = chip_force(kappa, row + 1, memory, feed + half_x + 0.5 * dt * kick_x, half_y + 0.5 * dt * kick_y, weights[1])
     x3, y3 = chip_force(kappa, row + 1, memory, feed + half_x, half_y, weights[1])
-    whole_x, whole_y = carried_on(modes, Q, E)
+    whole_x, whole_y = carried_on(modes, Q, E, 0)
     kick_x, kick_y = spread[0] * x3 + spread[1] * y3, spread[1] * x3 + spread[2] * y3
     x4, y4 = chip_force(kappa, row + 2, memory, feed + whole_x + dt * kick_x, whole_y + dt * kick_y, weights[2])
     carry_under_force(modes, E, F, dt, Q, Q1, x1, y1, 2.0 * (x2 + x3), 2.0 * (y2 + y3), x4, y4)
@@ -140,5 +140,5 @@ def meet_front(A, P, G, I, modes, Q, E, bench, begun):  # noqa: E741
         for row in range(2 * steps + 1 if I[TEETH + segment] > 0 else 0):
             phase = low + (high - low) * row / (2.0 * steps)
             fill_mode_maps(modes, -(G[PITCH] - phase) / G[OMEGA], E)
-            memory[row0 + row, 0], memory[row0 + row, 1] = carried_on(modes, Q, E)
+            memory[row0 + row, 0], memory[row0 + row, 1] = carried_on(modes, Q, E, 0)
         row0 += 2 * steps + 1
