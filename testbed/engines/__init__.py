@@ -23,7 +23,7 @@ and each of its places a constant with a name. `packing` makes them of a model a
 | tooth   | edges               | which tooth an edge belongs to                                       | `fast_kernel`        |
 | modes   | modes, MODE_SIZE    | of a machine in the plane: direction, mass, damping, stiffness, part | `plane_kernel`       |
 | Q       | modes, 2            | their coordinates and rates, where nothing else is a state           | `modes_kernel`       |
-| bench   | five arrays         | of a step in the cut: kappa and memory, or T, S, left, tooth, Y      | `plane_run_kernel`   |
+| bench   | six arrays          | of a step in the cut: kappa, memory; or T, S, left, tooth, Y, ends   | `plane_run_kernel`   |
 | kappa   | rows, 1, 4          | of base models: the force under a chip, along and across             | `plane_linear_kernel`|
 | memory  | rows, 2             | of base models: where the tool was one tooth pass before             | `plane_linear_kernel`|
 | clock   | 2, or 2 + channels  | time of the first sample (s), sampling rate (Hz); what is asked for  | `sampling_kernel`    |
