@@ -17,6 +17,7 @@ FARTHEST = 0.6, 1.7  # of the nominal speed: between one half and twice it, whic
 CLEARLY = 1.25  # times the score, by which a spacing far from the nominal one must explain more
 FAR_LINES, FAR_SHARE = 6, 0.6  # lines, and share of their amplitude, that such a one explains where it is told
 MOST_LINES = 40
+ALONE = 4.0  # times its surroundings that a line stands at the least
 BY_CHANCE = 0.1  # lines in a record of white noise; a padded spectrum has about as many peaks as the record has samples
 ANY_LENGTH = 1 << 20  # points up to which a transform has any length: one with a large prime factor takes twenty times its size
 FINE = 0.1  # of the spindle frequency: width of a line up to which half orders are told from what lies between them
@@ -56,21 +57,21 @@ def amplitude_spectrum(values: np.ndarray, rate: float, padded: int = 4) -> tupl
     return np.fft.rfftfreq(size, 1 / rate), amplitude
 
 
-def find_peaks(values: np.ndarray, rate: float, count: int = MOST_LINES, above: float = 4.0) -> list[tuple[float, float]]:
-    """(frequency, amplitude) of the strongest lines standing `above` times over their surroundings, loudest first."""
+def find_peaks(values: np.ndarray, rate: float, count: int = MOST_LINES, above: float = 0.0) -> list[tuple[float, float]]:
+    """(frequency, amplitude) of the strongest lines, loudest first. above: see `standing_out`."""
     return [(frequency, amplitude) for frequency, amplitude, _ in standing_out(values, rate, count, above)]
 
 
 def standing_out(values: np.ndarray, rate: float, count: int = MOST_LINES,
-                 above: float = 4.0) -> list[tuple[float, float, float]]:  # fmt: skip
-    """The same lines as (frequency, amplitude, amplitude over that of their surroundings).
+                 above: float = 0.0) -> list[tuple[float, float, float]]:  # fmt: skip
+    """The strongest lines as (frequency, amplitude, amplitude over that of their surroundings), loudest first.
 
-    In a long record more is asked of a line: so much that white noise shows BY_CHANCE lines, its spectrum being Rayleigh's.
-    """
+    above: the least ratio, for who looks for a pattern. Where it is 0, each line tells for itself: ALONE, and in a long record
+    so much that white noise shows BY_CHANCE lines, its spectrum being Rayleigh's."""
     from scipy.ndimage import median_filter
 
     frequencies, amplitude = amplitude_spectrum(values, rate)
-    above = max(above, math.sqrt(math.log(len(values) / BY_CHANCE) / math.log(2.0)))
+    above = above or max(ALONE, math.sqrt(math.log(len(values) / BY_CHANCE) / math.log(2.0)))
     width = min(len(amplitude) // 4 * 2 + 1, 401)
     floor = median_filter(amplitude, size=width, mode="mirror")  # as the spectrum of a real signal goes on
     inner = amplitude[1:-1]
