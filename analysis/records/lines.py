@@ -42,8 +42,7 @@ class CombSpeed:
 
 
 def amplitude_spectrum(values: np.ndarray, rate: float, padded: int = 4) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (Hz) and amplitudes of a Hann-windowed record without its straight line, `padded` times its length, or a
-    little more."""
+    """Frequencies (Hz) and amplitudes of a Hann-windowed record without its straight line, `padded` times as long or more."""
     from scipy.fft import next_fast_len
 
     time = np.linspace(-1, 1, len(values))
@@ -66,8 +65,7 @@ def standing_out(values: np.ndarray, rate: float, count: int = MOST_LINES,
                  above: float = 0.0) -> list[tuple[float, float, float]]:  # fmt: skip
     """The strongest lines as (frequency, amplitude, amplitude over that of their surroundings), loudest first.
 
-    above: the least ratio, for who looks for a pattern. Where it is 0, each line tells for itself: ALONE, and in a long record
-    so much that white noise shows BY_CHANCE lines, its spectrum being Rayleigh's."""
+    above: the least ratio, for who looks for a pattern; 0: ALONE, or so much that white noise shows BY_CHANCE lines."""
     from scipy.ndimage import median_filter
 
     frequencies, amplitude = amplitude_spectrum(values, rate)
@@ -76,6 +74,7 @@ def standing_out(values: np.ndarray, rate: float, count: int = MOST_LINES,
     floor = median_filter(amplitude, size=width, mode="mirror")  # as the spectrum of a real signal goes on
     inner = amplitude[1:-1]
     tops = np.flatnonzero((inner >= amplitude[:-2]) & (inner > amplitude[2:]) & (inner > above * floor[1:-1])) + 1
+    slow = int(np.argmax(amplitude[frequencies <= 3 * rate / len(values)]))  # no line, but its side lobes are none either
     tops = tops[frequencies[tops] > 3 * rate / len(values)]
     chosen: list[tuple[float, float, float]] = []
     for top in tops[np.argsort(-amplitude[tops])]:
@@ -83,7 +82,8 @@ def standing_out(values: np.ndarray, rate: float, count: int = MOST_LINES,
         curve = before - 2 * here + after
         shift = 0.5 * (before - after) / curve if curve else 0.0
         frequency = float((top + shift) * frequencies[1])
-        if not any(side_lobe(abs(frequency - other) * len(values) / rate, here / loud) for other, loud, _ in chosen):
+        louder = [(frequencies[slow], amplitude[slow])] * bool(amplitude[slow] > here) + [one[:2] for one in chosen]
+        if not any(side_lobe(abs(frequency - other) * len(values) / rate, here / loud) for other, loud in louder):
             chosen.append((frequency, float(here), float(here / max(floor[top], 1e-300))))
         if len(chosen) == count:
             break
