@@ -76,14 +76,14 @@ def standing_out(values: np.ndarray, rate: float, count: int = MOST_LINES,
     tops = np.flatnonzero((inner >= amplitude[:-2]) & (inner > amplitude[2:]) & (inner > above * floor[1:-1])) + 1
     slow = int(np.argmax(amplitude[frequencies <= 3 * rate / len(values)]))  # no line, but its side lobes are none either
     tops = tops[frequencies[tops] > 3 * rate / len(values)]
-    chosen: list[tuple[float, float, float]] = []
+    louder, chosen = [(frequencies[slow], amplitude[slow])], list[tuple[float, float, float]]()
     for top in tops[np.argsort(-amplitude[tops])]:
         before, here, after = amplitude[top - 1 : top + 2]
         curve = before - 2 * here + after
         shift = 0.5 * (before - after) / curve if curve else 0.0
         frequency = float((top + shift) * frequencies[1])
-        louder = [(frequencies[slow], amplitude[slow])] * bool(amplitude[slow] > here) + [one[:2] for one in chosen]
-        if not any(side_lobe(abs(frequency - other) * len(values) / rate, here / loud) for other, loud in louder):
+        if not any(side_lobe(abs(frequency - one) * len(values) / rate, here / loud) for one, loud in louder if loud >= here):
+            louder.append((frequency, here))
             chosen.append((frequency, float(here), float(here / max(floor[top], 1e-300))))
         if len(chosen) == count:
             break

@@ -35,14 +35,14 @@ from tests.validation.golden import leave_out, trace_of
 
 ROWS = Path(__file__).with_suffix(".jsonl")
 SIXTH, TENTH = 6, 10
-MAKERS = {"results": (judge.RESULTS, "blind", SIXTH), "anywhere": (judge.ELSEWHERE, "blind", SIXTH),
-          "outside": (Path(outside.__file__).with_name("results.jsonl"), "outside", TENTH)}  # fmt: skip
+MAKERS = ((judge.RESULTS, "blind", SIXTH), (judge.ELSEWHERE, "blind", SIXTH),
+          (Path(outside.__file__).with_name("results.jsonl"), "outside", TENTH))  # fmt: skip
 
 
 def sample() -> dict[str, dict[str, Any]]:
     """The campaigns, by name, each with the answer that was kept of it."""
     found = {}
-    for path, maker, step in MAKERS.values():
+    for path, maker, step in MAKERS:
         rows = sorted((row for row in map(json.loads, path.read_text().splitlines()) if row.get("made")),
                       key=lambda row: row["seed"])
         found |= {f"{maker} {row['seed']}": row for row in rows[::step]}
