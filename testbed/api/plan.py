@@ -83,8 +83,8 @@ def plan(campaign: CampaignLike, model: ModelLike, speed: Quantities, depth: Qua
          progress: Progress = None) -> Plan:
     """Rank the cuts within reach that are stable at the stated risk by what they are expected to tell in a minute of cutting.
 
-    Fits the model as `compare` does; where that leaves more than noise, makes the diagnosis. After "unexplained" no cut is
-    called safe, and none is planned.
+    Fits the model as `compare` does; where that leaves more than noise, or comes to what no machine is, makes the diagnosis.
+    After "unexplained" no cut is called safe, and none is planned.
 
     campaign: a campaign.yaml, or testbed.load of one. model: a model.yaml or a Model. speed: within reach,
     `"2500 rpm:4500 rpm"`, with `:COUNT` or without, or values in rad/s. depth: `"0.5 mm:4 mm"`, or in m. risk: of chatter
@@ -148,7 +148,7 @@ def _explanations(engine: Any, records: Any, model: Any, catalogue: Any, watch: 
         if not why:
             told = posterior(found.fitter, found.fit, found.parameters, model, catalogue)
             return [Explanation("the model as it is", told.known, told.wider)], None, of_beliefs(told, model, catalogue)
-        if found.says_nothing or found.adequate or found.against:
+        if found.says_nothing or found.adequate:
             return [], why, []
         diagnosis = diagnose(engine, records, model, catalogue, progress=progress)
         open_ = []

@@ -14,7 +14,6 @@ from typing import Any
 from testbed.api.methods import method_named
 from testbed.problem import InputProblem
 from testbed.recording import quantity_of
-from testbed.system.interruption import deaf, deaf_from_birth
 
 # of a belief about the truth: of frequencies, dampings and coefficients the logarithm
 _FREQUENCY, _DAMPING, _COEFFICIENT, _DIRECTION_RAD = 0.015, math.log(2.5), math.log(2.0), math.radians(10.0)
@@ -174,29 +173,21 @@ def study(sealed: Sealed, cases: Sequence[Any], workers: int) -> Iterator[Any]:
     if workers <= 1:
         yield from (identified(sealed, case) for case in cases)
         return
-    import multiprocessing
-    from concurrent.futures import ProcessPoolExecutor
-    from concurrent.futures.process import BrokenProcessPool
+    from functools import partial
 
-    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin,
-                               initargs=(sealed.order,))
+    from testbed.system.processes import WorkerDied, as_done_in_processes
+    from testbed.system.threads import ordered
+
     try:
-        with deaf_from_birth():
-            answers = pool.map(_work, cases)
-        yield from answers
-    except BrokenProcessPool:
+        yield from ordered(as_done_in_processes(_work, cases, workers, partial(_begin, sealed.order)))
+    except WorkerDied:
         raise InputProblem(sealed.order.data, "a worker died while identifying", "try --workers 1") from None
-    finally:
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
-        pool.shutdown(cancel_futures=True)
 
 
 _own: list[Sealed] = []  # of a worker's process
 
 
 def _begin(order: Order) -> None:
-    deaf()
     _own[:] = [Sealed(order)]
 
 

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import closing
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from testbed.system.interruption import deaf, deaf_from_birth
+from testbed.system.processes import as_done_in_processes
 
 
 @dataclass(frozen=True)
@@ -45,20 +44,11 @@ def make_all(work: Work, names: Sequence[str], workers: int, resume: bool) -> It
         for name in waiting:
             yield make_one(work, name)
         return
-    # spawn: a forked process would share the engines' compiled state
-    pool = ProcessPoolExecutor(min(workers, len(waiting)), mp_context=multiprocessing.get_context("spawn"),
-                               initializer=deaf)
-    try:
-        with deaf_from_birth():
-            submitted = [pool.submit(make_one, work, name) for name in waiting]
-        for future in as_completed(submitted):
-            yield future.result()
-    except BaseException:  # Ctrl-C, or a part that failed: the others are not waited for
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
+    with closing(as_done_in_processes(partial(make_one, work), waiting, min(workers, len(waiting)))) as done:
+        for _, made, fault in done:
+            if fault is not None:  # the other parts are not waited for
+                raise fault
+            yield made
 
 
 def make_one(work: Work, name: str) -> tuple[Any, float]:

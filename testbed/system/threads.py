@@ -92,9 +92,14 @@ def as_done(function: Callable[[Item], Result], items: Iterable[Item], workers: 
 def in_order(function: Callable[[Item], Result], items: Iterable[Item], workers: int, ahead: int,
              stop: Stop | None = None) -> Generator[Result, None, None]:
     """The results in the order of the items. What an item raises is raised in its turn; what comes after it is given up."""
+    yield from ordered(as_done(function, items, workers, ahead, stop or Stop()))
+
+
+def ordered(done: Generator[tuple[int, Result | None, BaseException | None], None, None]) -> Generator[Result, None, None]:
+    """The results of `as_done` in the order of the items; what an item raised is raised in its turn."""
     early: dict[int, tuple[Any, BaseException | None]] = {}
     wanted = 0
-    with closing(as_done(function, items, workers, ahead, stop or Stop())) as done:
+    with closing(done):
         for place, found, problem in done:
             early[place] = found, problem
             while wanted in early:

@@ -7,7 +7,8 @@
 The sample: every SIXTH blind campaign of the rig and of any workshop, every TENTH outside one, whose answers were kept before
 (results.jsonl, anywhere.jsonl, outside/results.jsonl). A row says how often each move was asked, how often it helped, and by
 how much the cost fell, in all fits of the search; a move that never helped has changed nothing, since a trial that is not kept
-leaves the fit as it was. A stopped run goes on where it was.
+leaves the fit as it was. Guards of the search are counted likewise: how often each was asked, and gave another answer than
+none, or than what it was given. A stopped run goes on where it was.
 """
 
 from __future__ import annotations
@@ -20,15 +21,18 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import argparse
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from testbed.analysis.fit.moves import every_move
 from testbed.analysis.fit.solve import Goal, Move, Trial
+from testbed.analysis.search import candidate_round, diagnose, forward_search, score_test, weak_effects
 from tests.validation import outside
 from tests.validation.blind import judge
 from tests.validation.golden import leave_out, trace_of
@@ -66,15 +70,85 @@ def counted(name: str, move: Move, into: dict[str, list[float]]) -> Move:
     return replace(move, propose=propose)
 
 
+def _another(given: tuple, found: Any) -> bool:
+    return found is not given[0]
+
+
+def _something(given: tuple, found: Any) -> bool:
+    return any(one is not None for one in found) if isinstance(found, tuple) else bool(found)
+
+
+def _other_end(given: tuple, found: Any) -> bool:
+    return found.end.effects != given[0].end.effects
+
+
+def _names_one(given: tuple, found: Any) -> bool:
+    return found is not None and bool(found.end.effects)
+
+
+def _exchange(given: tuple, found: Any) -> bool:
+    return found[0] is not given[0] or bool(found[1])
+
+
+def _rivals_tie(given: tuple, found: Any) -> bool:
+    return bool(found[1])
+
+
+# by module and name: whether an answer of this guard is a change of what it was given
+GUARDS: dict[tuple[Any, str], Callable[[tuple, Any], bool]] = {
+    **dict.fromkeys([(forward_search, name) for name in ("nesting_guard", "backward", "refit_from_prior", "reweighted")],
+                    _another),
+    **dict.fromkeys([(forward_search, name) for name in ("_with_finer_steps", "_switched", "_first_form")], _something),
+    (forward_search, "exchanged"): _exchange, (forward_search, "with_rivals"): _rivals_tie,
+    (forward_search, "with_weak_effect"): _other_end, (forward_search, "of_a_base_that_fits"): _names_one,
+    **dict.fromkeys([(candidate_round, name) for name in ("_others_in_time", "no_swing", "_put")], _something),
+    (weak_effects, "nesting_guard"): _another, (weak_effects, "hum_of"): _something,
+    **dict.fromkeys([(diagnose, name) for name in ("missing_mode", "explained_otherwise", "_without_irregular", "contradicted",
+                                                   "other_way", "_swung", "too_slow", "foretells_little")], _something),
+    **dict.fromkeys([(diagnose, name) for name in ("_without_late", "instead_of", "with_odd_records", "restarted",
+                                                   "with_form_asked", "of_a_machine", "never_nothing")], _another),
+}  # fmt: skip
+
+
+def _watched(room: Any, name: str, into: dict[str, list[int]]) -> Any:
+    """A patch of one guard that counts [asked, changed something]."""
+    tally = into.setdefault(f"{room.__name__.rpartition('.')[2]}.{name}", [0, 0])
+    guard, changes = getattr(room, name), GUARDS[room, name]
+
+    def asked(*given: Any, **more: Any) -> Any:
+        found = guard(*given, **more)
+        tally[0] += 1
+        tally[1] += changes(given, found)
+        return found
+
+    return mock.patch.object(room, name, asked)
+
+
+def _from_far(into: dict[str, list[int]]) -> Any:
+    """The same of a candidate begun from far: whether it came lower."""
+    tally, guard = into.setdefault("score_test.from_far", [0, 0]), score_test.from_far
+
+    def asked(current: Any, entry: Any, *rest: Any, **more: Any) -> None:
+        before = entry.reached
+        guard(current, entry, *rest, **more)
+        tally[0] += 1
+        tally[1] += entry.reached < before
+
+    return mock.patch.object(score_test, "from_far", asked)
+
+
 def walked(name: str, without: str) -> dict[str, Any]:
     """One campaign's row."""
-    moves, tallies = every_move(), dict[str, list[float]]()
+    moves, tallies, guards = every_move(), dict[str, list[float]](), dict[str, list[int]]()
     whole = dict(moves)
     leave_out(without)
     for one in list(moves):
         moves[one] = counted(one, moves[one], tallies)
     try:
-        trace = trace_of(name)
+        with ExitStack() as patches:
+            for patch in (*(_watched(room, guard, guards) for room, guard in GUARDS), _from_far(guards)):
+                patches.enter_context(patch)
+            trace = trace_of(name)
     except Exception as fault:  # it is a result, and must not end the run
         return {"campaign": name, "without": without, "fault": repr(fault)}
     finally:
@@ -83,7 +157,8 @@ def walked(name: str, without: str) -> dict[str, Any]:
     costs = [step["cost"] for step in trace["steps"]]
     return {"campaign": name, "without": without, "verdict": trace["verdict"], "effects": trace["effects"],
             "cost": costs[-1] if costs else None, "simulations": trace["simulations"], "processor": trace["processor"],
-            "moves": {one: tally for one, tally in tallies.items() if tally[0]}}
+            "moves": {one: tally for one, tally in tallies.items() if tally[0]},
+            "guards": {one: tally for one, tally in guards.items() if tally[0]}}
 
 
 def rows() -> list[dict[str, Any]]:
@@ -107,6 +182,12 @@ def table() -> str:
         lines.append(f"| {name} | {sum(one[0] for one in tallies):.0f} | {sum(one[1] for one in tallies):.0f} | "
                      f"{sum(one[1] > 0 for one in tallies)} | {len(again)} | {len(other)} | "
                      f"{f'{spent[1]:.0f} to {spent[0]:.0f}' if again else '-'} |")
+    lines += ["", "| guard of the search | asked | changed something | campaigns where it did |", "| --- | --- | --- | --- |"]
+    counted = [row["guards"] for row in whole.values() if "guards" in row]
+    for name in sorted({name for row in counted for name in row}):
+        tallies = [row.get(name, [0, 0]) for row in counted]
+        lines.append(f"| {name} | {sum(one[0] for one in tallies)} | {sum(one[1] for one in tallies)} | "
+                     f"{sum(one[1] > 0 for one in tallies)} |")
     changed = [f"{name}: {'+'.join(kept[name]['effects']) or kept[name]['verdict']} kept, "
                f"{'+'.join(row['effects']) or row['verdict']} now, hidden {'+'.join(kept[name]['hidden']) or 'nothing'}"
                for name, row in whole.items() if name not in same]
