@@ -41,6 +41,8 @@ NOISE_OF_FORCE = 0.01  # of a force's rms, taken for the noise of a dynamometer 
 ASKED = 2  # records by which it is asked what another sensor would tell
 AS_WELL = 2.0  # in minus the log likelihood, up to which another fit explains as much: two standard errors
 MOST_HELP = 2  # sensors that are named
+LOUD = 3.0  # times as much motion as was measured, from which a cut of the believed machine grows as the true one's did not
+LOWER, LOWERINGS = 0.7, 8  # factor by which its coefficients are then taken lower, and how often at the most
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,7 @@ def identifiable_parameters(engine: Engine, records: Sequence[Observed], model: 
     channels = tuple(dict.fromkeys(channel for record in records for channel in record.channels))
     if not model.structure.planar:
         return Identifiable(tuple(every), (), channels, tuple(records))
-    state = scan_starts(engine, records, structure_start(records, model), 1, (1.0,))[0]
+    state = _no_louder(engine, records, scan_starts(engine, records, structure_start(records, model), 1, (1.0,))[0])
     decays = [place for place, record in enumerate(records) if record.kind == "ring-down"]  # at rest they would tell nothing
     state = own_refit(Fitter(engine, records, free), state, decays)
     doubt = np.array([DOUBT.get(base_parameter(one.path) or "", OF_EFFECTS) for one in free])
@@ -117,6 +119,25 @@ def identifiable_parameters(engine: Engine, records: Sequence[Observed], model: 
         held.append(Untold(path, model.value(path), unit_of(path, catalogue), entangled, tuple(helping[:MOST_HELP])))
     kept = {one.path for one in held}
     return Identifiable(tuple(one for one in every if one.path not in kept), tuple(held), channels, tuple(records))
+
+
+def _no_louder(engine: Engine, records: Sequence[Observed], state: State) -> State:
+    """The state, its coefficients lowered together until no cut is much louder than it was measured.
+
+    A belief a little too high may chatter where the machine did not: slopes of what grows without end seem to tell anything.
+    """
+    def loud(index: int) -> bool:
+        record = records[index]
+        seen = predict(engine, record, [(state.model, state.angle, state.nuisances[index])])[0]
+        return not np.linalg.norm(record.project(seen)) <= LOUD * np.linalg.norm(record.project(record.data))
+
+    cuts = [place for place, record in enumerate(records) if record.cut is not None]
+    for _ in range(LOWERINGS):
+        if state.model.cutting is None or not any(map(loud, cuts)):
+            break
+        lower = {path: LOWER * state.model.value(path) for path in ("tangential_coefficient", "normal_coefficient")}
+        state = replace(state, model=state.model.with_values(lower))
+    return state
 
 
 def with_strayed_modes(fitter: Fitter, fit: WaveformFit, believed: Model) -> tuple[Fitter, WaveformFit]:
