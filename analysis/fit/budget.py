@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # a command tells the default before anything heavy is import
     from testbed.analysis.fit.observed import Observed
     from testbed.analysis.fit.prediction import Engine
 
-BUDGET = 50_000  # simulations of every record: a fit of the base model takes some thousands, a long search tens of them
+BUDGET = 100_000  # simulations of every record: a fit of the base model takes some thousands, a long search tens of them
 SHOWN = 500  # simulations of every record, between two signs of life
 
 

@@ -165,6 +165,18 @@ def test_what_the_channels_do_not_tell_is_named_and_what_would_tell_it():
     assert forces.held == () and [one.path for one in forces.free] == ["tangential_coefficient", "normal_coefficient"]
 
 
+def test_a_belief_that_chatters_where_the_machine_did_not_seems_to_tell_no_more():
+    """Where what grows without end passes the largest residual that counts, slopes are of that edge, and would tell a mass."""
+    tests = ((3800, 0.5e-3), (4500, 0.6e-3))
+    believed = TWO.with_values({path: 5.0 * TWO.value(path) for path in ("tangential_coefficient", "normal_coefficient")})
+    values, _, _ = cut_multipliers(believed, Cut(3800 * 2 * math.pi / 60, 0.5e-3), 1e-6)
+    assert abs(values[0]) > 1.05
+    records = [observe(one, believed) for one in
+               planar_campaign(fast.simulate, TWO, tests, PLACES, course=(5, 40, 6), rate=RATE)]
+    told = identifiable_parameters(ENGINE, records, believed, KNOWN, helps=False)
+    assert [one.path for one in told.held] == ["modes[0].mass"]
+
+
 def test_a_machine_that_a_second_road_moved_is_found_from_its_files(capsys, tmp_path, monkeypatch):
     """Two cuts; the marks, the noise and the records' beginnings are unknown to the fit."""
     monkeypatch.chdir(tmp_path)
