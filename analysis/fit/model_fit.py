@@ -81,4 +81,5 @@ def _fitted(engine: Engine, records: Sequence[Observed], model: Model, free: Seq
             ) -> tuple[Fitter, WaveformFit]:  # fmt: skip
     """The fit to the records with the lengths cut before as they have them."""
     swung = free_vibration_fit(engine, records, model, goal.laws, free) if free is not None else None
-    return solve(*(swung or base_fit(engine, records, model, free=free, goal=goal)), LAWS, goal)
+    begun = swung or base_fit(engine, records, model, free=free, goal=goal)
+    return solve(*begun, LAWS, replace(goal, records=tuple(records)))

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.moves import Scheme, steps_of
+from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.pass_search import settle_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.effect import Effect
@@ -32,7 +33,7 @@ class Goal:
     laws: the effects of the model, that added last at the end; prior: the model before any fit. cost_limit: the cost above
     which a fit is of no use and left alone; patient: moves that rescue are tried above it. known: the cost of a fit at hand,
     whose valley is left alone. before: the cost without the last law; infinite where all were fitted from the prior.
-    rounds, iterations: of the descents that moves begin, see `alternate_fit_and_passes`.
+    rounds, iterations: of the descents that moves begin, see `alternate_fit_and_passes`. records: as they were before any fit.
     """
 
     laws: tuple[Effect, ...] = ()
@@ -43,6 +44,7 @@ class Goal:
     before: float = math.inf
     rounds: int = 4
     iterations: int = 40
+    records: tuple[Observed, ...] = ()
 
 
 PLAIN = Goal()

@@ -10,6 +10,7 @@ import numpy as np
 
 QUIET = 0.25  # of the power of the cut, above that of the idling: a stretch that does not cut
 IDLES = 1.5  # times the power of the idling, that such a stretch has at the most
+RINGS = 4.0  # times that power, from which what follows rings down from a cut, however quiet that was
 LASTS = {"exit": 0.5, "idle": 0.5, "ring-down": 0.9}  # of its level at its start, that a stretch keeps if it cuts still
 LONG = {"exit": 0.25, "idle": 1.0, "ring-down": 1.0}  # times what cut before, how long such a stretch is: else it is what it is
 FEWEST = 4  # revolutions in a stretch that are needed to tell
@@ -35,7 +36,9 @@ def still_cutting(places: Sequence[Place], values: np.ndarray, turn: float) -> l
     still = power(*places[0][1:]) if places and places[0][0] == "idle" else 0.0
     if not parts and later and later[0][0] == "idle":
         before, later = later[:1], later[1:]
-    if len(parts) == 2 and parts[0][2] - parts[0][1] > 2 * FEWEST * turn and power(*parts[1][1:]) < IDLES * still:
+    rings = [power(start, start + max(1, (stop - start) // 4)) for kind, start, stop in later if kind == "ring-down"]
+    quiet = len(parts) == 2 and parts[0][2] - parts[0][1] > 2 * FEWEST * turn and power(*parts[1][1:]) < IDLES * still
+    if quiet and not any(one > RINGS * still for one in rings):  # only what ends can ring
         return [*before, parts[0], ("idle", parts[1][1], len(values))]
     count = _absorbed(parts, later, power, still, turn)
     if count:

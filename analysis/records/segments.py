@@ -24,6 +24,7 @@ from testbed.recording import Recording
 
 _STILL, _STILL_SAMPLES = 0.1, 16  # share of a swing that is none, and samples in which that is seen
 _ABRUPT = 2.5  # growth of the level within two revolutions that ends idling
+_QUIET = 1.5  # times the level of idling, below which samples are as quiet
 AT_ONCE = 1 << 22  # samples, overlapping windows each counted whole
 _RESOLVED = 2e-3  # of the range: what is smaller than this is not looked for
 
@@ -184,9 +185,10 @@ def _cut(values: np.ndarray, exact_turn: float, lag: float) -> list[Place]:
     raw, values, backwards = values, without_hum(values, lag), without_hum(values[::-1], lag)
     entry, still = _first_cut(values, exact_turn, white)
     quiet_after = end - _idle_end(backwards[:end - entry], turn, white)  # before, an old motion may die away
-    idle_level = float(np.median(_levels(values[:entry], turn).level)) if still and entry > 2 * turn else white
-    if quiet_after >= end:
-        quiet_after = _faded(values, turn, idle_level)
+    idled = still and entry > 2 * turn
+    idle_level = float(np.median(_levels(values[:entry], turn).level)) if idled else white
+    if quiet_after >= end or idled and _rises_again(values[quiet_after:], turn, idle_level):
+        quiet_after = _faded(values, turn, idle_level)  # from behind, a ring-down creeps up like idling
     if quiet_after - entry < 2 * turn:
         return [("idle", 0, end)] if entry or quiet_after < end else [("steady", 0, end)]
     ring = free_decay_start(backwards[::-1][entry : min(quiet_after, end - math.ceil(lag))], exact_turn, max(idle_level, white))
@@ -219,15 +221,20 @@ def _first_cut(values: np.ndarray, exact_turn: float, white: float) -> tuple[int
 def _faded(values: np.ndarray, turn: int, idle_level: float) -> int:
     """Where the tail has died away to the level of idling; the record's end where it never does."""
     levels = _levels(values, turn)
-    loud = np.flatnonzero(levels.level > 1.5 * idle_level)
+    loud = np.flatnonzero(levels.level > _QUIET * idle_level)
     if not len(loud) or loud[-1] >= len(levels.level) - 8:
         return len(values)
     return int(levels.first[loud[-1]] + levels.window)
 
 
+def _rises_again(values: np.ndarray, turn: int, idle_level: float) -> bool:
+    """Whether samples that were taken for idling are quiet, and then loud: a quiet cut, and its ring-down."""
+    level = _levels(values, turn).level if len(values) >= turn else np.zeros(1)
+    quiet = level < _QUIET * idle_level
+    return bool(quiet.any() and np.any(level[np.argmax(quiet) :] > _ABRUPT * idle_level))
+
+
 def _median3(values: np.ndarray) -> np.ndarray:
-    if len(values) < 3:
-        return values
     padded = np.concatenate([values[:1], values, values[-1:]])
     return np.median(np.stack([padded[:-2], padded[1:-1], padded[2:]]), axis=0)
 
@@ -254,7 +261,7 @@ def _settled(values: np.ndarray, turn: float, white: float) -> tuple[int, int]:
     runs = [run for run in runs if run[1] - run[0] >= 3]
     if not runs:
         return end, end
-    merged = [runs[0]]
+    merged = runs[:1]
     for run in runs[1:]:  # a revolution or two outside does not end steady cutting
         if run[0] - merged[-1][1] <= 2:
             merged[-1] = (merged[-1][0], run[1])

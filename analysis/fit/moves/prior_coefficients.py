@@ -5,14 +5,16 @@ On the way there the passes of entries and exits have bent to suit them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from testbed.analysis.fit.fit_state import WaveformFit
 from testbed.analysis.fit.free_parameters import at_a_bound
 from testbed.analysis.fit.moves import FRONTS
+from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.solve import Goal, Move, Trial, solve
 from testbed.analysis.fit.starts import base_fit
 from testbed.analysis.fit.waveform import Fitter
+from testbed.machine import Model
 
 EXPLAINED = 1.1  # mean square residual up to which coefficients are believed, whatever they are
 
@@ -21,12 +23,18 @@ def propose(fitter: Fitter, fit: WaveformFit, goal: Goal) -> Iterator[Trial]:
     """The fit with all but the coefficients fitted first, where a parameter is at its bound or the cut is that of no tool."""
     if goal.prior is None or not (at_a_bound(fitter.free, fit.state.model) or _cuts_like_no_tool(fit)):
         return
-    held = [one for one in fitter.unknowns if not one.path.endswith("_coefficient")]
-    _, begun = base_fit(fitter.engine, fitter.records, goal.prior, free=held)
-    yield Trial(*solve(fitter, fitter.fit(begun.state), FRONTS))
+    yield from begun_without(fitter, fitter.records, goal.prior, lambda path: path.endswith("_coefficient"))
 
 
 MOVE = Move(propose)
+
+
+def begun_without(fitter: Fitter, records: Sequence[Observed], prior: Model, held: Callable[[str], bool]) -> Iterator[Trial]:
+    """The fit to records begun by one from the prior in which parameters are held. held: whether the one of a path is."""
+    free = [one for one in fitter.unknowns if not held(one.path)]
+    found, begun = base_fit(fitter.engine, records, prior, free=free)
+    whole = fitter.on(found.records)
+    yield Trial(*solve(whole, whole.fit(begun.state), FRONTS))
 
 
 def _cuts_like_no_tool(fit: WaveformFit) -> bool:
