@@ -41,7 +41,7 @@ def as_done_in_processes(function: Callable[[Any], Any], items: Iterable[Any], w
 
     with closing(as_done(answer, items, workers, workers + 1, stop)) as done:
         try:
-            for one in done:  # not `yield from`: that would close it, and wait, before the processes are ended
+            for one in done:  # noqa: UP028 - `yield from` would close it, and wait, before the processes are ended
                 yield one
         finally:
             stop.now = True
@@ -85,7 +85,7 @@ def _serve(line: Connection, function: Callable[[Any], Any], begin: Callable[[],
                 if not begun and begin is not None:
                     begin()
                     begun = True
-                answer = function(item), None
+                answer: tuple[Any, Exception | None] = function(item), None
             except Exception as fault:  # whatever it is, the process that asks is to hear of it
                 answer = None, fault
             line.send(answer)
