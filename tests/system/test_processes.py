@@ -9,6 +9,7 @@ import sys
 import time
 from contextlib import closing
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -55,32 +56,15 @@ def test_those_at_work_are_ended_when_it_is_given_up():
 
 
 STRUCK = """
-import faulthandler, multiprocessing, sys
+import faulthandler, sys
 from testbed.system.processes import as_done_in_processes
 from testbed.system.threads import ordered
-
-def struck_at(step):
-    passed = 0
-    def trace(frame, event, _):
-        nonlocal passed
-        passed += event in ("line", "return")
-        if passed == step:
-            sys.settrace(None)
-            raise KeyboardInterrupt
-        return trace
-    sys.settrace(trace)
-    try:
-        list(ordered(as_done_in_processes(abs, range(3), 2)))
-    except KeyboardInterrupt:
-        return True
-    finally:
-        sys.settrace(None)
-    return False
+from tests.support.struck import struck_at
 
 if __name__ == "__main__":
     for step in range(int(sys.argv[1]), 400, 13):
         faulthandler.dump_traceback_later(60, exit=True)
-        if not struck_at(step):
+        if struck_at(step, lambda: list(ordered(as_done_in_processes(abs, range(3), 2)))) is None:
             break
     print(step)
 """
@@ -89,6 +73,8 @@ if __name__ == "__main__":
 def test_ctrl_c_at_many_a_line_ends_it(tmp_path):
     """What strikes in a finaliser is printed and dropped here; a command raises it once more."""
     (tmp_path / "struck.py").write_text(STRUCK)
-    run = subprocess.run([sys.executable, "struck.py", "5"], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    here = os.environ | {"PYTHONPATH": str(Path(__file__).resolve().parents[2])}
+    run = subprocess.run([sys.executable, "struck.py", "5"], cwd=tmp_path, env=here, capture_output=True, text=True,
+                         timeout=300)
     assert run.returncode == 0 and "Timeout" not in run.stderr
     assert 50 < int(run.stdout) < 399

@@ -75,27 +75,10 @@ def test_what_is_asked_for_in_order_comes_in_order_and_few_are_taken_ahead():
 
 
 STRUCK = """
-import faulthandler, sys, time
+import faulthandler, time
 from contextlib import closing
 from testbed.system.threads import threaded, in_order
-
-def struck_at(step, work):
-    passed = 0
-    def trace(frame, event, _):
-        nonlocal passed
-        passed += event in ("line", "return")
-        if passed == step:
-            sys.settrace(None)
-            raise KeyboardInterrupt
-        return trace
-    sys.settrace(trace)
-    try:
-        work()
-    except KeyboardInterrupt:
-        return True
-    finally:
-        sys.settrace(None)
-    return passed < step and None  # None: it is over before this step
+from tests.support.struck import struck_at
 
 def ordered():
     with closing(in_order(abs, range(6), 2, 3)) as results:
