@@ -14,10 +14,12 @@ from testbed.analysis.fit.held_guesses import with_guesses_held
 from testbed.analysis.fit.identifiable import identifiable_parameters
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.modes_start import modes_start
+from testbed.analysis.fit.moves import prior_structure
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import from_first_tooth, predict
+from testbed.analysis.fit.solve import Goal
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.linear.planar_multipliers import cut_multipliers
 from testbed.catalogue import catalogue
@@ -175,6 +177,20 @@ def test_a_belief_that_chatters_where_the_machine_did_not_seems_to_tell_no_more(
                planar_campaign(fast.simulate, TWO, tests, PLACES, course=(5, 40, 6), rate=RATE)]
     told = identifiable_parameters(ENGINE, records, believed, KNOWN, helps=False)
     assert [one.path for one in told.held] == ["modes[0].mass"]
+
+
+def test_a_fit_whose_mode_strayed_begins_again_from_the_modes_as_believed():
+    believed = TWO.with_values({"modes[1].natural_frequency": 301.0, "tangential_coefficient": 7e8})
+    records = [observe(one, believed) for one in planar_campaign(fast.simulate, TWO, ((3800, 0.5e-3), (4500, 0.6e-3)), PLACES,
+                                                                course=(5, 12, 6), rate=RATE)]  # fmt: skip
+    fitter, found = model_fit(ENGINE, records, believed, KNOWN)
+    goal = Goal((), believed, records=tuple(records))
+    assert list(prior_structure.propose(fitter, found, goal)) == []
+    lost = fitter.fit(found.state.with_value("modes[1].natural_frequency", 180.0), iterations=2)
+    assert lost.cost > 2.0 * found.cost
+    (trial,) = prior_structure.propose(fitter, lost, goal)
+    assert trial.fit.cost == pytest.approx(found.cost, rel=1e-3)
+    assert trial.fit.state.model.value("modes[1].natural_frequency") == pytest.approx(310.0, rel=1e-3)
 
 
 def test_a_machine_that_a_second_road_moved_is_found_from_its_files(capsys, tmp_path, monkeypatch):
