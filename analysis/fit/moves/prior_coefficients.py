@@ -33,7 +33,7 @@ def begun_without(fitter: Fitter, records: Sequence[Observed], prior: Model, hel
     """The fit to records begun by one from the prior in which parameters are held. held: whether the one of a path is."""
     free = [one for one in fitter.unknowns if not held(one.path)]
     found, begun = base_fit(fitter.engine, records, prior, free=free)
-    whole = fitter.on(found.records)
+    whole = fitter if records is fitter.records else fitter.on(found.records)
     yield Trial(*solve(whole, whole.fit(begun.state), FRONTS))
 
 

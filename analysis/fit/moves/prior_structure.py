@@ -31,6 +31,6 @@ MOVE = Move(propose)
 
 def _strayed(prior: Model, found: Model) -> bool:
     """Whether a mode has another frequency, or another damping ratio, than anybody who knows the machine would believe."""
-    pairs = [(one, now) for one, now in zip(prior.structure.modes, found.structure.modes, strict=True)]
     return any(abs(math.log(now.natural_frequency / one.natural_frequency)) > math.log(FAR_FREQUENCY)
-               or abs(math.log(now.damping_ratio / one.damping_ratio)) > math.log(FAR_DAMPING) for one, now in pairs)
+               or abs(math.log(now.damping_ratio / one.damping_ratio)) > math.log(FAR_DAMPING)
+               for one, now in zip(prior.structure.modes, found.structure.modes, strict=True))
