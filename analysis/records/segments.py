@@ -24,7 +24,7 @@ from testbed.recording import Recording
 
 _STILL, _STILL_SAMPLES = 0.1, 16  # share of a swing that is none, and samples in which that is seen
 _ABRUPT = 2.5  # growth of the level within two revolutions that ends idling
-_QUIET = 1.5  # times the level of idling, below which samples are as quiet
+_QUIET, _OFTEN = 1.5, 0.1  # times the level of idling, below which samples are as quiet; share of samples
 AT_ONCE = 1 << 22  # samples, overlapping windows each counted whole
 _RESOLVED = 2e-3  # of the range: what is smaller than this is not looked for
 
@@ -187,7 +187,7 @@ def _cut(values: np.ndarray, exact_turn: float, lag: float) -> list[Place]:
     quiet_after = end - _idle_end(backwards[:end - entry], turn, white)  # before, an old motion may die away
     idled = still and entry > 2 * turn
     idle_level = float(np.median(_levels(values[:entry], turn).level)) if idled else white
-    if quiet_after >= end or idled and _rises_again(values[quiet_after:], turn, idle_level):
+    if quiet_after >= end or idled and _is_loud(values[quiet_after:], turn, idle_level):
         quiet_after = _faded(values, turn, idle_level)  # from behind, a ring-down creeps up like idling
     if quiet_after - entry < 2 * turn:
         return [("idle", 0, end)] if entry or quiet_after < end else [("steady", 0, end)]
@@ -227,11 +227,11 @@ def _faded(values: np.ndarray, turn: int, idle_level: float) -> int:
     return int(levels.first[loud[-1]] + levels.window)
 
 
-def _rises_again(values: np.ndarray, turn: int, idle_level: float) -> bool:
-    """Whether samples that were taken for idling are quiet, and then loud: a quiet cut, and its ring-down."""
-    level = _levels(values, turn).level if len(values) >= turn else np.zeros(1)
-    quiet = level < _QUIET * idle_level
-    return bool(quiet.any() and np.any(level[np.argmax(quiet) :] > _ABRUPT * idle_level))
+def _is_loud(values: np.ndarray, turn: int, idle_level: float) -> bool:
+    """Whether samples taken for idling, from behind, are loud after they were quiet, or often: a cut and its ring-down."""
+    level = _levels(values, turn).level / max(idle_level, 1e-300) if len(values) >= turn else np.zeros(1)
+    loud, quiet = level > _ABRUPT, level < _QUIET
+    return bool(loud.mean() > _OFTEN or quiet.any() and loud[np.argmax(quiet) :].any())
 
 
 def _median3(values: np.ndarray) -> np.ndarray:
