@@ -20,6 +20,7 @@ import json
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import testbed
@@ -30,7 +31,7 @@ from testbed.workshop import RPM
 from tests.support.campaign_files import BELIEVED
 from tests.validation.blind.judge import answered, known_seeds, options_of
 from tests.validation.claims import Claim, Section
-from tests.validation.hard_pairs import ZETA, Case, Test, cases, cuts
+from tests.validation.hard_pairs import ZETA, Case, Test, answer, cases, cuts
 
 RESULTS = Path(__file__).with_suffix(".jsonl")
 REACH = "2600 rpm:4600 rpm:9", "0.5 mm:3 mm:6"  # of the machine: around the cuts that were made
@@ -95,7 +96,7 @@ def _names(found: dict[str, Any] | None, row: dict[str, Any]) -> bool:
 
 
 def _told(found: dict[str, Any]) -> str:
-    return f"{found['verdict']}: {', '.join(found['effects'])}" if found["effects"] else found["verdict"]
+    return answer(SimpleNamespace(**found))
 
 
 def _cut(row: dict[str, Any]) -> str:
