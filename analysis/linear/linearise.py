@@ -21,6 +21,8 @@ import numpy as np
 PHASE = 1.0  # rad of the fastest vibration in one piece
 ANGLE = 0.5  # rad of spindle angle in one piece
 TIME = 2
+SAME = 1e-9  # of the largest singular value: below it is the rounding of differences
+MOST_BYTES = 1_000_000_000  # of the map of one pass
 LONGEST = 240  # passes among which a principal period is sought
 
 
@@ -144,18 +146,27 @@ class _Course:
         raise ValueError("the spindle's course in time was not found")
 
 
-def _delayed_columns(rates: list[list[Any]]) -> np.ndarray:
-    """Unknowns whose past matters."""
-    return np.flatnonzero(sum(np.abs(part.before).sum((0, 1)) for parts in rates for part in parts))
+def _delayed_sums(rates: list[list[Any]], kept: np.ndarray) -> np.ndarray:
+    """Sums of the unknowns `kept` (K,) whose past matters, (r, K): of many modes no more than the motion along x and along y.
+
+    An unknown by itself where each tells something else.
+    """
+    past = np.concatenate([part.before[:, kept[:, None], kept] for parts in rates for part in parts]).reshape(-1, kept.size)
+    told = np.flatnonzero(np.abs(past).sum(axis=0))
+    _, sizes, sums = np.linalg.svd(past[:, told], full_matrices=False)
+    rank = int(np.count_nonzero(sizes > SAME * sizes.max(initial=0.0)))
+    found = np.zeros((rank, kept.size))
+    found[:, told] = np.eye(rank) if rank == told.size else sums[:rank]
+    return found
 
 
 def _pass_map(grid: _Grid, parts: list[Any], load: list[np.ndarray], kept: np.ndarray,
               delayed: np.ndarray) -> np.ndarray:
     """All points' unknowns, then the end state, (n K + K, m + 1), of u = [delayed values, start state, 1].
 
-    kept (K,): which unknowns; delayed: which of them act one pitch later; load: f less its linear part, per piece.
+    kept (K,): which unknowns; delayed (r, K): sums of them that act one pitch later; load: f less its linear part, per piece.
     """
-    width, late = kept.size, delayed.size
+    width, late = kept.size, len(delayed)
     m = grid.late.size * late + width
     at = 0
     state = np.zeros((width, m + 1))
@@ -167,7 +178,7 @@ def _pass_map(grid: _Grid, parts: list[Any], load: list[np.ndarray], kept: np.nd
         now = part.now[:, kept[:, None], kept]
         driven = np.zeros((count, width, m + 1))
         for n in range(count if teeth else 0):
-            driven[n, :, at:at + late] = part.before[n][np.ix_(kept, kept[delayed])]
+            driven[n, :, at:at + late] = part.before[n][np.ix_(kept, kept)] @ delayed.T
             at += late
         driven[:, :, m] = source[:, kept]
         left = np.eye(count * width) - length * np.einsum("ij,jkl->ikjl", inner, now).reshape(count * width, -1)
@@ -181,7 +192,7 @@ def _pass_map(grid: _Grid, parts: list[Any], load: list[np.ndarray], kept: np.nd
 
 def _next(grid: _Grid, rows: np.ndarray, width: int, delayed: np.ndarray) -> np.ndarray:
     """The rows of a pass map that make up u of the next pass (without its 1)."""
-    points = rows[:-width].reshape(-1, width, rows.shape[1])[np.ix_(grid.late, delayed)].reshape(-1, rows.shape[1])
+    points = (delayed @ rows[:-width].reshape(-1, width, rows.shape[1])[grid.late]).reshape(-1, rows.shape[1])
     return np.vstack([points, rows[-width:]])
 
 
@@ -190,8 +201,12 @@ def _newton_step(course: _Course, scale: np.ndarray) -> tuple[float, np.ndarray]
     loop, grid = course.loop, course.grid
     passes, points, width = course.states.shape[0], grid.phases.size, loop.unknowns.size
     rates = [course.rates(number, scale) for number in range(passes)]
-    delayed, kept = _delayed_columns(rates), np.arange(width)
-    maps, total = [], np.eye(grid.late.size * delayed.size + width + 1)
+    kept = np.arange(width)
+    delayed = _delayed_sums(rates, kept)
+    size = grid.late.size * len(delayed) + width + 1
+    if 8 * points * width * size > MOST_BYTES:
+        raise ValueError("the structure swings too often within a tooth pass: its map would not fit into memory")
+    maps, total = [], np.eye(size)
     for number, parts in enumerate(rates):
         now, past = course.states[number][:, loop.unknowns], course.past(number)[:, loop.unknowns]
         load = [part.f - np.einsum("nij,nj->ni", part.now, now[where])
@@ -263,8 +278,8 @@ def linearise(loop: Loop, *, first_pass: int = 0, passes: int | None = None, tol
     if any(part.lost.any() for parts in rates for part in parts):
         raise ValueError("a tooth leaves the cut within the periodic motion: no linear delay equation of one delay")
     kept = np.flatnonzero(~loop.prescribed)
-    delayed = np.flatnonzero(np.isin(kept, _delayed_columns(rates)))
-    total = np.eye(grid.late.size * delayed.size + kept.size)
+    delayed = _delayed_sums(rates, kept)
+    total = np.eye(grid.late.size * len(delayed) + kept.size)
     for parts in rates:
         rows = _pass_map(grid, parts, [np.zeros_like(part.f) for part in parts], kept, delayed)
         total = _next(grid, rows, kept.size, delayed)[:, :-1] @ total

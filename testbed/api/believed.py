@@ -104,11 +104,11 @@ def refuse_planar(model: Any, place: str, instead: str) -> None:
         raise InputProblem(place, "has modes beyond one of the workpiece along x, or a pitch for each tooth", instead)
 
 
-def refuse_planar_effects(model: Any, place: str) -> None:
-    """InputProblem where a machine beyond one mode along x has effects: such a loop is not linearised so far."""
-    if model.planar and model.effects:
-        raise InputProblem(place, f"has effects ({', '.join(sorted(model.effects))}) beside modes beyond one of the workpiece "
-                           "along x, or a pitch for each tooth", "leave the effects out: here such a machine cuts without them")
+def refuse_uneven_effects(model: Any, place: str) -> None:
+    """InputProblem where teeth of unequal pitch have effects: a loop of several delays is linearised without them alone."""
+    if model.effects and model.cutter is not None and model.cutter.pitch_angles:
+        raise InputProblem(place, f"has effects ({', '.join(sorted(model.effects))}) beside a pitch for each tooth",
+                           "leave the effects out, or give the teeth one pitch: such a cutter is linearised without them")
 
 
 def in_the_work(model: Any) -> tuple[Any, list[str]]:

@@ -17,7 +17,7 @@ from testbed.api.believed import (
     effects_of,
     guesses_note,
     in_the_work,
-    refuse_planar_effects,
+    refuse_uneven_effects,
 )
 from testbed.api.identification import tests_on_chart
 from testbed.api.multipliers import of_cut
@@ -209,7 +209,7 @@ def chart(model: ModelLike, speed: Quantities, depth: Quantities, *, data: DataL
         own = effects_of(effects)
         given, name = cutting_model(model, own.known)
         believed, left_out = in_the_work(given)
-        refuse_planar_effects(believed, name)
+        refuse_uneven_effects(believed, name)
         tests = tests_on_chart(believed, data) if data is not None else []
         chance = chance_of_chatter(risk)
         sure = unasked(draws, chance)

@@ -13,7 +13,7 @@ from testbed.api.believed import (
     effects_of,
     guesses_note,
     in_the_work,
-    refuse_planar_effects,
+    refuse_uneven_effects,
 )
 from testbed.api.defaults import FEED
 from testbed.api.quantity import DEPTH, SPEED, Quantity, positive
@@ -107,10 +107,11 @@ def of_cut(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, Any]:
     from testbed.analysis.linear.planar_multipliers import cut_multipliers
     from testbed.analysis.linear.stability import classify
 
-    refuse_planar_effects(model, name)
+    refuse_uneven_effects(model, name)
     try:
         if model.effects:
-            swings = model.structure.natural_frequency * cut.tooth_passing_period(model.cutter.flutes)
+            fastest = max(mode.natural_frequency for mode in model.structure.modes)
+            swings = fastest * cut.tooth_passing_period(model.cutter.flutes)
             if swings > MOST_SWINGS:  # their map would not fit into memory
                 raise ArithmeticError(f"the structure swings {swings:.3g} times within a tooth pass")
             values, errors, passes = _of_loop(model, cut, catalogue)

@@ -12,8 +12,8 @@ from testbed.api.watch import Watch
 from testbed.api.words import shown
 from testbed.problem import InputProblem
 
-# seconds a cell, rounded up: one mode along the feed, a machine in x and y, a loop with effects
-COST_S, PLANAR_COST_S, EFFECTS_COST_S = 1.5e-5, 2e-3, 25e-3
+# seconds a cell, rounded up: one mode along the feed, a machine in x and y, either as a loop with effects
+COST_S, PLANAR_COST_S, EFFECTS_COST_S, PLANAR_EFFECTS_COST_S = 1.5e-5, 2e-3, 25e-3, 0.25
 MOST_S, WORTH_SAYING_S = 3600.0, 60.0
 
 
@@ -91,7 +91,8 @@ def with_chances(sure: Sure, asked: Asked) -> Sure:
     known, left_out = linear_where_it_can(sure.known)
     with_effects = bool(known.model.effects)
     charts = charts_on_surface(known) if with_effects else asked.draws
-    cost = EFFECTS_COST_S if with_effects else PLANAR_COST_S if _in_plane(known) else COST_S
+    costs = (COST_S, EFFECTS_COST_S) if not _in_plane(known) else (PLANAR_COST_S, PLANAR_EFFECTS_COST_S)
+    cost = costs[with_effects]
     seconds = cost * charts * asked.speeds.size * asked.depths.size
     if seconds > MOST_S:
         most = MOST_S / (cost * charts)
@@ -127,8 +128,7 @@ def linear_where_it_can(known: Any) -> tuple[Any, str]:
 
 
 def filled(model: Any, speeds: Any, depths: Any, catalogue: Any) -> Any:
-    """The chart of a machine, with effects or without; of a law without periodic motion, and of a machine in x and y with
-    effects, all cells are blank."""
+    """The chart of a machine, with effects or without; of a law without periodic motion all cells are blank."""
     import numpy as np
 
     from testbed.analysis.linear.stability import StabilityChart, stability_chart

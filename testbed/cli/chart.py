@@ -35,7 +35,7 @@ def command(model_file: str, speed: list[float], depth: list[float], data: str |
     """Where MODEL.yaml cuts steadily and where it chatters, over spindle speed and depth of cut.
 
     Every cell has an estimate of its error; what cannot be trusted stays blank. A model with effects is linearised in every
-    cell, effects and all, which takes about 20 ms a cell.
+    cell, effects and all, which takes about 20 ms a cell, in x and y 0.1 to 0.3 s.
 
     Where the model has values with a deviation (`550 +- 50 N/mm^2`), or with --campaign, machines are drawn from what is known,
     and every cell gets its chance of being stable: the share of those machines that are. No chance is given where the model

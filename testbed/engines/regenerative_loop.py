@@ -1,8 +1,8 @@
 """A machine in a cut as a delay equation in the spindle angle, as the effects' own files have it.
 
-    dY/dphi = f(phi, Y(phi), Y(phi - pitch)),    Y = [x, v, t, states of the active effects]
+    dY/dphi = f(phi, Y(phi), Y(phi - pitch)),    Y = [q, q', t, states of the active effects, further modes]
 
-The delay is one pitch of spindle angle whatever the speed does. `testbed.analysis.linear.linearise` finds its multipliers.
+q is the motion of the structure's first mode. The delay is one pitch of spindle angle whatever the speed does. `testbed.analysis.linear.linearise` finds its multipliers.
 """
 
 from __future__ import annotations
@@ -19,11 +19,10 @@ from testbed.effect import Effect
 from testbed.engines import fast_kernel as fk
 from testbed.engines import loop_kernel as lk
 from testbed.engines.compose import Layout, compose
-from testbed.engines.model_arrays import active_effects
+from testbed.engines.model_arrays import active_effects, state_place
 from testbed.engines.packing import Packed, pack
 from testbed.engines.stiffening import fastest_frequency
 from testbed.machine import Model
-from testbed.problem import InputProblem
 
 TIME = 2  # the place of the time in the state
 
@@ -93,13 +92,15 @@ def regenerative_loop(model: Model, cut: Cut, catalogue: Mapping[str, Effect] | 
         raise ValueError("the model has no cutter: nothing is cut")
     effects = known_effects() if catalogue is None else catalogue
     packed, layout = pack(model, cut, effects), Layout(effects)
-    if packed.planar:
-        raise InputProblem("structure", "only one mode along the feed is linearised here", "leave out the others")
+    if model.cutter.pitch_angles:
+        raise ValueError("teeth of unequal pitch have several delays, and with effects only one is linearised")
     active = active_effects(model, effects)
     for name in active:
         if effects[name].no_linear_answer:
             raise ValueError(effects[name].no_linear_answer)
-    unknowns, prescribed = [0, 1], [False, False]
+    further = [state_place(effects, f"modes[{mode}].displacement") for mode in range(1, len(model.structure.modes))]
+    unknowns = [0, 1, *(place + order for place in further for order in (0, 1))]
+    prescribed = [False] * len(unknowns)
     for name in active:
         for state in effects[name].states:
             unknowns.append(layout.state[name, state])
@@ -108,7 +109,7 @@ def regenerative_loop(model: Model, cut: Cut, catalogue: Mapping[str, Effect] | 
     segments = packed.I[fk.SEGMENTS]
     breaks = packed.G[lk.CORNERS : lk.CORNERS + segments + 1].copy()
     teeth = packed.I[fk.TEETH : fk.TEETH + segments].copy()
-    kernel = compose(effects, ("array_kernel", "plane_kernel", "loop_kernel", "linearised_kernel"))
+    kernel = compose(effects, ("array_kernel", "plane_kernel", "loop_kernel", "linearised_kernel"), packed.planar)
     return RegenerativeLoop(
         packed, kernel, np.array(unknowns), np.array(prescribed), breaks, teeth, float(packed.G[lk.PITCH]), cut.spindle_speed,
         fastest_frequency(model, effects), bool(packed.I[fk.STEADY_SPEED]), model.cutter.flutes if uneven else 1)
