@@ -171,7 +171,7 @@ def _stable(open_: list[Any], asked: Asked) -> tuple[Any, list[str]]:
         known, _ = linear_where_it_can(one.known)
         if known.model.planar and known.model.effects:
             known = known.without_effects()
-            notes.append(f"{one.name}: the chance is that of the machine without effects; with them it takes too long in x and y")
+            notes.append(f"{one.name}: the chance is that of the machine without effects: with them it takes too long")
         sure = with_chances(Sure(asked.draws, asked.risk, known=known), replace(asked, model=known.model))
         if sure.chance is None:
             raise InputProblem(asked.campaign_name, f"of {one.name}, {sure.why_none}", "record more cuts")

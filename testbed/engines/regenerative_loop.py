@@ -2,7 +2,8 @@
 
     dY/dphi = f(phi, Y(phi), Y(phi - pitch)),    Y = [q, q', t, states of the active effects, further modes]
 
-q is the motion of the structure's first mode. The delay is one pitch of spindle angle whatever the speed does. `testbed.analysis.linear.linearise` finds its multipliers.
+q is the motion of the structure's first mode. The delay is one pitch of spindle angle whatever the speed does.
+`testbed.analysis.linear.linearise` finds its multipliers.
 """
 
 from __future__ import annotations

@@ -49,7 +49,7 @@ def test_with_a_mode_that_hardly_moves_it_is_the_answer_along_x(name):
 
 
 def semi_discretised(model: Model, cut: Cut, damping: float, steps: int) -> np.ndarray:
-    """Multipliers over a tooth pass by steps with the force's law frozen in the middle of each; damping: of the process, N/m."""
+    """Multipliers over a tooth pass by steps, the force's law frozen in the middle of each; damping: of the process, N/m."""
     modes, cutter, cutting = model.structure.modes, model.cutter, model.cutting
     shapes, count = np.array([mode.shape for mode in modes]), len(modes)
     mass, omega = np.array([mode.mass for mode in modes]), np.array([mode.natural_frequency_rad for mode in modes])
