@@ -6,7 +6,8 @@ What repeats with the spindle is taken out of the last revolutions of the cut. A
 - did not stand there before the entry (hum, another machine). Where no idling was recorded, a line on a multiple of the mains,
   as nearly as its place is known, is the cut's only with side bands at the tooth passing;
 - is loud against the feed: the motion changes from tooth to tooth by so much that teeth leave the work, or nearly. A line with
-  such side bands may be fainter. Where no channel tells metres, or no feed is known, loud is against the tooth passing.
+  such side bands may be fainter. Where no channel tells metres, or no feed is known, loud is against the tooth passing. The
+  sensor may sit where what chatters hardly moves: so a line with side bands counts, too, that is loud against the orders.
 
 What repeats with the spindle, but not with the teeth, is runout, a flip of an even number of teeth, or chatter that has
 locked to the spindle. It is runout where it is small, or made of those orders alone that a cutter beside its axis makes, or
@@ -26,9 +27,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from testbed.analysis.records.cut_end import BEFORE, STANDS, CutEnd, Line
+from testbed.analysis.records.cut_end import BEFORE, STANDS, SURE_SIDES, CutEnd, Line
 from testbed.analysis.records.growth import growth, is_flip
-from testbed.analysis.records.once_a_turn import Pattern, pattern_of
+from testbed.analysis.records.once_a_turn import ECCENTRIC, Pattern, limits, pattern_of
 from testbed.analysis.records.orders import PADDED, turns_of
 from testbed.analysis.records.passing_speed import cut_speeds
 from testbed.analysis.records.segments import Segment, revolution_period
@@ -44,22 +45,16 @@ DYING, DYING_A_TOOTH = 0.5, 0.98  # of a line, from one half of the end to the o
 GROWS, GROWS_ABOVE, FAINT = 1.3, 10.0, 0.1  # the same for one that grows, how far it must stand out, how loud at the least
 LOUD = 0.3  # of the feed, in motion from tooth to tooth; of the tooth passing, in a force: a line between the orders
 LOUD_FED = 0.1  # the same for a line with side bands, off the mains
+CLEAR = 0.05  # of the loudest order, of a line whose side bands make it the cut's own for sure; with fewer LOUD
 LOUD_UNMEASURED = 1.0  # of the loudest order, in a motion that cannot be measured against the feed; doubted from LOUD on
-LOUD_ORDER, DOUBTED_ORDER = 0.7, 0.4  # of the feed: what repeats with the spindle only
-LOUD_ECCENTRIC = 1.0  # of the feed: the same where a cutter beside its axis can make it, then doubted from LOUD_ORDER on
-LOUD_FORCE, DOUBTED_FORCE = 1.5, 0.6  # of the teeth's: the same in a force, where runout itself shows and not what it moves
-ONE_TOOTH = 1.0  # times the root of the other teeth: what a force makes where one tooth alone cuts, the most of a runout
-PECULIAR, LOUD_PECULIAR, DOUBTED_PECULIAR = 4.0, 0.3, 0.2  # of the orders beside the teeth's, that neither a cutter beside its
-# axis nor teeth of any lengths make, but one rhythm does; and how large such a pattern is
-DOUBTED_UNMEASURED = 1.0  # of the teeth's: odd halves of the tooth passing in a motion that cannot be measured
 RAISED = 4.0  # times its median: the spectrum's floor where a motion has no lines,
-LOUD_IRREGULAR, LEAST_IRREGULAR = 0.5, 0.05  # as loud as a line; where integrated, of what repeats in the channel, too
+LOUD_IRREGULAR, LEAST_IRREGULAR, MOST_IRREGULAR = 0.5, 0.05, 2.0  # as loud as a line; of what repeats in the channel the least
+# that counts where it is integrated, and what is chatter wherever the sensor is
 GREW = 0.3  # in the measure of each channel: what repeats with the spindle only and was not there behind the entry
 REGULAR = 0.7  # of what does not repeat, that is made by a line which tells the kind
 NEAR_HALF = 0.1  # of the tooth passing from an odd half of it, within which a large motion tells no kind
 LEAVES = 1.0  # of the feed, in motion from tooth to tooth: teeth leave the work
 HANN_NOISE = 1.5  # bins, that noise counts for under a Hann window
-ECCENTRIC, NEARLY_ECCENTRIC = 0.6, 0.4  # of the orders beside the teeth's, that others have at the most where runout made them
 _MOTION = {("displacement", "m"): 0, ("velocity", "m/s"): 1, ("acceleration", "m/s^2"): 2}
 _QUANTITIES = ("displacement", "velocity", "acceleration", "force")
 
@@ -85,7 +80,8 @@ class Chatter:
 def judge_cut(recording: Recording, segments: Sequence[Segment]) -> Chatter:
     """Whether a recorded cut chattered, by its `segments`; at the tachometer's speed, else at that which its lines show.
 
-    Of several channels of motion or force that one answers in which a line of the cut stands out most.
+    Of several channels of motion or force that one answers in which a line of the cut stands out most, if there is one between
+    the orders of the spindle that is chatter, among those that have it.
     """
     answers = []
     for name in recording.channels:
@@ -97,27 +93,30 @@ def judge_cut(recording: Recording, segments: Sequence[Segment]) -> Chatter:
     return max(answers, key=lambda one: one[0])[1]
 
 
-def _of_channel(recording: Recording, segments: Sequence[Segment], name: str, quantity: str) -> tuple[float, Chatter]:
-    """(how far the cut stands out, the answer) of one channel."""
+def _of_channel(recording: Recording, segments: Sequence[Segment], name: str, quantity: str
+                ) -> tuple[tuple[bool, float], Chatter]:  # fmt: skip
+    """((whether a line between the orders is chatter, how far the cut stands out), the answer) of one channel."""
     flutes, turn = int(recording.conditions.get("flutes") or 1), revolution_period(recording)
     parts = [part for part in segments if part.kind in ("entry", "steady")]
     if not turn:
-        return 0.0, Chatter("unknown", "no tachometer and no spindle speed", channel=name)
+        return (False, 0.0), Chatter("unknown", "no tachometer and no spindle speed", channel=name)
     if not parts:
-        return 0.0, Chatter("unknown", "no cut is found in the record", channel=name)
+        return (False, 0.0), Chatter("unknown", "no cut is found in the record", channel=name)
     inside = (recording.time >= parts[0].start) & (recording.time < parts[-1].stop)
     speeds, sure = _speeds(recording, inside, name, flutes)
     if not speeds:
-        return 0.0, Chatter("unknown", "the cut is too short", channel=name)
+        return (False, 0.0), Chatter("unknown", "the cut is too short", channel=name)
     best = None
     for speed in speeds:
         end = _end_of(recording, inside, speed, sure, name, quantity)
         if end is None:
-            return 0.0, Chatter("unknown", "the cut is too short", channel=name)
+            return (False, 0.0), Chatter("unknown", "the cut is too short", channel=name)
         lines = end.lines()
         stands = max(float(end.amplitudes[1:].max() / np.median(end.spectrum[1])), *(one.stands for one in lines), 0.0)
         answer = _by_growth(end, lines, _answer(end, lines))
-        found = stands, _told(replace(answer, channel=name), "flutes" in recording.conditions)
+        between = answer.frequency is not None and not end.beside_order(answer.frequency * end.turns.period)
+        rank = answer.verdict == "chatter" and between, stands
+        found = rank, _told(replace(answer, channel=name), "flutes" in recording.conditions)
         if best is None or (found[1].verdict == "chatter" and best[1].verdict != "chatter"):
             best = found
     assert best is not None
@@ -166,11 +165,12 @@ def _answer(end: CutEnd, lines: Sequence[Line]) -> Chatter:
     for line in lines:
         loud, enough = _loudness(end, line)
         rises = line.kept > 1.0 and line.kept * max(line.kept_before, 1.0) > GROWS
-        grows = rises and not end.beside_order(line.order) and line.stands > GROWS_ABOVE and loud > FAINT * enough
-        fed = line.sides >= FEWEST_SIDES and not (line.on_mains or end.beside_order(line.order) or end.unmeasured)
+        grows = rises and not end.of_an_order(line) and line.stands > GROWS_ABOVE and loud > FAINT * enough
+        fed = line.sides >= FEWEST_SIDES and not (line.on_mains or end.of_an_order(line) or end.unmeasured)
         before = end.line_before(line)
         dies = max(line.kept, line.kept_before) < least
-        if dies or (loud < (LOUD_FED if fed else LOUD) and not grows) or end.folded(line) or before > BEFORE:
+        quiet = loud < (LOUD_FED if fed else LOUD) and not grows and not _clear(end, line, fed, before)
+        if dies or quiet or end.folded(line) or before > BEFORE:
             continue
         here = _chatter_at(end, line.order, line.amplitude, tooth, _kind(end, line.order, end.measured and loud < LEAVES))
         if math.isnan(before) and line in hum:
@@ -182,6 +182,12 @@ def _answer(end: CutEnd, lines: Sequence[Line]) -> Chatter:
         elif found is None or loud > found[0]:
             found = loud, here
     return _of_orders(end, tooth, doubt, found)
+
+
+def _clear(end: CutEnd, line: Line, fed: bool, before: float) -> bool:
+    """Whether a line is the cut's own however far the sensor is from the chip: by its side bands, or louder than all orders."""
+    share = line.amplitude / float(end.amplitudes[1:].max())
+    return fed and share > (CLEAR if line.sides >= SURE_SIDES else LOUD) or before <= BEFORE and share > LOUD_UNMEASURED
 
 
 def _loudness(end: CutEnd, line: Line) -> tuple[float, float]:
@@ -222,7 +228,7 @@ def _chatter_at(end: CutEnd, order: float, amplitude: float, tooth: float, kind:
 def _of_orders(end: CutEnd, tooth: float, doubt: Chatter | None, found: tuple[float, Chatter] | None) -> Chatter:
     """The answer with what repeats with the spindle, but not with the teeth. found: (loudness, answer) of a line between."""
     seen = pattern_of(end)
-    loud, doubted = _limits(end, seen)
+    loud, doubted = limits(end, seen)
     top = int(np.argmax(np.abs(seen.half if seen.flips else seen.others)))
     amplitude = float(np.abs(seen.others[top])) * 2.0 / len(end.turns.pattern)
     of_orders = _chatter_at(end, top, amplitude, tooth, _locked_kind(end, seen))
@@ -250,23 +256,6 @@ def _teeth_leave(end: CutEnd, seen: Pattern) -> bool:
     return end.is_force and end.flutes == 2 and seen.most > 1.0
 
 
-def _limits(end: CutEnd, seen: Pattern) -> tuple[float, float]:
-    """(size that is chatter, size that may be) of what repeats with the spindle only."""
-    if seen.rest > PECULIAR and not math.isnan(end.before(1.0)):
-        return LOUD_PECULIAR, DOUBTED_PECULIAR
-    if end.measured:
-        eccentric = LOUD_ORDER if seen.grew else LOUD_ECCENTRIC, LOUD_ORDER
-        return eccentric if seen.rest < ECCENTRIC else (LOUD_ORDER, DOUBTED_ORDER)
-    if not end.is_force:
-        return math.inf, DOUBTED_UNMEASURED
-    one_tooth = ONE_TOOTH * math.sqrt(max(end.flutes - 1.0, 1.0))
-    if end.flutes < 4:
-        return LOUD_FORCE, DOUBTED_FORCE if end.flutes == 2 else one_tooth
-    if seen.rest > ECCENTRIC:
-        return DOUBTED_FORCE, DOUBTED_FORCE
-    return 2.0 * one_tooth, DOUBTED_FORCE if seen.rest > NEARLY_ECCENTRIC else one_tooth
-
-
 def _nothing(end: CutEnd, doubt: Chatter | None) -> Chatter:
     """The answer where nothing is chatter for sure."""
     if doubt is not None:
@@ -289,7 +278,7 @@ def _irregular(end: CutEnd, tooth: float) -> Chatter | None:
     if end.measured:
         loud = math.sqrt(float(np.sum(power * np.abs(end.from_tooth_to_tooth(orders)) ** 2)))
     faint = bool(end.integrals) and (math.isnan(end.before(1.0)) or of_pattern < LEAST_IRREGULAR)  # hum grows when integrated
-    if loud < LOUD_IRREGULAR or faint or not (end.measured or end.is_force):
+    if loud < LOUD_IRREGULAR and of_pattern < MOST_IRREGULAR or faint or not (end.measured or end.is_force):
         return None
     top = int(np.argmax(np.abs(lines) * raised))
     return _chatter_at(end, float(orders[top]), float(np.abs(lines[top])), tooth, None)

@@ -16,7 +16,7 @@ from testbed.analysis.records.orders import PADDED, Turns, level_at, spectrum
 
 STANDS, SIDE_STANDS = 5.0, 4.0  # times its surroundings: a line, a side band
 LINES = 8  # that are looked at
-SIDE_BANDS = 4  # to either side
+SIDE_BANDS, SURE_SIDES = 4, 4  # to either side; of both, that none but the cut's own line has
 BESIDE = 2.5  # bins from an order of the spindle, within which a line may be but that order's change
 NOISE_BEFORE = 3.0  # times the floor of the idling's spectrum, up to which a level there is noise's
 BEFORE = 0.4  # of a line, that stands before the entry where it is none of the cut's
@@ -125,8 +125,13 @@ class CutEnd:
         return spectrum(self.idle)[1]
 
     def beside_order(self, order: float) -> bool:
-        """Whether a line may be but an order of the spindle that changes its size."""
+        """Whether a line lies where that of an order of the spindle ends."""
         return abs(order - round(order)) < BESIDE / self.count
+
+    def of_an_order(self, line: Line) -> bool:
+        """Whether a line may be but an order of the spindle that changes its size: beside it, no louder, or with few sides."""
+        own = float(self.amplitudes[round(line.order) :][:1].max(initial=0.0))
+        return self.beside_order(line.order) and (line.amplitude < own or line.sides < SURE_SIDES)
 
     def on_mains(self, order: float, bins: float = 1.0) -> bool:
         """Whether an order lies on a multiple of the mains; bins: how well its place is known."""

@@ -16,6 +16,14 @@ from testbed.analysis.records.cut_end import BEFORE, CutEnd
 HALF_LEADS = 1.0  # times all other such orders, from which the odd halves of the tooth passing are a flip's
 FIRST, STANDS_AT_ONCE = 3, 0.7  # revolutions behind the entry, and share of it that stands by then where it is forced
 PLACED = 0.4  # bins within which an order lies on a multiple of the mains
+LOUD_ORDER, DOUBTED_ORDER = 0.7, 0.4  # of the feed: what repeats with the spindle only
+LOUD_ECCENTRIC = 1.0  # of the feed: the same where a cutter beside its axis can make it, then doubted from LOUD_ORDER on
+LOUD_FORCE, DOUBTED_FORCE = 1.5, 0.6  # of the teeth's: the same in a force, where runout itself shows and not what it moves
+ONE_TOOTH = 1.0  # times the root of the other teeth: what a force makes where one tooth alone cuts, the most of a runout
+PECULIAR, LOUD_PECULIAR, DOUBTED_PECULIAR = 4.0, 0.3, 0.2  # of the orders beside the teeth's, that neither a cutter beside its
+# axis nor teeth of any lengths make, but one rhythm does; and how large such a pattern is
+DOUBTED_UNMEASURED = 1.0  # of the teeth's: odd halves of the tooth passing in a motion that cannot be measured
+ECCENTRIC, NEARLY_ECCENTRIC = 0.6, 0.4  # of the orders beside the teeth's, that others have at the most where runout made them
 
 
 @dataclass(frozen=True)
@@ -68,3 +76,20 @@ def _at_once(end: CutEnd, others: np.ndarray) -> bool:
         return False
     first = np.fft.rfft(end.whole.rows[1 : 1 + FIRST].mean(axis=0))
     return float(np.real(np.sum(first * np.conj(others)))) > STANDS_AT_ONCE * power
+
+
+def limits(end: CutEnd, seen: Pattern) -> tuple[float, float]:
+    """(size that is chatter, size that may be) of what repeats with the spindle only."""
+    if seen.rest > PECULIAR and not math.isnan(end.before(1.0)):
+        return LOUD_PECULIAR, DOUBTED_PECULIAR
+    if end.measured:
+        eccentric = LOUD_ORDER if seen.grew else LOUD_ECCENTRIC, LOUD_ORDER
+        return eccentric if seen.rest < ECCENTRIC else (LOUD_ORDER, DOUBTED_ORDER)
+    if not end.is_force:
+        return math.inf, DOUBTED_UNMEASURED
+    one_tooth = ONE_TOOTH * math.sqrt(max(end.flutes - 1.0, 1.0))
+    if end.flutes < 4:
+        return LOUD_FORCE, DOUBTED_FORCE if end.flutes == 2 else one_tooth
+    if seen.rest > ECCENTRIC:
+        return DOUBTED_FORCE, DOUBTED_FORCE
+    return 2.0 * one_tooth, DOUBTED_FORCE if seen.rest > NEARLY_ECCENTRIC else one_tooth
