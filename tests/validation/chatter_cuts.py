@@ -105,14 +105,7 @@ def _recorded(random: np.random.Generator, kind: str, model: Model, cut: Cut, la
     clean = np.asarray(motion.channels[channel])
     inside = clean[(motion.time > (idle + 1) * period) & (motion.time < (idle + ready + turns) * period)]
     size, time = float(inside.std()), motion.time
-    values = clean + size * 10 ** random.uniform(-2.7, -0.7) * random.standard_normal(len(clean))
-    hum = bool(random.random() < 0.6)
-    if hum:
-        mains = (50.0, 60.0)[random.integers(2)] * (1 + 2e-4 * random.standard_normal())
-        for order in (1, 2, 3, 5, 7):
-            level = size * 10 ** random.uniform(-1.7, -0.3) / order**0.5
-            values = values + level * np.cos(2 * math.pi * mains * order * time + random.uniform(0, 6.3))
-    values = values + size * (random.uniform(-1, 1) + random.uniform(-0.3, 0.3) * time / time[-1])
+    values, hum = spoiled(random, clean, size, time)
     if from_within:
         kept = (time > (idle + ready) * period) & (time < (idle + ready + turns) * period)
         values, time = values[kept], time[kept]
@@ -125,6 +118,18 @@ def _recorded(random: np.random.Generator, kind: str, model: Model, cut: Cut, la
                                       "axial_depth_of_cut": cut.axial_depth_of_cut, "feed_per_tooth": cut.feed_per_tooth})
     return Drawn(recording, kind, abs(largest), abs(float(np.angle(largest))), flutes, channel, not from_within, marks_there,
                  hum, runout)
+
+
+def spoiled(random: np.random.Generator, clean: np.ndarray, size: float, time: np.ndarray) -> tuple[np.ndarray, bool]:
+    """A channel of that size with noise, drift and, more often than not, hum, which is told."""
+    values = clean + size * 10 ** random.uniform(-2.7, -0.7) * random.standard_normal(len(clean))
+    hum = bool(random.random() < 0.6)
+    if hum:
+        mains = (50.0, 60.0)[random.integers(2)] * (1 + 2e-4 * random.standard_normal())
+        for order in (1, 2, 3, 5, 7):
+            level = size * 10 ** random.uniform(-1.7, -0.3) / order**0.5
+            values = values + level * np.cos(2 * math.pi * mains * order * time + random.uniform(0, 6.3))
+    return values + size * (random.uniform(-1, 1) + random.uniform(-0.3, 0.3) * time / time[-1]), hum
 
 
 def accelerated(seed: int, kind: str) -> tuple[Recording, float]:
