@@ -80,8 +80,8 @@ class Chatter:
 def judge_cut(recording: Recording, segments: Sequence[Segment]) -> Chatter:
     """Whether a recorded cut chattered, by its `segments`; at the tachometer's speed, else at that which its lines show.
 
-    Of several channels of motion or force that one answers in which a line of the cut stands out most, if there is one between
-    the orders of the spindle that is chatter, among those that have it.
+    Of several channels of motion or force that one answers in which a line of the cut stands out most, first among those where
+    a line with side bands is chatter.
     """
     answers = []
     for name in recording.channels:
@@ -95,7 +95,7 @@ def judge_cut(recording: Recording, segments: Sequence[Segment]) -> Chatter:
 
 def _of_channel(recording: Recording, segments: Sequence[Segment], name: str, quantity: str
                 ) -> tuple[tuple[bool, float], Chatter]:  # fmt: skip
-    """((whether a line between the orders is chatter, how far the cut stands out), the answer) of one channel."""
+    """((whether a line with side bands is chatter, how far the cut stands out), the answer) of one channel."""
     flutes, turn = int(recording.conditions.get("flutes") or 1), revolution_period(recording)
     parts = [part for part in segments if part.kind in ("entry", "steady")]
     if not turn:
@@ -114,8 +114,8 @@ def _of_channel(recording: Recording, segments: Sequence[Segment], name: str, qu
         lines = end.lines()
         stands = max(float(end.amplitudes[1:].max() / np.median(end.spectrum[1])), *(one.stands for one in lines), 0.0)
         answer = _by_growth(end, lines, _answer(end, lines))
-        between = answer.frequency is not None and not end.beside_order(answer.frequency * end.turns.period)
-        rank = answer.verdict == "chatter" and between, stands
+        own = any(line.sides >= FEWEST_SIDES and line.order / end.turns.period == answer.frequency for line in lines)
+        rank = answer.verdict == "chatter" and own, stands
         found = rank, _told(replace(answer, channel=name), "flutes" in recording.conditions)
         if best is None or (found[1].verdict == "chatter" and best[1].verdict != "chatter"):
             best = found
