@@ -14,6 +14,7 @@ from testbed.analysis.records.segments import find_segments
 from testbed.cut import Cut
 from testbed.machine import Cutter, Cutting, Model, Structure
 from tests.support.independent_simulator import simulate
+from tests.validation import planar_chatter
 
 RATE, START = 5000.0, 2.0
 TIME = START + np.arange(40000) / RATE
@@ -154,3 +155,13 @@ def test_lines_that_the_cut_feeds_are_named_so_and_the_teeth_keep_theirs():
              SpectralLine(390.5, 1.0, "natural"), SpectralLine(450.0, 0.5, "hum", 9)]  # fmt: skip
     named = fed_by_the_cut(lines, 690.0, 2 * np.pi * 75.0, 4)
     assert [line.kind for line in named] == ["chatter", "tooth-passing", "chatter", "hum"] and named[0].order == 0
+
+
+@pytest.mark.parametrize("seed", [10, 37])
+def test_a_sensor_that_hardly_moves_with_the_chip_hears_chatter(seed):
+    """Modes on tool and workpiece: against the feed the line is faint, against the orders of its own channel it is not."""
+    recording, _ = planar_chatter.draw(seed, "neimark_sacker")
+    found = judged(recording)
+    assert found.verdict == "chatter"
+    orders = found.frequency * 2 * np.pi / recording.conditions["spindle_speed"]
+    assert abs(orders - round(orders)) > 0.02

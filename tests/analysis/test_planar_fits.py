@@ -14,7 +14,7 @@ from testbed.analysis.fit.held_guesses import with_guesses_held
 from testbed.analysis.fit.identifiable import identifiable_parameters
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.modes_start import modes_start
-from testbed.analysis.fit.moves import prior_structure
+from testbed.analysis.fit.moves import prior_structure, quiet_records
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.observed import Observed
@@ -191,6 +191,22 @@ def test_a_fit_whose_mode_strayed_begins_again_from_the_modes_as_believed():
     (trial,) = prior_structure.propose(fitter, lost, goal)
     assert trial.fit.cost == pytest.approx(found.cost, rel=1e-3)
     assert trial.fit.state.model.value("modes[1].natural_frequency") == pytest.approx(310.0, rel=1e-3)
+
+
+def test_where_all_cuts_lead_astray_the_shallow_ones_are_fitted_first():
+    believed = TWO.with_values({"modes[1].natural_frequency": 301.0, "tangential_coefficient": 7e8})
+    tests = ((3800, 0.2e-3), (4500, 0.6e-3))
+    made = planar_campaign(fast.simulate, TWO, tests, PLACES, course=(5, 12, 6), rate=RATE)
+    records = [observe(one, believed) for one in made]
+    fitter, found = model_fit(ENGINE, records, believed, KNOWN)
+    goal = Goal((), believed, records=tuple(records))
+    assert list(quiet_records.propose(fitter, found, goal)) == []
+    lost = fitter.fit(found.state.with_value("modes[1].natural_frequency", 180.0), iterations=2)
+    assert lost.mean_squares.max() > quiet_records.ASTRAY
+    (trial,) = quiet_records.propose(fitter, lost, goal)
+    assert trial.fit.cost == pytest.approx(found.cost, rel=1e-3)
+    alike = fitter.of_records([1])
+    assert list(quiet_records.propose(alike, alike.fit(lost.state.of_records([1]), iterations=0), goal)) == []
 
 
 def test_a_machine_that_a_second_road_moved_is_found_from_its_files(capsys, tmp_path, monkeypatch):
