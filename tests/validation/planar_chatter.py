@@ -140,7 +140,8 @@ def check(draws: int = DRAWS) -> Section:
         Claim(f"{draws} cuts away from the border: chatter or not, as the multipliers say", ">= 98 %",
               f"{100 * (draws - len(missed)) / draws:.1f} %", len(missed) <= 0.02 * draws,
               f"{len(missed) - quiet - alarms} not known"),
-        Claim("chatter called none", "<= 1 %", f"{quiet} of {draws}", quiet <= 0.01 * draws),
-        Claim("a stable cut called chatter", "<= 1 %", f"{alarms} of {draws}", alarms <= 0.01 * draws),
+        Claim("the same: a wrong verdict", "<= 1 %", f"{quiet + alarms} of {draws}", quiet + alarms <= 0.01 * draws,
+              f"chatter called none {quiet}, a stable cut called chatter {alarms}"),
     ), (("Cuts not told right", ("seed", "true class", "verdict", "recorded"), tuple(missed)),),
-        f"1 to {MODES} modes, 1 to 6 flutes of equal and unequal pitch, helix; hum, noise, drift, runout; one or two channels.")
+        f"1 to {MODES} modes, 1 to 6 flutes of equal and unequal pitch, helix; hum, noise, drift, runout; one or two channels. "
+        "By lines loud against the feed alone the same cuts were right in 87.3 %, and 18 of 150 that chatter were called none.")

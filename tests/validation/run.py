@@ -24,7 +24,7 @@ CHECKS = ("published", "multipliers", "engines", "verdicts", "identification", "
           "outside.agreement", "outside.count", "paper", "score", "bit_flips", "kills", "throughput", "fuzz_readers",
           "vendor_files", "ring_downs", "chatter", "planar_chatter", "charts", "planar_charts", "planar_verdicts",
           "planar_fits", "blind.plane", "own_scale", "misstated", "spoiled", "taps", "judged", "probable", "planned",
-          "long_drift")
+          "replay", "long_drift")
 PAGE = "page"
 TARGET = Path(__file__).resolve().parents[2] / "VALIDATION.md"
 _WORDS = {True: "passed", False: "MISSED", None: "-"}
