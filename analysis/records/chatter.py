@@ -46,6 +46,7 @@ GROWS, GROWS_ABOVE, FAINT = 1.3, 10.0, 0.1  # the same for one that grows, how f
 LOUD = 0.3  # of the feed, in motion from tooth to tooth; of the tooth passing, in a force: a line between the orders
 LOUD_FED = 0.1  # the same for a line with side bands, off the mains
 CLEAR = 0.05  # of the loudest order, of a line whose side bands make it the cut's own for sure; with fewer LOUD
+LASTS = 0.97  # of such a line, from one half of the end to the other
 LOUD_UNMEASURED = 1.0  # of the loudest order, in a motion that cannot be measured against the feed; doubted from LOUD on
 RAISED = 4.0  # times its median: the spectrum's floor where a motion has no lines,
 LOUD_IRREGULAR, LEAST_IRREGULAR, MOST_IRREGULAR = 0.5, 0.05, 2.0  # as loud as a line; of what repeats in the channel the least
@@ -185,8 +186,13 @@ def _answer(end: CutEnd, lines: Sequence[Line]) -> Chatter:
 
 
 def _clear(end: CutEnd, line: Line, fed: bool, before: float) -> bool:
-    """Whether a line is the cut's own however far the sensor is from the chip: by its side bands, or louder than all orders."""
+    """Whether a line is the cut's own however far the sensor is from the chip: by its side bands, or louder than all orders.
+
+    A swing that the entry left has side bands, too; it dies, however slowly.
+    """
     share = line.amplitude / float(end.amplitudes[1:].max())
+    if max(line.kept, line.kept_before) < LASTS:
+        return False
     return fed and share > (CLEAR if line.sides >= SURE_SIDES else LOUD) or before <= BEFORE and share > LOUD_UNMEASURED
 
 
