@@ -125,7 +125,7 @@ class CutEnd:
         return spectrum(self.idle)[1]
 
     def beside_order(self, order: float) -> bool:
-        """Whether a line lies where that of an order of the spindle ends."""
+        """Whether a line lies as near to an order of the spindle as that order's own change may spread."""
         return abs(order - round(order)) < BESIDE / self.count
 
     def of_an_order(self, line: Line) -> bool:

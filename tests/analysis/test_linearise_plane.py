@@ -54,7 +54,7 @@ def semi_discretised(model: Model, cut: Cut, damping: float, steps: int) -> np.n
     shapes, count = np.array([mode.shape for mode in modes]), len(modes)
     mass, omega = np.array([mode.mass for mode in modes]), np.array([mode.natural_frequency_rad for mode in modes])
     ratio = np.array([mode.damping_ratio for mode in modes])
-    delay, dt = cutter.pitch / cut.spindle_speed, cutter.pitch / cut.spindle_speed / steps
+    dt = cutter.pitch / cut.spindle_speed / steps
     total = np.eye(2 * count + 2 * steps)
     for step in range(steps):
         stiff, rubbing = np.zeros((2, 2)), np.zeros((2, 2))
@@ -81,7 +81,6 @@ def semi_discretised(model: Model, cut: Cut, damping: float, steps: int) -> np.n
         one[2 * count : 2 * count + 2, :count] = shapes.T
         one[2 * count + 2 :, 2 * count : -2] = np.eye(2 * steps - 2)
         total = one @ total
-    assert delay > 0
     values = np.linalg.eigvals(total)
     return values[np.argsort(-abs(values))]
 

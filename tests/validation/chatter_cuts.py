@@ -24,6 +24,7 @@ FAR = (0.95, 1.05)  # |mu| a tooth between which a cut is at the border
 DEGREES = (24, 34)  # of the collocation, which must agree
 AGREE = 1e-6
 DEPTHS = 40
+A_TURN, STILL = 200, 1e-30  # samples a revolution by which a motion's change is asked; of a channel that does not move
 SETTLED = 1e-3  # of the motion, that revolutions of a stable cut without noise may still differ by
 UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "force_x": "N"}
 
@@ -153,16 +154,20 @@ def accelerated(seed: int, kind: str) -> tuple[Recording, float]:
                    conditions=known), noise  # fmt: skip
 
 
+def from_turn_to_turn(values: np.ndarray) -> float:
+    """How much a channel of A_TURN samples a revolution changes between its last two, as a share of that in its last four."""
+    rows = np.asarray(values)[: len(values) // A_TURN * A_TURN].reshape(-1, A_TURN)
+    return float(np.std(rows[-1] - rows[-2])) / max(float(np.std(rows[-4:])), STILL)
+
+
 def _as_told(model: Model, cut: Cut, kind: str) -> bool:
     """Whether the motion itself, without noise, does what the multipliers say: repeats every revolution only if stable.
 
     A blow of the entry may throw a cut that is stable in the small into lasting chatter, where teeth leave the work.
     """
-    flutes, count = model.cutter.flutes, 200
+    flutes = model.cutter.flutes
     turn = cut.tooth_passing_period(flutes) * flutes
     last = Cut(cut.spindle_speed, cut.axial_depth_of_cut, cut.feed_per_tooth, 0, cut.passes)
-    sampling = whole_cut_sampling(last, flutes, count / turn)
-    rows = np.asarray(simulate(model, last, sampling).channels["displacement"])
-    rows = rows[: len(rows) // count * count].reshape(-1, count)
-    change = float(np.std(rows[-1] - rows[-2])) / float(np.std(rows[-4:]))
+    sampling = whole_cut_sampling(last, flutes, A_TURN / turn)
+    change = from_turn_to_turn(simulate(model, last, sampling).channels["displacement"])
     return change < 0.05 if kind == "stable" else kind == "flip" and model.cutter.flutes % 2 == 0 or change > SETTLED

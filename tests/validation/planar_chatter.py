@@ -20,17 +20,16 @@ from testbed.cut import Cut, whole_cut_sampling
 from testbed.engines.fast import simulate
 from testbed.machine import Model
 from testbed.recording import Recording, motion_channel, quantity_of
-from tests.validation.chatter_cuts import FAR, KINDS, spoiled
+from tests.support.planar_campaign import UNITS
+from tests.validation.chatter_cuts import A_TURN, FAR, KINDS, from_turn_to_turn, spoiled
 from tests.validation.claims import Claim, Section
 from tests.validation.planar_charts import model_of, random_machine
 
 DRAWS, FIRST = 150, 5000  # the judge was changed with other seeds at hand
 MODES, SWINGS = 4, 30.0  # at most: of a machine; of its fastest mode a revolution
 QUANTITIES, LIKELY = ("displacement", "acceleration", "velocity", "force"), (0.3, 0.4, 0.1, 0.2)
-UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "force": "N"}
 CHANGES, STEADY = 0.1, 0.05
-A_TURN, TURNS = 200, 80  # samples and, at the least, revolutions by which that is asked
-STILL = 1e-30  # of a channel that does not move
+TURNS = 80  # revolutions, at the least, by which that is asked
 
 
 def machine(random: np.random.Generator, kind: str) -> tuple[Model, Cut] | None:
@@ -58,9 +57,7 @@ def changing(model: Model, cut: Cut) -> float | None:
     run = simulate(model, whole, whole_cut_sampling(whole, flutes, A_TURN / turn), channels=names)
     if run.outcome != "ok":
         return None
-    rows = [np.asarray(run.channels[name]) for name in names]
-    turns = [one[: len(one) // A_TURN * A_TURN].reshape(-1, A_TURN) for one in rows]
-    return max(float(np.std(one[-1] - one[-2])) / max(float(np.std(one[-4:])), STILL) for one in turns)
+    return max(from_turn_to_turn(run.channels[name]) for name in names)
 
 
 def carriers(model: Model) -> list[str]:
