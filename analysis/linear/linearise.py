@@ -1,28 +1,28 @@
 """Multipliers of the whole regenerative loop, effects and all, linearised about its periodic motion.
 
-    dY/dphi = f(phi, Y(phi), Y(phi - pitch)),    phi the spindle angle
+    dY/dphi = f(phi, Y(phi), Y(phi - delay), ...),    phi the spindle angle
 
-The loop (`testbed.engines.regenerative_loop`) is handed in: it gives f and its partial derivatives as the effects' own
-files have them. Between two breaks the motion is collocated at Gauss points (Hairer, Norsett and Wanner 1993, Solving
-Ordinary Differential Equations I, section II.7; Engelborghs, Luzyanina, in 't Hout and Roose 2001, SIAM J. Sci. Comput.
-22, 1593). The periodic motion is found by Newton's method on the same points, and the map of one pass takes the delayed
-values at those points, and the state, to the next; a principal period of several passes is the product of its maps.
+The loop (`testbed.engines.regenerative_loop`) is handed in: it gives f and its partial derivatives as the effects' own files
+have them. Between two breaks the motion is collocated at Gauss points (Hairer, Norsett and Wanner 1993, Solving Ordinary
+Differential Equations I, section II.7; Engelborghs, Luzyanina, in 't Hout and Roose 2001, SIAM J. Sci. Comput. 22, 1593). The
+periodic motion is found by Newton's method on the same points (`period_grid`), and the map of one period takes the delayed
+values at those points, and the state, to the next. A period is one pitch, or a revolution where teeth are of unequal pitch; a
+principal period of several is the product of their maps.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
 
-PHASE = 1.0  # rad of the fastest vibration in one piece
-ANGLE = 0.5  # rad of spindle angle in one piece
+from testbed.analysis.linear.period_grid import PeriodGrid, Stretch, gauss
+
 TIME = 2
 SAME = 1e-9  # of the largest singular value: below it is the rounding of differences
-MOST_BYTES = 1_000_000_000  # of the map of one pass
+MOST_BYTES = 1_000_000_000  # of the map of one period
 LONGEST = 240  # passes among which a principal period is sought
 
 
@@ -31,18 +31,22 @@ class Loop(Protocol):
 
     unknowns: np.ndarray
     prescribed: np.ndarray
-    breaks: np.ndarray
-    teeth: np.ndarray
-    pitch: float
     nominal_speed: float
     fastest: float
     steady: bool
-    passes_a_turn: int
+    period_passes: int
+    periods_alike: int
+
+    @property
+    def segments(self) -> Sequence[Stretch]: ...
+
+    @property
+    def delays(self) -> Sequence[float]: ...
 
     @property
     def size(self) -> int: ...
 
-    def rates(self, phases: np.ndarray, pass_number: int, teeth: int, states: np.ndarray, pasts: np.ndarray,
+    def rates(self, phases: np.ndarray, segment: int, number: int, states: np.ndarray, pasts: np.ndarray,
               scale: np.ndarray | None = None) -> Any: ...
 
 
@@ -53,7 +57,8 @@ class LinearisedMotion:
     multipliers: over the principal period of `passes` tooth passes, largest modulus first, of a pair the upper first.
     entry_state (K,): the unknowns at the start of the period; phases (n,), motion (passes, n, K): the motion at the
     collocation points.
-    mismatch: relative change of the spindle speed from one period to the next, 0 where the period is exact.
+    mismatch: relative change of the spindle speed from one period to the next, 0 where the period is exact. out_of_work: the
+    share of the cut in which the chip of a tooth would be negative.
     """
 
     multipliers: np.ndarray
@@ -62,73 +67,39 @@ class LinearisedMotion:
     phases: np.ndarray
     motion: np.ndarray
     mismatch: float
+    out_of_work: float
 
 
-@lru_cache(maxsize=4)
-def _gauss(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes, integrals up to each node (count, count), and over the whole, of the polynomials through Gauss points."""
-    points, weights = np.polynomial.legendre.leggauss(count)
-    nodes = 0.5 * (points + 1.0)
-    powers = np.arange(count)
-    values = nodes[:, None] ** powers
-    inner = nodes[:, None] ** (powers + 1) / (powers + 1)
-    return nodes, np.linalg.solve(values.T, inner.T).T, 0.5 * weights
-
-
-class _Grid:
-    """Collocation points of one pass: pieces (start, length, teeth, slice of its points); `late`: points in the cut."""
-
-    def __init__(self, loop: Loop, coarser: float = 1.0) -> None:
-        longest = coarser * min(ANGLE, PHASE * loop.nominal_speed / loop.fastest)
-        self.pieces: list[tuple[float, float, int, slice]] = []
-        phases: list[float] = []
-        for low, high, teeth in zip(loop.breaks[:-1], loop.breaks[1:], loop.teeth, strict=True):
-            parts = math.ceil((high - low) / longest)
-            length = (high - low) / parts
-            count = 8 if length > 0.15 * longest else 4
-            for part in range(parts):
-                start = low + part * length
-                self.pieces.append((start, length, int(teeth), slice(len(phases), len(phases) + count)))
-                phases.extend(start + length * _gauss(count)[0])
-        self.phases = np.array(phases)
-        cut = [where for _, _, teeth, where in self.pieces if teeth > 0]
-        self.late = np.concatenate([np.arange(where.start, where.stop) for where in cut] or [np.empty(0, dtype=int)])
-
-    def integrate(self, rate: np.ndarray) -> tuple[np.ndarray, float]:
-        """Integral of `rate` (n,) over the phase, up to each point and over the pass."""
-        total, inner = 0.0, np.empty_like(rate)
-        for _, length, _, where in self.pieces:
-            _, matrix, weights = _gauss(where.stop - where.start)
-            inner[where] = total + length * (matrix @ rate[where])
-            total += length * float(weights @ rate[where])
-        return inner, total
+def _grid(loop: Loop, coarser: float = 1.0) -> PeriodGrid:
+    return PeriodGrid(loop.segments, loop.delays, loop.fastest / loop.nominal_speed, coarser)
 
 
 class _Course:
-    """A motion over the principal period at the grid's points: whole states (passes, n, size); time from `begin`."""
+    """A motion over the principal period at the grid's points: whole states (periods, n, size); time from `begin`."""
 
-    def __init__(self, loop: Loop, grid: _Grid, passes: int, first_pass: int) -> None:
-        self.loop, self.grid, self.first_pass = loop, grid, first_pass
-        self.states = np.zeros((passes, grid.phases.size, loop.size))
-        self.duration = passes * loop.pitch / loop.nominal_speed
-        self.begin = first_pass * loop.pitch / loop.nominal_speed
-        for number in range(passes):
-            self.states[number, :, TIME] = (number * loop.pitch + grid.phases) / loop.nominal_speed
+    def __init__(self, loop: Loop, grid: PeriodGrid, periods: int, first: int) -> None:
+        self.loop, self.grid, self.first = loop, grid, first
+        self.states = np.zeros((periods, grid.phases.size, loop.size))
+        self.duration = periods * grid.period / loop.nominal_speed
+        self.begin = first * grid.period / loop.nominal_speed
+        for number in range(periods):
+            self.states[number, :, TIME] = (number * grid.period + grid.phases) / loop.nominal_speed
         self.states[:, :, TIME] += self.begin
 
     def past(self, number: int) -> np.ndarray:
-        """Whole states one pitch before pass `number`; before the first pass, the last one a period earlier."""
-        past = self.states[number - 1].copy()
+        """Whole states a delay ago, (n, delays, size); before the first period, those of the last one."""
+        earlier = self.states[number - 1].copy()
         if number == 0:
-            past[:, TIME] -= self.duration
-        return past
+            earlier[:, TIME] -= self.duration
+        both = np.concatenate([earlier, self.states[number]])
+        return np.stack([weights @ both for weights in self.grid.past], axis=1)
 
     def rates(self, number: int, scale: np.ndarray | None) -> list[Any]:
-        """The loop's rates in each piece of pass `number`."""
+        """The loop's rates in each piece of period `number`."""
         past = self.past(number)
-        return [self.loop.rates(self.grid.phases[where], self.first_pass + number, teeth, self.states[number, where],
-                                past[where], scale)
-                for _, _, teeth, where in self.grid.pieces]
+        return [self.loop.rates(self.grid.phases[piece.where], piece.segment, self.first + number,
+                                self.states[number, piece.where], past[piece.where], scale)
+                for piece in self.grid.pieces]
 
     def set_clock(self) -> None:
         """Let the time follow from the speed, by Picard's iteration."""
@@ -151,7 +122,7 @@ def _delayed_sums(rates: list[list[Any]], kept: np.ndarray) -> np.ndarray:
 
     An unknown by itself where each tells something else.
     """
-    past = np.concatenate([part.before[:, kept[:, None], kept] for parts in rates for part in parts]).reshape(-1, kept.size)
+    past = np.concatenate([part.before[..., kept[:, None], kept] for parts in rates for part in parts]).reshape(-1, kept.size)
     told = np.flatnonzero(np.abs(past).sum(axis=0))
     _, sizes, sums = np.linalg.svd(past[:, told], full_matrices=False)
     rank = int(np.count_nonzero(sizes > SAME * sizes.max(initial=0.0)))
@@ -160,38 +131,42 @@ def _delayed_sums(rates: list[list[Any]], kept: np.ndarray) -> np.ndarray:
     return found
 
 
-def _pass_map(grid: _Grid, parts: list[Any], load: list[np.ndarray], kept: np.ndarray,
-              delayed: np.ndarray) -> np.ndarray:
+def _period_map(grid: PeriodGrid, parts: list[Any], load: list[np.ndarray], kept: np.ndarray,
+                delayed: np.ndarray) -> np.ndarray:
     """All points' unknowns, then the end state, (n K + K, m + 1), of u = [delayed values, start state, 1].
 
-    kept (K,): which unknowns; delayed (r, K): sums of them that act one pitch later; load: f less its linear part, per piece.
+    kept (K,): which unknowns; delayed (r, K): sums of them that act a delay later; load: f less its linear part, per piece.
     """
-    width, late = kept.size, len(delayed)
-    m = grid.late.size * late + width
-    at = 0
+    width, late = kept.size, grid.late.size * len(delayed)
+    m = late + width
     state = np.zeros((width, m + 1))
-    state[:, m - width:m] = np.eye(width)
+    state[:, late:m] = np.eye(width)
     rows = np.empty((grid.phases.size * width + width, m + 1))
-    for (_, length, teeth, where), part, source in zip(grid.pieces, parts, load, strict=True):
+    sums = np.zeros((grid.phases.size, len(delayed) * (m + 1)))
+    for piece, reads, part, source in zip(grid.pieces, grid.reads, parts, load, strict=True):
+        where, length = piece.where, piece.length
         count = where.stop - where.start
-        _, inner, weights = _gauss(count)
+        _, inner, weights = gauss(count)
         now = part.now[:, kept[:, None], kept]
         driven = np.zeros((count, width, m + 1))
-        for n in range(count if teeth else 0):
-            driven[n, :, at:at + late] = part.before[n][np.ix_(kept, kept)] @ delayed.T
-            at += late
-        driven[:, :, m] = source[:, kept]
+        for lane, before, points, here in reads:
+            push = part.before[:, lane][:, kept[:, None], kept] @ delayed.T
+            driven[:, :, :late] += np.einsum("nl,nkr->nklr", before, push).reshape(count, width, late)
+            if points.size:
+                driven += push @ (here @ sums[points]).reshape(count, len(delayed), m + 1)
+        driven[:, :, m] += source[:, kept]
         left = np.eye(count * width) - length * np.einsum("ij,jkl->ikjl", inner, now).reshape(count * width, -1)
         right = state + length * np.einsum("ij,jkm->ikm", inner, driven)
         values = np.linalg.solve(left, right.reshape(count * width, -1)).reshape(count, width, m + 1)
         state = state + length * np.einsum("j,jkm->km", weights, np.einsum("jkl,jlm->jkm", now, values) + driven)
+        sums[where] = (delayed @ values).reshape(count, -1)
         rows[where.start * width:where.stop * width] = values.reshape(count * width, -1)
     rows[-width:] = state
     return rows
 
 
-def _next(grid: _Grid, rows: np.ndarray, width: int, delayed: np.ndarray) -> np.ndarray:
-    """The rows of a pass map that make up u of the next pass (without its 1)."""
+def _next(grid: PeriodGrid, rows: np.ndarray, width: int, delayed: np.ndarray) -> np.ndarray:
+    """The rows of a period's map that make up u of the next period (without its 1)."""
     points = (delayed @ rows[:-width].reshape(-1, width, rows.shape[1])[grid.late]).reshape(-1, rows.shape[1])
     return np.vstack([points, rows[-width:]])
 
@@ -199,20 +174,20 @@ def _next(grid: _Grid, rows: np.ndarray, width: int, delayed: np.ndarray) -> np.
 def _newton_step(course: _Course, scale: np.ndarray) -> tuple[float, np.ndarray]:
     """Move the course to the periodic motion of its linearisation; returns the relative change and the start state."""
     loop, grid = course.loop, course.grid
-    passes, points, width = course.states.shape[0], grid.phases.size, loop.unknowns.size
-    rates = [course.rates(number, scale) for number in range(passes)]
+    periods, points, width = course.states.shape[0], grid.phases.size, loop.unknowns.size
+    rates = [course.rates(number, scale) for number in range(periods)]
     kept = np.arange(width)
     delayed = _delayed_sums(rates, kept)
     size = grid.late.size * len(delayed) + width + 1
     if 8 * points * width * size > MOST_BYTES:
-        raise ValueError("the structure swings too often within a tooth pass: its map would not fit into memory")
+        raise ValueError("the structure swings too often within a period: its map would not fit into memory")
     maps, total = [], np.eye(size)
     for number, parts in enumerate(rates):
-        now, past = course.states[number][:, loop.unknowns], course.past(number)[:, loop.unknowns]
-        load = [part.f - np.einsum("nij,nj->ni", part.now, now[where])
-                - np.einsum("nij,nj->ni", part.before, past[where])
-                for part, (_, _, _, where) in zip(parts, grid.pieces, strict=True)]
-        maps.append(_pass_map(grid, parts, load, kept, delayed))
+        now, past = course.states[number][:, loop.unknowns], course.past(number)[:, :, loop.unknowns]
+        load = [part.f - np.einsum("nij,nj->ni", part.now, now[piece.where])
+                - np.einsum("ndij,ndj->ni", part.before, past[piece.where])
+                for part, piece in zip(parts, grid.pieces, strict=True)]
+        maps.append(_period_map(grid, parts, load, kept, delayed))
         total = np.vstack([_next(grid, maps[-1], width, delayed), total[-1:] * 0.0]) @ total
         total[-1, -1] = 1.0
     u = np.append(np.linalg.solve(np.eye(total.shape[0] - 1) - total[:-1, :-1], total[:-1, -1]), 1.0)
@@ -232,17 +207,16 @@ def principal_passes(loop: Loop, longest: int = LONGEST) -> tuple[int, float]:
     The smallest number with a mismatch below 1e-6; where there is none up to `longest`, the number with the least.
     """
     if loop.steady:
-        return loop.passes_a_turn, 0.0
-    grid = _Grid(loop)
-    course = _Course(loop, grid, longest + 1, 0)
+        return loop.period_passes * loop.periods_alike, 0.0
+    most = longest // loop.period_passes
+    course = _Course(loop, _grid(loop), most + 1, 0)
     course.set_clock()
-    speed = np.array([np.concatenate([part.speed for part in course.rates(number, None)])
-                      for number in range(longest + 1)])
-    candidates = np.arange(loop.passes_a_turn, longest + 1, loop.passes_a_turn)
+    speed = np.array([np.concatenate([part.speed for part in course.rates(number, None)]) for number in range(most + 1)])
+    candidates = np.arange(loop.periods_alike, most + 1, loop.periods_alike)
     mismatch = np.max(np.abs(speed[candidates] - speed[0]), axis=1) / loop.nominal_speed
     close = np.flatnonzero(mismatch < 1e-6)
     best = close[0] if close.size else int(np.argmin(mismatch))
-    return int(candidates[best]), float(mismatch[best])
+    return int(candidates[best]) * loop.period_passes, float(mismatch[best])
 
 
 def _sorted(values: np.ndarray) -> np.ndarray:
@@ -256,12 +230,12 @@ def linearise(loop: Loop, *, first_pass: int = 0, passes: int | None = None, tol
     first_pass: the pass after the entry at which slow changes (wear, a growing engagement) are held. passes: the
     principal period in tooth passes; found where None. coarser: pieces so many times as long, to see the error.
     The speed is a given course: what sets it (droop) takes its
-    periodic value and is not perturbed. ValueError where no periodic motion is found, or where a tooth leaves the cut
-    in it: then several delays act at once and there is no map of one.
+    periodic value and is not perturbed. ValueError where no periodic motion is found, or where a law of the chip
+    bends in it: a tooth then meets what was left longer ago than its delay.
     """
-    count, mismatch = (passes, 0.0) if passes else principal_passes(loop)
-    grid = _Grid(loop, coarser)
-    course = _Course(loop, grid, count, first_pass)
+    passes, mismatch = (passes, 0.0) if passes else principal_passes(loop)
+    count, grid = passes // loop.period_passes, _grid(loop, coarser)
+    course = _Course(loop, grid, count, first_pass // loop.period_passes)
     width = loop.unknowns.size
     scale = np.full(width, 1e-7)
     for _ in range(iterations):
@@ -275,13 +249,20 @@ def linearise(loop: Loop, *, first_pass: int = 0, passes: int | None = None, tol
     else:
         raise ValueError("no periodic motion was found: the law may have kinks, or the cut a motion of another period")
     rates = [course.rates(number, scale) for number in range(count)]
-    if any(part.lost.any() for parts in rates for part in parts):
-        raise ValueError("a tooth leaves the cut within the periodic motion: no linear delay equation of one delay")
+    if any(part.bent.any() for parts in rates for part in parts):
+        raise ValueError("a law of the chip bends within the periodic motion: a tooth meets what was left longer ago")
     kept = np.flatnonzero(~loop.prescribed)
     delayed = _delayed_sums(rates, kept)
     total = np.eye(grid.late.size * len(delayed) + kept.size)
     for parts in rates:
-        rows = _pass_map(grid, parts, [np.zeros_like(part.f) for part in parts], kept, delayed)
+        rows = _period_map(grid, parts, [np.zeros_like(part.f) for part in parts], kept, delayed)
         total = _next(grid, rows, kept.size, delayed)[:, :-1] @ total
     motion = course.states[:, :, loop.unknowns]
-    return LinearisedMotion(_sorted(np.linalg.eigvals(total)), count, start, grid.phases, motion, mismatch)
+    return LinearisedMotion(_sorted(np.linalg.eigvals(total)), passes, start, grid.phases, motion, mismatch,
+                            _out_of_work(grid, rates))
+
+
+def _out_of_work(grid: PeriodGrid, rates: list[list[Any]]) -> float:
+    inside, out = np.mean([[grid.integrate(np.concatenate([part.contact[:, which] for part in parts]))[1] for which in (0, 1)]
+                           for parts in rates], axis=0)
+    return float(out / inside) if inside else 0.0

@@ -104,18 +104,15 @@ def refuse_planar(model: Any, place: str, instead: str) -> None:
         raise InputProblem(place, "has modes beyond one of the workpiece along x, or a pitch for each tooth", instead)
 
 
-def refuse_uneven_effects(model: Any, place: str) -> None:
-    """InputProblem where teeth of unequal pitch have effects: a loop of several delays is linearised without them alone."""
-    if model.effects and model.cutter is not None and model.cutter.pitch_angles:
-        raise InputProblem(place, f"has effects ({', '.join(sorted(model.effects))}) beside a pitch for each tooth",
-                           "leave the effects out, or give the teeth one pitch: such a cutter is linearised without them")
-
-
 def in_the_work(model: Any) -> tuple[Any, list[str]]:
-    """A machine in x and y without loss of contact, which its linear answer does not need, and a note where it had that."""
-    if not model.planar or set(model.effects) != {"contact_loss"}:
+    """A machine without loss of contact where it has no other effect, and a note: a linear answer is for teeth in the work.
+
+    Beside other effects it stays: a cut in which teeth leave the work for long has no linear answer then.
+    """
+    if "contact_loss" not in model.effects:
         return model, []
-    return model.without_effect("contact_loss"), ["contact_loss is left out: this is an answer for teeth that stay in the work"]
+    note = ["contact_loss is left out: this is an answer for teeth that stay in the work"]
+    return (model.without_effect("contact_loss") if set(model.effects) == {"contact_loss"} else model), note
 
 
 def guesses_note(model: Any) -> list[str]:

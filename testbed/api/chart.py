@@ -17,7 +17,6 @@ from testbed.api.believed import (
     effects_of,
     guesses_note,
     in_the_work,
-    refuse_uneven_effects,
 )
 from testbed.api.identification import tests_on_chart
 from testbed.api.multipliers import of_cut
@@ -208,14 +207,14 @@ def chart(model: ModelLike, speed: Quantities, depth: Quantities, *, data: DataL
             raise InputProblem("speed, depth", f"{speeds.size * depths.size} cells", f"give at most {MOST_CELLS}")
         own = effects_of(effects)
         given, name = cutting_model(model, own.known)
-        believed, left_out = in_the_work(given)
-        refuse_uneven_effects(believed, name)
+        believed, _ = in_the_work(given)
         tests = tests_on_chart(believed, data) if data is not None else []
         chance = chance_of_chatter(risk)
         sure = unasked(draws, chance)
         if campaign is not None or believed.spreads:
             sure = chances(Asked(believed, model, campaign, own.known, speeds, depths, draws, seed, chance, watch))
-        return _charted(sure.model or believed, speeds, depths, own.known, left_out, tests, sure, watch)
+        machine, left_out = in_the_work(sure.model or given)
+        return _charted(machine, speeds, depths, own.known, left_out, tests, sure, watch)
 
 
 def chance_of_chatter(risk: Quantity) -> float:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
+from testbed.api.believed import in_the_work
 from testbed.problem import InputProblem
 
 MOST_LABELS = 4096  # machines and conditions whose multipliers are remembered
@@ -99,8 +100,7 @@ class Notes:
         given = self.source.conditions
         speed, depth, feed = (float(given[name][index]) for name in ("spindle_speed", "axial_depth_of_cut", "feed_per_tooth"))
         cut = Cut(speed, depth, feed)
-        if set(model.effects) == {"contact_loss"}:  # a periodic motion of even teeth never leaves the work
-            model = model.without_effect("contact_loss")
+        model = in_the_work(model)[0]
         if (model, cut) not in self.known:
             if len(self.known) >= MOST_LABELS:
                 self.known.clear()

@@ -13,7 +13,6 @@ from testbed.api.believed import (
     effects_of,
     guesses_note,
     in_the_work,
-    refuse_uneven_effects,
 )
 from testbed.api.defaults import FEED
 from testbed.api.quantity import DEPTH, SPEED, Quantity, positive
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
 MOST_SWINGS = 1000.0  # periods of the structure within a tooth pass up to which a loop with effects is linearised
 TOLERANCE = 1e-6  # of the largest multiplier before its last correction
 BLANK = 1e-4  # of the largest multiplier over max(1, modulus): nothing is said where it changes by more
+MOST_OUT = 0.05  # of their cut that teeth may be out of the work under contact_loss: unequal ones are where the chip runs out
 MEANING = {"stable": "stable", "neimark_sacker": "Neimark-Sacker (chatter at a frequency of its own)",
            "flip": "flip (period doubling)", "saddle_node": "saddle-node"}
 
@@ -107,7 +107,6 @@ def of_cut(model: Any, cut: Any, catalogue: Any, name: str) -> dict[str, Any]:
     from testbed.analysis.linear.planar_multipliers import cut_multipliers
     from testbed.analysis.linear.stability import classify
 
-    refuse_uneven_effects(model, name)
     try:
         if model.effects:
             fastest = max(mode.natural_frequency for mode in model.structure.modes)
@@ -132,8 +131,11 @@ def _of_loop(model: Any, cut: Any, catalogue: Any) -> tuple[Any, Any, int]:
     from testbed.analysis.linear.linearise import linearise
     from testbed.engines.regenerative_loop import regenerative_loop
 
-    loop: Any = regenerative_loop(model, cut, catalogue)
+    stays = model.without_effect("contact_loss") if "contact_loss" in model.effects else model
+    loop: Any = regenerative_loop(stays, cut, catalogue)
     motion = linearise(loop)
+    if stays is not model and motion.out_of_work > MOST_OUT:
+        raise ArithmeticError(f"teeth are out of the work for {motion.out_of_work:.0%} of their cut")
     other = linearise(loop, passes=motion.passes, coarser=2.0).multipliers
     errors = np.abs(motion.multipliers[:, None] - other[None, :]).min(axis=1)
     errors[0] = max(errors[0], abs(abs(motion.multipliers[0]) - abs(other[0])))

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from testbed.api.believed import CampaignLike, EffectsLike, ModelLike, effects_of, name_of
+from testbed.api.believed import CampaignLike, EffectsLike, ModelLike, effects_of, in_the_work, name_of
 from testbed.api.chart import chance_of_chatter
 from testbed.api.defaults import PLAN_DEPTHS, PLAN_SPEEDS
 from testbed.api.fitting import engine_of, read_both
-from testbed.api.probable import Asked, Sure, linear_where_it_can, of_beliefs, with_chances
+from testbed.api.probable import Asked, Sure, of_beliefs, with_chances
 from testbed.api.quantity import DEPTH, SPEED, Quantities, Quantity, quantity
 from testbed.api.result import Result, Table, shown_here
 from testbed.api.watch import Progress, Watch
@@ -168,7 +168,7 @@ def _stable(open_: list[Any], asked: Asked) -> tuple[Any, list[str]]:
 
     total, notes = np.zeros((asked.depths.size, asked.speeds.size)), []
     for one in open_:
-        known, _ = linear_where_it_can(one.known)
+        known = replace(one.known, model=in_the_work(one.known.model)[0])
         if known.model.planar and known.model.effects:
             known = known.without_effects()
             notes.append(f"{one.name}: the chance is that of the machine without effects: with them it takes too long")

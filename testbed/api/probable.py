@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from testbed.api.believed import CampaignLike, ModelLike, name_of
+from testbed.api.believed import CampaignLike, ModelLike, in_the_work, name_of
 from testbed.api.watch import Watch
 from testbed.api.words import shown
 from testbed.problem import InputProblem
@@ -88,7 +88,8 @@ def with_chances(sure: Sure, asked: Asked) -> Sure:
     from testbed.analysis.probable.draws import NoDraws
 
     notes = list(sure.notes)
-    known, left_out = linear_where_it_can(sure.known)
+    model, left_out = in_the_work(sure.known.model)
+    known = replace(sure.known, model=model)
     with_effects = bool(known.model.effects)
     charts = charts_on_surface(known) if with_effects else asked.draws
     costs = (COST_S, EFFECTS_COST_S) if not _in_plane(known) else (PLANAR_COST_S, PLANAR_EFFECTS_COST_S)
@@ -111,20 +112,12 @@ def with_chances(sure: Sure, asked: Asked) -> Sure:
             found = chance_of(road(fill, known, asked.speeds, asked.depths, asked.draws, asked.seed, show))
     except NoDraws as problem:
         return replace(sure, why_none=str(problem), notes=(*notes, f"no chance is given: {problem}"))
-    notes += [left_out] if left_out else []
+    notes += ["chances are for teeth that stay in the work: contact_loss is left out of them"] if left_out else []
     notes += _of_blanks(found)
     best = found.recommended(asked.risk)
     if best is not None and best.axial_depth_of_cut == asked.depths[-1]:
         notes.append("the cut recommended is the deepest of the chart: a deeper one may remove more")
     return replace(sure, chance=found, recommended=best, notes=tuple(notes))
-
-
-def linear_where_it_can(known: Any) -> tuple[Any, str]:
-    """What is known without loss of contact, which the linear answer does not need where it is the only effect, and a note."""
-    if set(known.model.effects) != {"contact_loss"}:
-        return known, ""
-    return replace(known, model=known.model.without_effect("contact_loss")), \
-        "chances are for teeth that stay in the work: contact_loss is left out of them"
 
 
 def filled(model: Any, speeds: Any, depths: Any, catalogue: Any) -> Any:

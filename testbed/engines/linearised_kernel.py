@@ -1,8 +1,8 @@
 """The regenerative loop as a delay equation in the spindle angle: rates of change, and their partial derivatives.
 
-At a phase phi of the tooth pitch the state Y obeys dY/dphi = f(Y(phi), Y(phi - pitch)): the surface a tooth meets is
-the radial position it had one pitch before. The partial derivatives are central differences of the very functions both
-engines integrate, so an effect's file is the only place where its law is written.
+At a phase phi of the period the state Y obeys dY/dphi = f(Y(phi), Y(phi - delay), ...), one delay for every pitch there is: the
+surface a tooth meets is the radial position that the one before it had then. The partial derivatives are central differences of
+the very functions both engines integrate, so an effect's file is the only place where its law is written.
 """
 
 import numpy as np
@@ -11,61 +11,91 @@ from testbed.engines.compiled import inner
 from testbed.engines.hooks import hook_chip
 from testbed.engines.loop_kernel import (
     ENTRY,
+    FEED_SPEED,
+    RADIUS,
     SLICES,
-    cutting_force,
+    T_ENTRY,
     derivative,
-    edge_radius,
-    piece_of_edge,
+    force_of_edge,
+    piece_of_tooth,
+    radius_of_edge,
     spindle_speed,
 )
+from testbed.engines.plane_kernel import position_at_cut, velocity_at_cut
 from testbed.system.kernel_cache import kept
+
+LEAD, LANE, NUMBER, OLDER = range(4)
+# Of a tooth in the cut: what its tip's angle after its entry is ahead of the phase (rad), which of the delays is its own, and
+# the numbers, as a hook is told them, of it and of the tooth before it.
 
 
 @inner
-def rate_in_angle(A, P, G, Y, past, phase, pass_number, teeth, surface, D, f):
-    """Write dY/dphi into f; returns (speed, rad/s; whether an edge in the cut has lost contact)."""
-    lost = False
-    for edge in range(teeth * int(G[SLICES])):
-        cover, turned = piece_of_edge(G, phase, edge)
-        theta = G[ENTRY] + turned
-        surface[edge] = edge_radius(A, P, G, past, theta, edge, pass_number - 1)
-        if cover > 0.0:
-            penetration = edge_radius(A, P, G, Y, theta, edge, pass_number) - surface[edge]
-            # rounding at a grazing edge is no loss of contact
-            lost = lost or abs(hook_chip(A, P, penetration) - penetration) > 1e-12
-    force, across, torque = 0.0, 0.0, 0.0
-    if teeth > 0:
-        force, across, torque = cutting_force(A, P, G, Y, phase, pass_number, teeth, surface)
+def rate_in_angle(A, P, G, Y, pasts, phase, teeth, D, f):
+    """Write dY/dphi into f; returns (speed, rad/s; whether a law of the chip bends; edges in the cut; of them out of the work).
+
+    pasts (lanes, size): the state a delay ago, for every delay. teeth (teeth in the cut, 4). Edges: by their share of a tooth.
+    """
+    bent, inside, out, force, across, torque = False, 0.0, 0.0, 0.0, 0.0, 0.0
+    at, moving, feed = position_at_cut(A, P, Y), velocity_at_cut(A, P, Y), G[FEED_SPEED] * (Y[2] - G[T_ENTRY])
+    for one in range(teeth.shape[0]):
+        past = pasts[int(teeth[one, LANE])]
+        x, y = position_at_cut(A, P, past)
+        x += G[FEED_SPEED] * (past[2] - G[T_ENTRY])
+        for point in range(int(G[SLICES])):
+            cover, turned = piece_of_tooth(G, phase + teeth[one, LEAD], point)
+            theta = G[ENTRY] + turned
+            sine, cosine = np.sin(theta), np.cos(theta)
+            met = radius_of_edge(A, P, G, past, x, y, theta, sine, cosine, teeth[one, OLDER])
+            if cover > 0.0:
+                penetration = radius_of_edge(A, P, G, Y, feed + at[0], at[1], theta, sine, cosine, teeth[one, NUMBER]) - met
+                # rounding at a grazing edge is no loss of contact
+                bent = bent or abs(hook_chip(A, P, penetration) - penetration) > 1e-12
+                inside += cover
+                out += cover if penetration < -1e-12 else 0.0
+            tangential, normal, left = force_of_edge(A, P, G, Y, at, moving, feed, cover, turned, theta, sine, cosine, met,
+                                                     teeth[one, NUMBER])  # fmt: skip
+            force -= tangential * cosine + normal * sine
+            across += tangential * sine - normal * cosine
+            torque += tangential * G[RADIUS]
     derivative(A, P, G, Y, D, force, across, torque)
     speed = spindle_speed(A, P, G, Y)
     for place in range(Y.shape[0]):
         f[place] = D[place] / speed
-    return speed, lost
+    return speed, bent, inside, out
+
+
+@inner
+def differences(A, P, G, Y, pasts, phase, teeth, work, kept, scale, vector, matrix):
+    """Fill `matrix` (K, K) with the derivatives of f by the places `kept` of `vector`, which is Y or one of the pasts."""
+    D, low, high = work
+    for j in range(kept.shape[0]):
+        place, width = kept[j], scale[j]
+        middle = vector[place]
+        vector[place] = middle + width
+        rate_in_angle(A, P, G, Y, pasts, phase, teeth, D, high)
+        vector[place] = middle - width
+        rate_in_angle(A, P, G, Y, pasts, phase, teeth, D, low)
+        vector[place] = middle
+        for i in range(kept.shape[0]):
+            matrix[i, j] = (high[kept[i]] - low[kept[i]]) / (2.0 * width)
 
 
 @kept(nogil=True)
-def linearise(A, P, G, phases, pass_number, teeth, states, pasts, kept, scale, f, now, before, speed, lost):
-    """Rates f (n, K), their derivatives by the state `now` and by the state one pitch ago `before`, both (n, K, K).
+def linearise(A, P, G, phases, teeth, states, pasts, kept, scale, f, now, before, speed, bent, contact):
+    """Rates f (n, K), their derivatives by the state, `now` (n, K, K), and by what it was, `before` (n, lanes, K, K).
 
-    states, pasts: (n, size) whole states at the phases (n,). kept (K,): the places of the state that are unknowns;
-    scale (K,): half-width of the difference for each. speed (n,) and lost (n,) are filled too.
+    states (n, size), pasts (n, lanes, size): whole states at the phases (n,) and a delay ago. kept (K,): the places of the
+    state that are unknowns; scale (K,): half-width of the difference for each. `before` stays as it is where no tooth in the
+    cut has that delay. speed (n,), bent (n,) and, of edges, contact (n, 2) are filled too: see `rate_in_angle`.
     """
     size = states.shape[1]
-    surface = np.empty(max(1, teeth * int(G[SLICES])))
-    D, low, high, base = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
+    work, base = (np.zeros(size), np.zeros(size), np.zeros(size)), np.zeros(size)
     for n in range(phases.shape[0]):
-        speed[n], lost[n] = rate_in_angle(A, P, G, states[n], pasts[n], phases[n], pass_number, teeth, surface, D, base)
+        Y, past = states[n], pasts[n]
+        speed[n], bent[n], contact[n, 0], contact[n, 1] = rate_in_angle(A, P, G, Y, past, phases[n], teeth, work[0], base)
         for i in range(kept.shape[0]):
             f[n, i] = base[kept[i]]
-        for j in range(kept.shape[0]):
-            place, width = kept[j], scale[j]
-            for which in range(2):
-                matrix, vector = (now, states[n]) if which == 0 else (before, pasts[n])
-                middle = vector[place]
-                vector[place] = middle + width
-                rate_in_angle(A, P, G, states[n], pasts[n], phases[n], pass_number, teeth, surface, D, high)
-                vector[place] = middle - width
-                rate_in_angle(A, P, G, states[n], pasts[n], phases[n], pass_number, teeth, surface, D, low)
-                vector[place] = middle
-                for i in range(kept.shape[0]):
-                    matrix[n, i, j] = (high[kept[i]] - low[kept[i]]) / (2.0 * width)
+        differences(A, P, G, Y, past, phases[n], teeth, work, kept, scale, Y, now[n])
+        for lane in range(past.shape[0]):
+            if np.any(teeth[:, LANE] == lane):
+                differences(A, P, G, Y, past, phases[n], teeth, work, kept, scale, past[lane], before[n, lane])

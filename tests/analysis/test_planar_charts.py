@@ -190,8 +190,35 @@ def test_the_commands_take_machines_in_x_and_y(tmp_path, monkeypatch, capsys):
     assert not any("along the feed only" in note for note in found["notes"])
     assert (tmp_path / "stability_chart.png").exists()
     (tmp_path / "model.yaml").write_text(text + "effects: {process_damping: {coefficient: 1e5 N/m}}\n")
-    for command in ("multipliers", "chart"):
-        assert "process_damping" in testbed.refused(command, "model.yaml", "--speed", 9000, "--depth", 0.5)
+    damped = testbed.json("multipliers", "model.yaml", "--speed", 9000, "--depth", 0.5)
+    assert damped["period_passes"] == 4 and math.hypot(*damped["multipliers"][0]) < 0.99 * modulus
+    cell = testbed.json("chart", "model.yaml", "--speed", "8000:9000:2", "--depth", "0.5:1:2")["largest_multiplier"][0][1]
+    assert math.hypot(*cell) == pytest.approx(math.hypot(*damped["multipliers"][0]) ** 0.25, abs=1e-6)
+
+
+UNEVEN = """
+structure: {modes: [{mass: 0.6 kg, natural_frequency: 620 Hz, damping_ratio: 0.02, direction: x, on: tool},
+                    {mass: 0.7 kg, natural_frequency: 700 Hz, damping_ratio: 0.02, direction: y, on: tool}]}
+cutter: {flutes: 4, diameter: 16 mm, helix_angle: 30 deg, pitch: [84 deg, 96 deg, 84 deg, 96 deg]}
+cutting: {direction: down-milling, immersion: 0.2, tangential_coefficient: 600 N/mm^2, normal_coefficient: 200 N/mm^2}
+effects:
+  contact_loss: {}
+  runout: {offset: 2 um, angle: 20 deg}
+"""
+
+
+def test_teeth_that_let_go_for_a_moment_have_an_answer_and_teeth_that_miss_the_work_have_none(tmp_path, monkeypatch, capsys):
+    """Unequal teeth leave the work where the chip runs out, in a stable cut too; contact_loss made every such cell blank."""
+    monkeypatch.chdir(tmp_path)
+    testbed, cut = Shell(capsys), ("--speed", 6000, "--depth", 1)
+    for text in (UNEVEN, UNEVEN.replace(", pitch: [84 deg, 96 deg, 84 deg, 96 deg]", "")):
+        (tmp_path / "model.yaml").write_text(text)
+        found = testbed.json("multipliers", "model.yaml", *cut)
+        assert any("stay in the work" in note for note in found["notes"])
+        (tmp_path / "model.yaml").write_text(text.replace("  contact_loss: {}\n", ""))
+        assert found["multipliers"] == testbed.json("multipliers", "model.yaml", *cut)["multipliers"]
+        (tmp_path / "model.yaml").write_text(text.replace("2 um", "90 um"))
+        assert "out of the work for" in testbed.refused("multipliers", "model.yaml", *cut)
 
 
 def test_maps_side_by_side_are_those_of_machines_in_x_and_y():
