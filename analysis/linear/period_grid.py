@@ -33,7 +33,7 @@ class Stretch(Protocol):
 
 
 class Read(NamedTuple):
-    """What a piece reads for one delay: weights (its points, late points) of the period before; points of this one, and theirs."""
+    """What a piece reads for one delay: weights (its points, late points) of the period before; points of this one, weights."""
 
     lane: int
     before: np.ndarray
