@@ -38,6 +38,7 @@ WEAKEST, STRONGEST = 0.03, 0.5  # share of the motion that an effect leaves unex
 NOISIEST, QUIETEST = 0.02, 0.003  # of a channel's own size
 FINE = 240  # steps while a tooth is in the cut, of the engine that the fit has: several times as many as it takes there
 TRIED = 9  # halvings of a strength
+UNLIMITED = 1e9  # times its example that a law of no catalogue may be: those are made for the rig, which is far softer
 
 
 @dataclass(frozen=True)
@@ -197,8 +198,9 @@ def _strength(random: np.random.Generator, model: Model, effect: Any, makers: Ma
         return held | {one.name: min(max(one.neutral + amount * (one.example - one.neutral), one.bounds[0]), one.bounds[1])
                        for one in effect.parameters if one.vanishes}
 
-    low, high = math.log(1e-4), math.log(LIMIT)
-    for _ in range(TRIED):
+    known = effect.name in catalogue()
+    low, high = math.log(1e-4), math.log(LIMIT if known else UNLIMITED)
+    for _ in range(TRIED if known else 2 * TRIED):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if left(values(math.exp(middle))) < wanted else (low, middle)
     return values(math.exp(low))

@@ -8,7 +8,7 @@ from testbed.effect import Effect, Parameter
 EFFECT = Effect(
     title="Cubic damping",
     parameters=(
-        Parameter("coefficient", "c", "N s^3/m^3", "strength", neutral=0.0, bounds=(0.0, 1.0e9), example=5.0e3,
+        Parameter("coefficient", "c", "N s^3/m^3", "strength", neutral=0.0, bounds=(0.0, 1.0e15), example=5.0e3,
                   start=5.0e3),
     ),
     law="F = -c x'^3",

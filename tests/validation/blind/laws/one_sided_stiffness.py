@@ -8,7 +8,7 @@ from testbed.effect import Effect, Parameter
 EFFECT = Effect(
     title="Quadratic stiffness",
     parameters=(
-        Parameter("coefficient", "c", "N/m^2", "strength", neutral=0.0, bounds=(-1.0e12, 1.0e12), example=1.5e9,
+        Parameter("coefficient", "c", "N/m^2", "strength", neutral=0.0, bounds=(-1.0e17, 1.0e17), example=1.5e9,
                   start=1.5e9),
     ),
     law="F = -c x^2",
