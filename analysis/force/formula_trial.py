@@ -9,16 +9,21 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from testbed.analysis.fit.effect_start import all_free
-from testbed.analysis.fit.fit_state import State
+from testbed.analysis.fit.effect_start import all_free, effect_parameters
+from testbed.analysis.fit.estimates import estimates
+from testbed.analysis.fit.fit_state import State, WaveformFit
 from testbed.analysis.fit.model_fit import model_fit
+from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.solve import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.force.explain_force import Explanation, explanations_from, formula_text
+from testbed.analysis.force.explain_force import explanations_from, left_unexplained
+from testbed.analysis.force.explanation import Explanation, formula_text
+from testbed.analysis.force.planar_formula import beyond_noise, explanations_about, left_in_the_plane
 from testbed.analysis.force.trial_law import NAME, trial_law
+from testbed.analysis.search.diagnosis import Diagnosis
 from testbed.analysis.search.outlier_records import SOUND, agreed, misfit
 from testbed.analysis.search.refit_from_prior import with_examples
 from testbed.effect import Effect
@@ -29,12 +34,16 @@ MOST_TRIALS = 7
 
 @dataclass(frozen=True)
 class _Trial:
-    """An explanation with what its formula leaves when it is fitted (see `misfit`), and the fitted state without it."""
+    """An explanation with what its formula leaves when it is fitted (see `misfit`), and the fitted state without it.
+
+    fitted: the fit with the formula.
+    """
 
     explanation: Explanation
     misfit: float
     left: float
     bare: State
+    fitted: tuple[Fitter, WaveformFit] | None = None
 
 
 @dataclass(frozen=True)
@@ -48,6 +57,12 @@ class Jury:
     model: Model
     catalogue: Mapping[str, Effect]
     progress: Callable[[str], None] = lambda text: None
+
+    def left_unexplained(self, records: Sequence[Observed], found: Diagnosis) -> list[Explanation]:
+        """What describes the force that a diagnosis left unexplained; see `left_unexplained` and `left_in_the_plane`."""
+        if self.model.planar:
+            return left_in_the_plane(self.engine_of, found, self.catalogue, self.progress)
+        return left_unexplained(self.engine_of(self.catalogue), records, found, self.catalogue, self.progress)
 
     def likeliest(self, told: Sequence[Explanation]) -> Explanation:
         """The explanation whose formula, fitted to the records, leaves least. ValueError where nothing was told.
@@ -73,7 +88,21 @@ class Jury:
             if not waiting:
                 break
             best = min(best, self._trial(waiting.pop(0)), key=lambda one: one.misfit)
-        return self._shortened(best).explanation
+        if self.model.planar and best.left > SOUND:
+            best = min(best, self._trial(best.explanation, far=True), key=lambda one: one.misfit)
+        return self._as_fitted(self._shortened(best))
+
+    def _as_fitted(self, best: _Trial) -> Explanation:
+        """The explanation with the values, intervals and, at the most, the share of its fit, in x and y: a regression there is
+        about another motion."""
+        if not self.model.planar or best.fitted is None:
+            return best.explanation
+        with tempfile.TemporaryDirectory() as folder:
+            told = estimates(*best.fitted, {**self.catalogue, NAME: trial_law(best.explanation, folder)})
+        found = [(one, told[f"{NAME}.{one.term.name}"]) for one in best.explanation.formula]
+        formula = tuple(replace(one, value=now.value, low=now.low, high=now.high) for one, now in found)
+        share = 1.0 - beyond_noise(best.fitted[1]) / max(best.explanation.excess, 1e-12)
+        return replace(best.explanation, formula=formula, state=best.bare, share=max(0.0, min(best.explanation.share, share)))
 
     def _shortened(self, best: _Trial) -> _Trial:
         """The trial of a shorter formula that leaves but noise, too, if there is one.
@@ -89,25 +118,31 @@ class Jury:
 
     def _from(self, trial: _Trial) -> list[Explanation]:
         """What explains the force that the model lacks where a trial has led it, without the formula."""
-        records = trial.explanation.missing.observed
+        records = trial.explanation.observed
+        if self.model.planar and trial.fitted is not None:
+            return explanations_about(self.engine_of, *trial.fitted, self.catalogue, self.progress, trial.explanation.excess)
         return explanations_from(self.engine_of(self.catalogue), records, trial.bare, self.catalogue, self.progress)
 
-    def _trial(self, explanation: Explanation) -> _Trial:
+    def _trial(self, explanation: Explanation, far: bool | None = None) -> _Trial:
+        """far: whether it begins at the believed machine, too, where the regression's own state leads astray; where None, along
+        the feed alone, where that costs little."""
+        far = not self.model.planar if far is None else far
         self.progress(f"fitting {formula_text(explanation.formula)}")
-        records = explanation.missing.observed
+        records = explanation.observed
         with tempfile.TemporaryDirectory() as folder:
             wider = {**self.catalogue, NAME: trial_law(explanation, folder)}
             engine, model = self.engine_of(wider), self.model
             for name, values in explanation.state.model.effects.items():  # those that the diagnosis has named
                 model = model.with_effect(name, **values)
             model = with_examples(model, [NAME], wider)
-            fitter = Fitter(engine, records, all_free(records, model, wider))
+            own = [*explanation.unknowns, *effect_parameters(wider[NAME], records)]
+            fitter = Fitter(engine, records, own if explanation.unknowns else all_free(records, model, wider))
             fitter, fit = agreed(fitter, alternate_fit_and_passes(fitter, explanation.start(NAME)))
-            found = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(NAME))
-            if found.left <= SOUND:
+            found = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(NAME), (fitter, fit))
+            if found.left <= SOUND or not far:
                 return found
-            fitter, fit = agreed(*model_fit(engine, records, model, wider))  # the regression's own state may be astray
-        other = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(NAME))
+            fitter, fit = agreed(*model_fit(engine, records, model, wider))
+        other = _Trial(explanation, *misfit(fitter, fit), fit.state.without_effect(NAME), (fitter, fit))
         return min(found, other, key=lambda one: one.misfit)
 
 

@@ -53,9 +53,9 @@ def explained(force: np.ndarray, weight: np.ndarray, condition: np.ndarray, plac
 
 def rank(samples: Mapping[str, np.ndarray], count: int = 8) -> tuple[Ranked, ...]:
     """Single variables and pairs, best first. samples: force, deviation, condition and the variables, all (samples,)."""
-    force = samples["force"]
-    if len(force) < 200:
+    if not samples or len(samples["force"]) < 200:
         return ()
+    force = samples["force"]
     weight = 1.0 / np.maximum(samples["deviation"], 1e-12) ** 2
     weight = weight / weight.max()
     names = [name for name in samples if name not in _NOT_VARIABLES and np.isfinite(samples[name]).all()

@@ -6,6 +6,9 @@ Every term is written once, as the expression that a proposed effect file will h
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Mapping
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +16,7 @@ import numpy as np
 from testbed.analysis.force.cut_variables import CellForce, Course, Edges, Trajectory
 from testbed.trial.proposal import ForceTerm
 
+ACROSS = 0.05  # complexity of a law along y beside the same along x: of one mode they are the same
 HARMONICS = 6  # of the tooth angle
 CREEP = 1e-3  # m/s, the velocity over which a change of sign is rounded
 POWERS = {  # terms whose force is a power of a variable, with its sign
@@ -45,6 +49,18 @@ def structure_terms() -> list[ForceTerm]:
         term("damping_xx", "-x^2 v", f"-{x} * {x} * {v}", "N s/m^3", "damping by the square of the displacement", 1.1),
         term("inertia_xvv", "-x v^2", f"-{x} * {v} * {v}", "N s^2/m^3", "inertia that depends on the displacement", 1.4),
     ]
+
+
+def planar_structure_terms() -> list[ForceTerm]:
+    """The laws of `structure_terms` along x and, of y and its velocity, along y."""
+    found = []
+    for term in structure_terms():
+        across = re.sub(r"\b(displacement|velocity)\b", r"\1_y", term.expression)
+        law = re.sub(r"\bv\b", "v_y", re.sub(r"\bx\b", "y", term.law))
+        found += [replace(term, name=f"{term.name}_x", meaning=f"{term.meaning}, along x"),
+                  replace(term, name=f"{term.name}_y", hook="structure_force_y", law=law, expression=across,
+                          meaning=f"{term.meaning}, along y", complexity=term.complexity + ACROSS)]
+    return found
 
 
 def power_term(variable: str, low: float, high: float) -> ForceTerm | None:
@@ -97,6 +113,11 @@ def tooth_terms(flutes: int) -> list[ForceTerm]:
 def _value(expression: str, known: dict[str, np.ndarray], size: int) -> np.ndarray:
     names = {"math": _MATH, "abs": np.abs, "__builtins__": {}}
     return np.broadcast_to(np.asarray(eval(expression, names, known), dtype=float), (size,))  # the library's own text
+
+
+def term_value(term: ForceTerm, known: Mapping[str, float]) -> float:
+    """A term with the coefficient 1 where a hook is offered these numbers."""
+    return float(_value(term.expression, {name: np.array([value]) for name, value in known.items()}, 1)[0])
 
 
 def cell_force(term: ForceTerm, course: Course, edges: Edges, motion: Trajectory) -> CellForce:

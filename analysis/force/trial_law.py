@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from testbed.analysis.force.explain_force import Explanation
-from testbed.analysis.force.regression import library
+from testbed.analysis.force.explanation import Explanation
 from testbed.catalogue import read_effect
 from testbed.effect import Effect, Parameter
 from testbed.trial.proposal import SPAN, Coefficient, ForceTerm, effect_text
@@ -20,22 +19,29 @@ def trial_law(explanation: Explanation, folder: str | Path) -> Effect:
     """The explanation's formula as an effect whose file, written into `folder`, does not depend on what was found.
 
     The file holds the library's terms of the structure, of a tooth, or both, as the formula does: few formulas differ in
-    that, and engines are compiled, and kept, by the text of the file.
+    that, and engines are compiled, and kept, by the text of the file. In x and y it holds all: slopes by them are asked, too.
     """
-    path = Path(folder) / f"{NAME}.py"
-    path.write_text(_text(_terms(explanation)))
-    law = read_effect(path)
+    law = law_of(_terms(explanation), folder)
     found = {one.term.name: one for one in explanation.formula}
     return replace(law, parameters=tuple(_as_found(one, found.get(one.name)) for one in law.parameters))
 
 
+def law_of(terms: Sequence[ForceTerm], folder: str | Path) -> Effect:
+    """All the terms as one effect, whose file is written into `folder`."""
+    path = Path(folder) / f"{NAME}.py"
+    path.write_text(_text(terms))
+    return read_effect(path)
+
+
 def _terms(explanation: Explanation) -> list[ForceTerm]:
     kinds = {_on_structure(one.term) for one in explanation.formula}
-    return [term for term in library(explanation.missing) if term.expression and _on_structure(term) in kinds]
+    if explanation.state.model.planar:
+        kinds = {True, False}
+    return [term for term in explanation.library if term.expression and _on_structure(term) in kinds]
 
 
 def _on_structure(term: ForceTerm) -> bool:
-    return term.hook == "structure_force"
+    return term.hook.startswith("structure_force")
 
 
 def _text(terms: Sequence[ForceTerm]) -> str:

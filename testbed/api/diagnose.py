@@ -15,9 +15,7 @@ from testbed.api.believed import (
     File,
     ModelLike,
     effects_of,
-    model_of,
     name_of,
-    refuse_planar,
 )
 from testbed.api.best_fit import force_maps, of_the_best_fit
 from testbed.api.defaults import MANY
@@ -37,7 +35,6 @@ if TYPE_CHECKING:
     from testbed.analysis.search.next_test import NextTest
     from testbed.machine import Model
 
-_ALONG_X = "a force is written as an effect along x so far; without --propose the page (-o) maps what lacks along x and y"
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -109,18 +106,18 @@ class Diagnosis(Result):
     def propose(self, folder: File, progress: Progress = None) -> Proposal | None:
         """Estimate the force that is missing and write it into a folder as an effect file of one's own. None where nothing
         beyond the noise is left. InputProblem where it cannot be estimated."""
-        from testbed.analysis.force.explain_force import as_json, left_unexplained, write_effect
+        from testbed.analysis.force.explanation import as_json, write_effect
         from testbed.analysis.force.formula_trial import Jury
         from testbed.trial.proposal import free_name
 
         place, known = os.fspath(folder), self.known.known
-        refuse_planar(self.believed, self.place[1], _ALONG_X)
         made_folder(place)
         with working(progress) as watch:
             try:
                 with watch.busy("estimating the missing force") as shown:
-                    told = left_unexplained(engine_of(known), self.records, self.detail, known, shown)
-                    explanation = Jury(engine_of, self.believed, known, shown).likeliest(told) if told else None
+                    jury = Jury(engine_of, self.believed, known, shown)
+                    told = jury.left_unexplained(self.records, self.detail)
+                    explanation = jury.likeliest(told) if told else None
             except ValueError as problem:
                 raise InputProblem(self.place[0], f"the missing force cannot be estimated: {problem}",
                                    "record more cuts") from None
@@ -157,7 +154,7 @@ class Diagnosis(Result):
         with working():
             campaign, model_file = self.place
             if next_step is None:
-                next_step = next_command(self.detail, campaign, model_file, self.believed.planar, self.known.folders)
+                next_step = next_command(self.detail, campaign, model_file, False, self.known.folders)
             page = diagnosis_page(self.detail, dict(said or self.said), self.believed, self.known.known,
                                   channel_units(self.read), notes=[f"{campaign} against {model_file}", *self.notes],
                                   next_step=next_step, force_maps=force_maps(self.detail, self.known.known))
@@ -275,9 +272,3 @@ def _decoys(found: Diagnosed, catalogue: Any) -> dict[str, Any]:
 
     offered = [name for name, effect in catalogue.items() if effect.path is not None and effect.path.parent == DECOYS]
     return {"offered": offered, "named": [name for name in found.effects if name in offered]}
-
-
-def check_proposal(model: ModelLike, effects: EffectsLike = ()) -> None:
-    """InputProblem where a missing force could not be proposed for a model, whatever a diagnosis finds."""
-    believed, name = model_of(model, effects_of(effects).known)
-    refuse_planar(believed, name, _ALONG_X)

@@ -10,7 +10,7 @@ def next_command(found: Any, campaign: str, model_file: str, proposed: bool, fol
     """The command to go on with; empty where there is none, or where it is told with what was proposed.
 
     folders: of the user's own effects, which the command will know no more than this one did without them. proposed: whether a
-    force was asked for already, or cannot be: a missing one is along x so far. A missing mode is written into the file by hand.
+    force was asked for already. A missing mode is written into the file by hand.
     """
     if found.mode:
         return ""

@@ -42,7 +42,7 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
 
     An honest "these records cannot tell" is an answer too. Only --false-alarms draws random numbers, from --seed.
     """
-    from testbed.api.diagnose import check_proposal, diagnose
+    from testbed.api.diagnose import diagnose
     from testbed.api.next_command import next_command
     from testbed.files.model_file import effect_text
 
@@ -50,13 +50,12 @@ def command(campaign: str, model_file: str, output: str | None, until_adequate: 
     folder = output_folder(output) if output else None
     if propose:
         output_folder(propose)
-        check_proposal(model_file, folders)
     found = diagnose(campaign, model_file, until_adequate=until_adequate, decoys=decoys, budget=budget, effects=folders,
                      progress=answer.watch)
     for note in found.notes:
         answer.note(note)
     catalogue, detail, said = found.known.known, found.detail, dict(found.said)
-    next_step = next_command(detail, campaign, model_file, bool(propose) or found.believed.planar, folders)
+    next_step = next_command(detail, campaign, model_file, bool(propose), folders)
     _say(answer, detail, said, found.first, catalogue)
     if detail.form is not None:
         answer.say(f"with that law, model.yaml has: {effect_text(catalogue[detail.form.effect], detail.form.parameters)}")

@@ -19,9 +19,9 @@ from testbed.effect import HOOKS
 from testbed.problem import InputProblem
 from testbed.system.atomic import write_text
 
-HOOK_ORDER = ("structure_force", "tangential_force", "normal_force")
+HOOK_ORDER = ("structure_force", "structure_force_y", "tangential_force", "normal_force")
 SPAN = 1e3  # bounds of a coefficient, in times its found value
-_SYMBOLS = {"structure_force": "F", "tangential_force": "F_t", "normal_force": "F_n"}
+SYMBOLS = {"structure_force": "F", "structure_force_y": "F_y", "tangential_force": "F_t", "normal_force": "F_n"}
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ _HEAD = '''"""{title}: a force law read off measurements, to be checked and edit
 {story}
 
 Source: sparse regression on the force that the model lacked; no textbook stands behind it. The intervals are those of the
-regression alone; `testbed add` refits everything and gives the ones to quote.
+search; `testbed add` refits everything and gives the ones to quote.
 {found}
 
 Valid: within the amplitudes, speeds, depths and feeds it was found on; there it explained {share:.0%} of the misfit
@@ -133,7 +133,7 @@ def effect_text(name: str, coefficients: Sequence[Coefficient], share: float, st
     for hook in HOOK_ORDER:
         terms = [one.term for one in coefficients if one.term.hook == hook]
         if terms:
-            laws[hook] = f"{_SYMBOLS[hook]} = " + _joined([_signed(term.name, term.law) for term in terms])
+            laws[hook] = f"{SYMBOLS[hook]} = " + _joined([_signed(term.name, term.law) for term in terms])
     values = "\n".join(
         f"    {one.term.name} = {one.value:.5g} {one.term.unit} (95 %: {one.low:.4g} to {one.high:.4g})" for one in coefficients
     )
@@ -183,7 +183,7 @@ def _number(value: float, digits: int) -> str:
 def _function(hook: str, terms: Sequence[ForceTerm], switched: bool) -> str:
     offers = HOOKS[hook].offers
     used = {argument for term in terms for argument in term.arguments}
-    contact = hook != "structure_force"
+    contact = hook in ("tangential_force", "normal_force")
     if contact:
         used |= {"chip", "penetration"}
     arguments = [offer for offer in offers if offer in used] + [term.name for term in terms]

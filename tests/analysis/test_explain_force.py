@@ -8,7 +8,8 @@ import pytest
 from testbed.analysis.fit.fit_state import State
 from testbed.analysis.fit.nuisances import Nuisances
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.force.explain_force import as_json, explain, explanations_from, formula_text, write_effect
+from testbed.analysis.force.explain_force import explain, explanations_from
+from testbed.analysis.force.explanation import as_json, formula_text, write_effect
 from testbed.analysis.force.latent_force import by_the_marks, missing_force
 from testbed.analysis.force.ranking import explained, rank
 from testbed.catalogue import read_effect
@@ -54,7 +55,7 @@ def test_where_nothing_hides_nothing_is_proposed(tmp_path):
 def test_with_one_condition_nothing_is_said_to_be_held_out(tmp_path):
     many = explain(decays(lambda x, v: -4e20 * x**5))
     alike = [replace(one, condition=("ring-down", "tap")) for one in many.missing.observed]
-    single = replace(many, missing=replace(many.missing, observed=alike))
+    single = replace(many, observed=tuple(alike))
     assert many.held_out and "of the misfit on held-out conditions" in many.sentence
     assert not single.held_out and "of the misfit in the regression itself" in single.sentence
     assert "held-out conditions" not in single.sentence

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.force.explain_force import formula_text, left_unexplained
+from testbed.analysis.force.explain_force import left_unexplained
+from testbed.analysis.force.explanation import formula_text
 from testbed.analysis.search.answer import as_json
 from testbed.analysis.search.diagnose import diagnose
 from testbed.analysis.search.law_form import FormsAsked, other_form, steeper_form

@@ -18,22 +18,27 @@ import argparse
 import json
 import sys
 import tempfile
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.force.explain_force import formula_text, left_unexplained, write_effect
+from testbed.analysis.fit.observed import Observed
+from testbed.analysis.force.explain_force import left_unexplained
+from testbed.analysis.force.explanation import Explanation, formula_text, write_effect
 from testbed.analysis.force.formula_trial import Jury
 from testbed.analysis.search.add_effect import add_effect
 from testbed.analysis.search.diagnose import diagnose
 from testbed.api.fitting import engine_of
 from testbed.catalogue import catalogue
+from testbed.machine import Model
 from tests.validation.blind.count import VISIBLE, misfit
 from tests.validation.blind.judge import ELSEWHERE, ENGINE, FOLDER, RESULTS, answered, drawn, known_seeds
 from tests.validation.blind.make import records_of
 from tests.validation.claims import Claim, Section
 
 PROPOSED = FOLDER / "proposed.jsonl"
-REMARK = PROPOSED.with_suffix(".txt")
 NAME = "proposal"
 
 
@@ -47,18 +52,23 @@ def proposed(seed: int) -> dict[str, Any]:
     if not explanations or not explanations[0].formula:
         return told
     explanation = Jury(engine_of, truth.believed, known).likeliest(explanations)
-    told |= {"formula": formula_text(explanation.formula), "share": explanation.share}
+    return told | added_to(truth.believed, observed, explanation)
+
+
+def added_to(believed: Model, observed: Sequence[Observed], explanation: Explanation) -> dict[str, Any]:
+    """The formula written, read and added, and the errors before and after."""
     with tempfile.TemporaryDirectory() as folder:
         write_effect(explanation, folder, NAME)
         wider = catalogue(folder)
-        added = add_effect(engine_of(wider), observed, truth.believed, wider[NAME], wider)
-    return told | {"before": added.before, "after": added.after, "noise_floor": added.noise_floor,
-                   "unheard": list(added.unheard), "heard": added.in_fit()}
+        added = add_effect(engine_of(wider), observed, believed, wider[NAME], wider)
+    return {"formula": formula_text(explanation.formula), "share": explanation.share, "before": added.before,
+            "after": added.after, "noise_floor": added.noise_floor, "unheard": list(added.unheard), "heard": added.in_fit()}
 
 
-def _told(seed: int) -> dict[str, Any]:
+def faults_told(propose: Callable[[int], dict[str, Any]], seed: int) -> dict[str, Any]:
+    """What is proposed for a seed, or what went wrong."""
     try:
-        return proposed(seed)
+        return propose(seed)
     except Exception as problem:  # a fault is a result of this benchmark, and must not end it
         return {"seed": seed, "fault": repr(problem)}
 
@@ -70,10 +80,14 @@ def _heard(one: dict[str, Any]) -> dict[str, Any]:
 
 def check() -> Section:
     """The committed results, counted."""
-    title = "Effects of no catalogue, proposed and added (results of `make blind`, counted)"
-    if not PROPOSED.exists():
+    return counted("Effects of no catalogue, proposed and added (results of `make blind`, counted)", PROPOSED)
+
+
+def counted(title: str, results: Path) -> Section:
+    """What the answers of a file come to."""
+    if not results.exists():
         return Section(title, (Claim("campaigns", "all that were unexplained", "0", None, "run `make blind`"),))
-    every = [json.loads(line) for line in PROPOSED.read_text().splitlines()]
+    remark, every = results.with_suffix(".txt"), [json.loads(line) for line in results.read_text().splitlines()]
     sound = [one for one in every if "fault" not in one]
     written = [one for one in sound if one["formula"]]
     loud = [one for one in sound if not one["formula"] or one["before"] > VISIBLE * one["noise_floor"]]
@@ -97,7 +111,7 @@ def check() -> Section:
               f"{len(plain)} of {len(reach)}", None),
     )
     head = ("seed", "hidden", "proposed", "error / noise before", "after", "without records that had no say")
-    return Section(title, claims, (("What was proposed", head, rows),), REMARK.read_text().strip() if REMARK.exists() else "")
+    return Section(title, claims, (("What was proposed", head, rows),), remark.read_text().strip() if remark.exists() else "")
 
 
 def main(arguments: list[str]) -> int:
@@ -109,7 +123,7 @@ def main(arguments: list[str]) -> int:
     judged = [json.loads(line) for results in (RESULTS, ELSEWHERE) for line in results.read_text().splitlines()]
     seeds = [one["seed"] for one in judged if one["kind"] == "unknown" and one.get("verdict") == "unexplained"
              and one["seed"] not in known]
-    for told in answered(_told, seeds, PROPOSED, options.workers):
+    for told in answered(partial(faults_told, proposed), seeds, PROPOSED, options.workers):
         print(f"{told.get('hidden')} -> {told.get('fault', told.get('formula'))}", flush=True)
     return 0
 
