@@ -31,8 +31,7 @@ class Explanation:
     excess over the noise, explained on conditions held out. corrections: change of the model's own parameters that goes with
     the formula (SI). named_only: what was found that no effect file can carry. state: the fitted one with the corrections.
     library: the terms that it was chosen from. missing: the force in time, None where it was not estimated (in x and y).
-    unknowns: of the fit behind it, where some of the machine's are held; empty: all are free. excess: what the fit without a
-    formula leaves beyond the noise, squared, in units of the noise; 0 where it is not told.
+    unknowns: of the fit behind it, where some of the machine's are held; empty: all are free.
     """
 
     formula: tuple[Coefficient, ...]
@@ -45,7 +44,6 @@ class Explanation:
     library: tuple[ForceTerm, ...] = field(repr=False)
     missing: MissingForce | None = field(default=None, repr=False)
     unknowns: tuple[FreeParameter, ...] = field(default=(), repr=False)
-    excess: float = 0.0
 
     @cached_property
     def maps(self) -> dict[str, dict[str, np.ndarray]]:

@@ -21,7 +21,7 @@ from testbed.analysis.fit.solve import alternate_fit_and_passes
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.force.explain_force import explanations_from, left_unexplained
 from testbed.analysis.force.explanation import Explanation, formula_text
-from testbed.analysis.force.planar_formula import beyond_noise, explanations_about, left_in_the_plane
+from testbed.analysis.force.planar_formula import explanations_about, left_in_the_plane, share_of
 from testbed.analysis.force.trial_law import NAME, trial_law
 from testbed.analysis.search.diagnosis import Diagnosis
 from testbed.analysis.search.outlier_records import SOUND, agreed, misfit
@@ -93,16 +93,15 @@ class Jury:
         return self._as_fitted(self._shortened(best))
 
     def _as_fitted(self, best: _Trial) -> Explanation:
-        """The explanation with the values, intervals and, at the most, the share of its fit, in x and y: a regression there is
-        about another motion."""
+        """The explanation with the values, intervals and share of its fit, in x and y: slopes hold about one motion alone."""
         if not self.model.planar or best.fitted is None:
             return best.explanation
         with tempfile.TemporaryDirectory() as folder:
             told = estimates(*best.fitted, {**self.catalogue, NAME: trial_law(best.explanation, folder)})
         found = [(one, told[f"{NAME}.{one.term.name}"]) for one in best.explanation.formula]
         formula = tuple(replace(one, value=now.value, low=now.low, high=now.high) for one, now in found)
-        share = 1.0 - beyond_noise(best.fitted[1]) / max(best.explanation.excess, 1e-12)
-        return replace(best.explanation, formula=formula, state=best.bare, share=max(0.0, min(best.explanation.share, share)))
+        share = share_of(self.engine_of, *best.fitted, formula, self.catalogue)
+        return replace(best.explanation, formula=formula, state=best.bare, share=share)
 
     def _shortened(self, best: _Trial) -> _Trial:
         """The trial of a shorter formula that leaves but noise, too, if there is one.
@@ -120,7 +119,7 @@ class Jury:
         """What explains the force that the model lacks where a trial has led it, without the formula."""
         records = trial.explanation.observed
         if self.model.planar and trial.fitted is not None:
-            return explanations_about(self.engine_of, *trial.fitted, self.catalogue, self.progress, trial.explanation.excess)
+            return explanations_about(self.engine_of, *trial.fitted, self.catalogue, self.progress)
         return explanations_from(self.engine_of(self.catalogue), records, trial.bare, self.catalogue, self.progress)
 
     def _trial(self, explanation: Explanation, far: bool | None = None) -> _Trial:

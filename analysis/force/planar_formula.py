@@ -9,8 +9,9 @@ without it, and well from one with a formula that is nearly right (Gauss and New
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from testbed.analysis.fit.held_out import conditions_of
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.waveform import Fitter
-from testbed.analysis.force.choice import Chooser, Subset, choose, coefficients
+from testbed.analysis.force.choice import Choice, Chooser, Subset, choose, coefficients
 from testbed.analysis.force.explanation import Explanation
 from testbed.analysis.force.regression import Products
 from testbed.analysis.force.terms import planar_structure_terms, term_value, tooth_terms
@@ -58,43 +59,58 @@ def planar_library(records: Sequence[Observed], model: Model) -> list[ForceTerm]
     return planar_structure_terms() + (tooth_terms(model.cutter.flutes) if cuts and model.cutter is not None else [])
 
 
-def explanations_about(engine_of: EngineOf, fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect],
-                       progress: Callable[[str], None] = lambda text: None, excess: float = 0.0
-                       ) -> list[Explanation]:  # fmt: skip
-    """Formulas for the force that a fit lacks, or beside a formula on trial in it: the best, then the next best.
+@dataclass(frozen=True)
+class _About:
+    """A fit with the library beside it: fitter and state with all terms, those that are on trial in it at their values."""
 
-    excess: of the fit without a formula, see `Explanation`; 0: this one has none.
-    """
-    progress("slopes by every term of the library")
+    fitter: Fitter
+    state: State
+    terms: tuple[ForceTerm, ...]
+    chooser: Chooser
+
+
+@contextmanager
+def _about(engine_of: EngineOf, fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect]) -> Iterator[_About]:
     terms = planar_library(fitter.records, fit.state.model)
     held = fit.state.model.effects.get(NAME, {})
     values = {term.name: held.get(term.name, 0.0) for term in terms}
-    excess = excess or beyond_noise(fit)
     plain = [one for one in fitter.unknowns if not one.path.startswith(f"{NAME}.")]
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder:  # the law's file is read again where its engine compiles
         wider = Fitter(engine_of({**catalogue, NAME: law_of(terms, folder)}), fitter.records, plain)
         about = replace(fit.state, model=fit.state.model.with_effect(NAME, **values))
-        chooser = Chooser([_products(wider, about, terms, values)])
+        yield _About(wider, about, tuple(terms), Chooser([_products(wider, about, terms, values)]))
+
+
+def explanations_about(engine_of: EngineOf, fitter: Fitter, fit: WaveformFit, catalogue: Mapping[str, Effect],
+                       progress: Callable[[str], None] = lambda text: None) -> list[Explanation]:  # fmt: skip
+    """Formulas for the force that a fit lacks, or beside a formula on trial in it: the best, then the next best."""
+    progress("slopes by every term of the library")
+    with _about(engine_of, fitter, fit, catalogue) as one:
         progress("choosing a formula")
-        choice = choose(chooser)
-        there = choice.excess > BEYOND_CHANCE * (2.0 * chooser.rows) ** 0.5
-        alternatives = tuple((tuple(terms[place].law or "1" for place in one.places), choice.share(one))
-                             for one in choice.alternatives())  # fmt: skip
-
-        def explanation(one: Subset) -> Explanation:
-            formula, steps = coefficients(chooser, one)
-            if not there:
-                return Explanation((), 0.0, alternatives, {}, (), fit.state, fitter.records, tuple(terms))
-            begun, corrections, formula = _damped(wider, about, steps, formula)
-            return Explanation(formula, max(0.0, choice.share(one)), alternatives, corrections, (), begun, fitter.records,
-                               tuple(terms), unknowns=tuple(plain), excess=excess)  # fmt: skip
-
-        return [explanation(one) for one in (choice.chosen, *choice.rivals(chooser))]
+        choice = choose(one.chooser)
+        there = choice.excess > BEYOND_CHANCE * (2.0 * one.chooser.rows) ** 0.5
+        subsets = (choice.chosen, *choice.rivals(one.chooser)) if there else (one.chooser.subset(()),)
+        return [_explanation(one, choice, subset) for subset in subsets]
 
 
-def beyond_noise(fit: WaveformFit) -> float:
-    """Sum of the squared residuals beyond the noise's own, in units of the noise; 0 at the least."""
-    return max(fit.squares - sum(rest.size for rest in fit.residuals), 0.0)
+def share_of(engine_of: EngineOf, fitter: Fitter, fit: WaveformFit, formula: Sequence[Coefficient],
+             catalogue: Mapping[str, Effect]) -> float:  # fmt: skip
+    """Share of what is missing beyond the noise that a formula explains on conditions held out, about the fit that has it."""
+    with _about(engine_of, fitter, fit, catalogue) as one:
+        names = [term.name for term in one.terms]
+        without, some = one.chooser.subset(()), one.chooser.subset([names.index(each.term.name) for each in formula])
+        excess = max(without.held_out - min(some.held_out, float(one.chooser.rows)), 1e-12)
+        return max(0.0, (without.held_out - some.held_out) / excess)
+
+
+def _explanation(about: _About, choice: Choice, subset: Subset) -> Explanation:
+    """What one subset of the terms says of the missing force."""
+    alternatives = tuple((tuple(about.terms[place].law or "1" for place in one.places), choice.share(one))
+                         for one in choice.alternatives())  # fmt: skip
+    formula, steps = coefficients(about.chooser, subset)
+    begun, corrections, formula = _damped(about.fitter, about.state, steps, formula)
+    return Explanation(formula, max(0.0, choice.share(subset)), alternatives, corrections, (), begun, about.fitter.records,
+                       about.terms, unknowns=about.fitter.unknowns)  # fmt: skip
 
 
 def _typical(records: Sequence[Observed], model: Model) -> dict[str, float]:

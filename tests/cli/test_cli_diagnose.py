@@ -101,11 +101,10 @@ def test_what_was_proposed_is_added_beside_the_user_s_own_effects(testbed, monke
     from testbed.cli._answer import Answer
 
     told = SimpleNamespace(sentence="A force is missing.", formula="v^3")
-    monkeypatch.setattr("testbed.analysis.force.explain_force.left_unexplained", lambda *_: told)
-    monkeypatch.setattr("testbed.analysis.force.explain_force.as_json", lambda _: {})
-    monkeypatch.setattr("testbed.analysis.force.explain_force.write_effect",
-                        lambda _, folder, name: Path(folder) / f"{name}.py")
-    monkeypatch.setattr("testbed.analysis.force.formula_trial.Jury", lambda *_: SimpleNamespace(likeliest=lambda one: one))
+    monkeypatch.setattr("testbed.analysis.force.explanation.as_json", lambda _: {})
+    monkeypatch.setattr("testbed.analysis.force.explanation.write_effect", lambda _, folder, name: Path(folder) / f"{name}.py")
+    jury = SimpleNamespace(left_unexplained=lambda *_: told, likeliest=lambda one: one)
+    monkeypatch.setattr("testbed.analysis.force.formula_trial.Jury", lambda *_: jury)
     found = Diagnosis(BELIEVED, None, Effects({}, ("more", "./mine")), [], (), {}, ("c.yaml", "m.yaml"))
     diagnose._propose(Answer(None, False), found, "mine")
     said = testbed.capsys.readouterr().out

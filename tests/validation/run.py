@@ -23,8 +23,8 @@ CHECKS = ("published", "multipliers", "engines", "verdicts", "identification", "
           "hardware", "diagnosis", "hard_pairs", "decoys", "blind.count", "blind.anywhere", "blind.faint", "blind.propose",
           "outside.agreement", "outside.count", "paper", "score", "bit_flips", "kills", "throughput", "fuzz_readers",
           "vendor_files", "ring_downs", "chatter", "planar_chatter", "charts", "planar_charts", "planar_verdicts",
-          "planar_fits", "blind.plane", "blind.plane_propose", "own_scale", "misstated", "spoiled", "taps", "judged", "probable", "planned",
-          "replay", "long_drift")
+          "planar_fits", "blind.plane", "blind.plane_propose", "own_scale", "misstated", "spoiled", "taps", "judged",
+          "probable", "planned", "replay", "long_drift")
 PAGE = "page"
 TARGET = Path(__file__).resolve().parents[2] / "VALIDATION.md"
 _WORDS = {True: "passed", False: "MISSED", None: "-"}

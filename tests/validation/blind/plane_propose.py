@@ -2,8 +2,9 @@
 
     python -m tests.validation.blind.plane_propose [--count N] [--first SEED] [--workers N]
 
-The campaigns are those of `plane` in which such a law is hidden. The believed machine is fitted, its missing force explained as
-`testbed diagnose --propose` does, and the effect file added as `testbed add --effects` would; a line of plane_proposed.jsonl each.
+The campaigns are those of `plane` in which such a law is hidden. The believed machine is fitted, its missing force explained
+as `testbed diagnose --propose` does, and the effect file added as `testbed add --effects` would; a line of plane_proposed.jsonl
+each.
 """
 
 from __future__ import annotations
