@@ -4,7 +4,6 @@ import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import get_args, get_type_hints
 
 import click
@@ -15,7 +14,7 @@ from testbed.analysis.comparison.adequacy import FALSE_DISCOVERIES
 from testbed.analysis.comparison.tapped import TappedParameter
 from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit import drift, evidence, observe
-from testbed.analysis.force import explain_force
+from testbed.analysis.force import explanation
 from testbed.analysis.force.ranking import Ranked
 from testbed.analysis.linear.chart_plot import ChartTest
 from testbed.analysis.linear.stability import CLASSES
@@ -189,8 +188,8 @@ def _diagnosis():
 def _explanation():
     """A missing force explained, with all that this can hold; the ranking, which takes records, is given."""
     term = ForceTerm("cube", "structure_force", "v^3", "velocity**3", "N s^3/m^3", "a cube")
-    found = explain_force.Explanation((Coefficient(term, 1.0, 0.9, 1.1),), 0.9, ((("v",), 0.5),), {"stiffness": 1.0},
-                                      ("a drag",), None, SimpleNamespace(observed=()))
+    found = explanation.Explanation((Coefficient(term, 1.0, 0.9, 1.1),), 0.9, ((("v",), 0.5),), {"stiffness": 1.0},
+                                      ("a drag",), None, (), ())
     ranked = (Ranked(("velocity",), 0.9),)
     vars(found).update(in_cut=ranked, out_of_cut=ranked)
     return found
@@ -202,7 +201,7 @@ def test_of_diagnosis(shell):
     tap = shell.json("diagnose", "tap.yaml", "-m", "bare.yaml", "--decoys", "--false-alarms", 1)
     assert cuts["verdict"] == tap["verdict"] == "adequate" and cuts["held_out"] and not tap["held_out"]
     whole = plain(answer.as_json(_diagnosis(), BELIEVED))
-    proposed = {"proposal": plain(explain_force.as_json(_explanation()) | {"file": "proposal.py"})}
+    proposed = {"proposal": plain(explanation.as_json(_explanation()) | {"file": "proposal.py"})}
     agree("diagnose", cuts, tap, whole, proposed, BESIDE)
 
 

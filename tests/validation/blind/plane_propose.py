@@ -41,7 +41,11 @@ def proposed(seed: int) -> dict[str, Any]:
     makers, known = catalogue(str(FOLDER / "laws")), catalogue()
     truth = draw(seed, makers)
     told: dict[str, Any] = {"seed": seed, "hidden": list(truth.effects), "formula": "", "share": 0.0}
-    observed = [observe(record, truth.believed) for record in measured(truth, makers)]
+    try:
+        records = measured(truth, makers)
+    except ValueError as problem:  # a cut ran away
+        return told | {"made": False, "reason": str(problem)}
+    observed = [observe(record, truth.believed) for record in records]
     base = by_noise(from_believed(ENGINE, observed, truth.believed, (), known))
     best = Jury(engine_of, truth.believed, known).likeliest(explanations_about(engine_of, base.fitter, base.fit, known))
     return told | added_to(truth.believed, observed, best) if best.formula else told

@@ -87,7 +87,8 @@ def counted(title: str, results: Path) -> Section:
     """What the answers of a file come to."""
     if not results.exists():
         return Section(title, (Claim("campaigns", "all that were unexplained", "0", None, "run `make blind`"),))
-    remark, every = results.with_suffix(".txt"), [json.loads(line) for line in results.read_text().splitlines()]
+    remark = results.with_suffix(".txt")
+    every = [one for one in map(json.loads, results.read_text().splitlines()) if one.get("made", True)]
     sound = [one for one in every if "fault" not in one]
     written = [one for one in sound if one["formula"]]
     loud = [one for one in sound if not one["formula"] or one["before"] > VISIBLE * one["noise_floor"]]
