@@ -20,6 +20,7 @@ from testbed.analysis.force.regression import windows_of
 from testbed.trial.proposal import SYMBOLS, Coefficient, ForceTerm, write_proposal
 
 EXPLAINED = 0.5  # share of the excess from which a formula is called a description of the force
+NOISE = 1.15  # times the noise of a record, from which a fit leaves more than that
 CLEAR = 0.25  # share of the force's variance from which a variable is said to rule it
 
 
@@ -31,7 +32,8 @@ class Explanation:
     excess over the noise, explained on conditions held out. corrections: change of the model's own parameters that goes with
     the formula (SI). named_only: what was found that no effect file can carry. state: the fitted one with the corrections.
     library: the terms that it was chosen from. missing: the force in time, None where it was not estimated (in x and y).
-    unknowns: of the fit behind it, where some of the machine's are held; empty: all are free.
+    unknowns: of the fit behind it, where some of the machine's are held; empty: all are free. left: what a fit of the formula
+    leaves of the record it explains worst, over the noise; 0 before there is one.
     """
 
     formula: tuple[Coefficient, ...]
@@ -44,6 +46,7 @@ class Explanation:
     library: tuple[ForceTerm, ...] = field(repr=False)
     missing: MissingForce | None = field(default=None, repr=False)
     unknowns: tuple[FreeParameter, ...] = field(default=(), repr=False)
+    left: float = 0.0
 
     @cached_property
     def maps(self) -> dict[str, dict[str, np.ndarray]]:
@@ -143,6 +146,8 @@ def _sentence(found: Explanation) -> str:
         said.insert(0, depends)
     if found.formula:
         said.insert(0, f"The missing force {_law(found, described)}.")
+        if found.left > NOISE:
+            said.append(f"Fitted, it leaves {found.left:.3g} times the noise of a record: the true law may be another.")
     elif not found.named_only:
         said.insert(0, "No force of the library explains what is missing.")
     return " ".join(said)

@@ -7,6 +7,7 @@ which runs apart over a record.
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -94,14 +95,15 @@ class Jury:
 
     def _as_fitted(self, best: _Trial) -> Explanation:
         """The explanation with the values, intervals and share of its fit, in x and y: slopes hold about one motion alone."""
+        tried = replace(best.explanation, left=math.sqrt(best.left))
         if not self.model.planar or best.fitted is None:
-            return best.explanation
+            return tried
         with tempfile.TemporaryDirectory() as folder:
             told = estimates(*best.fitted, {**self.catalogue, NAME: trial_law(best.explanation, folder)})
         found = [(one, told[f"{NAME}.{one.term.name}"]) for one in best.explanation.formula]
         formula = tuple(replace(one, value=now.value, low=now.low, high=now.high) for one, now in found)
         share = share_of(self.engine_of, *best.fitted, formula, self.catalogue)
-        return replace(best.explanation, formula=formula, state=best.bare, share=share)
+        return replace(tried, formula=formula, state=best.bare, share=share)
 
     def _shortened(self, best: _Trial) -> _Trial:
         """The trial of a shorter formula that leaves but noise, too, if there is one.

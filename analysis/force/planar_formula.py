@@ -42,10 +42,7 @@ EngineOf = Callable[[Mapping[str, Effect]], Engine]
 
 def left_in_the_plane(engine_of: EngineOf, found: Diagnosis, catalogue: Mapping[str, Effect],
                       progress: Callable[[str], None] = lambda text: None) -> list[Explanation]:  # fmt: skip
-    """What describes the force that a diagnosis in x and y left unexplained, best first; none where it left but noise.
-
-    ValueError where no model was fitted.
-    """
+    """What describes the force that a diagnosis in x and y left unexplained, best first; none where it left but noise."""
     chosen = found.best if found.verdict == "missing_effect" else found.base
     if not isinstance(chosen, Candidate) or chosen.error_held_out <= ADEQUATE * found.noise_floor:
         return []

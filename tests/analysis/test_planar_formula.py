@@ -1,6 +1,7 @@
 """A law of no catalogue, hidden in a machine in x and y that MuJoCo cuts: is it written, and with the right number?"""
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -74,7 +75,8 @@ def test_a_law_across_the_feed_is_written_with_its_number(records, tmp_path, mon
     assert one.value == pytest.approx(STRENGTH, rel=0.04) and one.low < STRENGTH < one.high
     for path in ("modes[0].natural_frequency", "modes[1].natural_frequency", "modes[1].damping_ratio"):
         assert best.state.model.value(path) == pytest.approx(MACHINE.value(path), rel=0.02)
-    assert "F_y = " in best.sentence and "y^3" in best.sentence
+    assert "F_y = " in best.sentence and "y^3" in best.sentence and "leaves" not in best.sentence
+    assert "leaves 25 times the noise of a record" in replace(best, left=25.0).sentence
     written = read_effect(write_effect(best, tmp_path, "found"))
     assert list(written.hooks) == ["structure_force_y"] and as_json(best)["formula"][0]["acts"] == "structure_force_y"
     # about the fit with its formula the same one is found again, and the machine's own numbers stay where they are
