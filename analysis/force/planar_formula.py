@@ -35,6 +35,8 @@ from testbed.trial.proposal import Coefficient, ForceTerm
 SMALL = 1e-6  # of the spring's own force, that a term has as it is tried: a response far above rounding, far below any bend
 BEYOND_CHANCE = 4.0  # standard deviations of the noise's own sum of squares, from which there is a force to describe
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)  # of the step that the slopes ask for, tried as a start
+MOST_BYTES = 2_000_000_000  # of the columns of all records
+TOGETHER = 16  # terms that are simulated side by side
 LENGTH_CUT = 0.05  # m, at which a term that grows with the length cut is scaled
 ANGLE = 0.7  # rad, at which a waveform is scaled
 EngineOf = Callable[[Mapping[str, Effect]], Engine]
@@ -125,7 +127,14 @@ def _typical(records: Sequence[Observed], model: Model) -> dict[str, float]:
 
 
 def _products(fitter: Fitter, state: State, terms: Sequence[ForceTerm], values: Mapping[str, float]) -> Products:
-    """Sums of products about a state in which the terms have these coefficients; columns per unit of each."""
+    """Sums of products about a state in which the terms have these coefficients; columns per unit of each.
+
+    ValueError where the records are too long for that.
+    """
+    taken = 8 * sum(record.size for record in fitter.records) * (len(fitter.names) + len(terms) + 1)
+    if taken > MOST_BYTES:
+        raise ValueError(f"slopes by {len(terms)} terms of all records would take {taken / 1e9:.2g} GB, more than "
+                         f"{MOST_BYTES / 1e9:g}: name a part of the records by from and to")
     typical = _typical(fitter.records, state.model)
     force = SMALL * state.model.structure.stiffness * typical["displacement"]
     steps = np.array([force / max(abs(term_value(term, typical)), 1e-300) for term in terms])
@@ -135,7 +144,10 @@ def _products(fitter: Fitter, state: State, terms: Sequence[ForceTerm], values: 
     blocks = []
     for index, own in enumerate(state.nuisances):
         part = fitter.linearise(index, state)
-        left = fitter.residuals_of(index, [(model, state.angle, own) for model in (state.model, *models)])
+        variants = [(model, state.angle, own) for model in (state.model, *models)]
+        parts = [fitter.residuals_of(index, [variants[0], *variants[begin : begin + TOGETHER]])
+                 for begin in range(1, len(variants), TOGETHER)]
+        left = np.vstack([parts[0][:1], *(found[1:] for found in parts)])
         slopes = (left[1:] - left[0]) / steps[:, None]
         rows = part.without_own(np.vstack([-part.shared.T, -slopes, left[:1] - present @ slopes]))
         blocks.append(np.where(np.isfinite(rows), rows, 0.0).T)

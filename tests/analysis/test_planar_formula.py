@@ -79,6 +79,10 @@ def test_a_law_across_the_feed_is_written_with_its_number(records, tmp_path, mon
     assert "leaves 25 times the noise of a record" in replace(best, left=25.0).sentence
     written = read_effect(write_effect(best, tmp_path, "found"))
     assert list(written.hooks) == ["structure_force_y"] and as_json(best)["formula"][0]["acts"] == "structure_force_y"
+    monkeypatch.setattr(planar_formula, "MOST_BYTES", 1000)
+    with pytest.raises(ValueError, match="slopes by 6 terms of all records would take"):
+        explanations_about(engine_of, base.fitter, base.fit, catalogue())
+    monkeypatch.setattr(planar_formula, "MOST_BYTES", 10**9)
     # about the fit with its formula the same one is found again, and the machine's own numbers stay where they are
     fitted = jury._trial(best).fitted
     again = explanations_about(engine_of, *fitted, catalogue())[0]
