@@ -17,10 +17,10 @@ from testbed.analysis.force.cut_variables import course_of
 from testbed.analysis.force.latent_force import MissingForce, with_force
 from testbed.analysis.force.ranking import Ranked, rank
 from testbed.analysis.force.regression import windows_of
+from testbed.analysis.search.diagnosis import COMPLETE
 from testbed.trial.proposal import SYMBOLS, Coefficient, ForceTerm, write_proposal
 
 EXPLAINED = 0.5  # share of the excess from which a formula is called a description of the force
-NOISE = 1.15  # times the noise of a record, from which a fit leaves more than that
 CLEAR = 0.25  # share of the force's variance from which a variable is said to rule it
 
 
@@ -146,7 +146,7 @@ def _sentence(found: Explanation) -> str:
         said.insert(0, depends)
     if found.formula:
         said.insert(0, f"The missing force {_law(found, described)}.")
-        if found.left > NOISE:
+        if found.left > COMPLETE:
             said.append(f"Fitted, it leaves {found.left:.3g} times the noise of a record: the true law may be another.")
     elif not found.named_only:
         said.insert(0, "No force of the library explains what is missing.")

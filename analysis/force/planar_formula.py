@@ -15,14 +15,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from testbed.analysis.fit.fit_state import State, WaveformFit
+from testbed.analysis.fit.fit_state import State, WaveformFit, together
 from testbed.analysis.fit.held_out import conditions_of
 from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.waveform import Fitter
 from testbed.analysis.force.choice import Choice, Chooser, Subset, choose, coefficients
 from testbed.analysis.force.explanation import Explanation
-from testbed.analysis.force.regression import Products
+from testbed.analysis.force.regression import Products, products_of
 from testbed.analysis.force.terms import planar_structure_terms, term_value, tooth_terms
 from testbed.analysis.force.trial_law import NAME, law_of
 from testbed.analysis.search.candidate import ADEQUATE, Candidate
@@ -36,7 +36,6 @@ SMALL = 1e-6  # of the spring's own force, that a term has as it is tried: a res
 BEYOND_CHANCE = 4.0  # standard deviations of the noise's own sum of squares, from which there is a force to describe
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01)  # of the step that the slopes ask for, tried as a start
 MOST_BYTES = 2_000_000_000  # of the columns of all records
-TOGETHER = 16  # terms that are simulated side by side
 LENGTH_CUT = 0.05  # m, at which a term that grows with the length cut is scaled
 ANGLE = 0.7  # rad, at which a waveform is scaled
 EngineOf = Callable[[Mapping[str, Effect]], Engine]
@@ -54,8 +53,9 @@ def left_in_the_plane(engine_of: EngineOf, found: Diagnosis, catalogue: Mapping[
 
 def planar_library(records: Sequence[Observed], model: Model) -> list[ForceTerm]:
     """The terms that records of a machine in x and y could show."""
-    cuts = any(record.cut is not None for record in records) and model.cutter is not None
-    return planar_structure_terms() + (tooth_terms(model.cutter.flutes) if cuts and model.cutter is not None else [])
+    if model.cutter is None or all(record.cut is None for record in records):
+        return planar_structure_terms()
+    return planar_structure_terms() + tooth_terms(model.cutter.flutes)
 
 
 @dataclass(frozen=True)
@@ -145,19 +145,14 @@ def _products(fitter: Fitter, state: State, terms: Sequence[ForceTerm], values: 
     for index, own in enumerate(state.nuisances):
         part = fitter.linearise(index, state)
         variants = [(model, state.angle, own) for model in (state.model, *models)]
-        parts = [fitter.residuals_of(index, [variants[0], *variants[begin : begin + TOGETHER]])
-                 for begin in range(1, len(variants), TOGETHER)]
+        most = together(fitter.records[index].size)
+        parts = [fitter.residuals_of(index, [variants[0], *variants[begin : begin + most]])
+                 for begin in range(1, len(variants), most)]
         left = np.vstack([parts[0][:1], *(found[1:] for found in parts)])
         slopes = (left[1:] - left[0]) / steps[:, None]
         rows = part.without_own(np.vstack([-part.shared.T, -slopes, left[:1] - present @ slopes]))
         blocks.append(np.where(np.isfinite(rows), rows, 0.0).T)
-    groups = conditions_of(fitter.records)
-    sums = np.stack([sum(blocks[index].T @ blocks[index] for index in group) for group in groups])
-    size = np.sqrt(np.einsum("kii->i", sums)[:-1])
-    scale = np.where(size > 0.0, size, 1.0)
-    units = np.append(scale, 1.0)
-    rows_of = np.array([sum(len(blocks[index]) for index in group) for group in groups])
-    return Products(sums / units[:, None] / units, fitter.names, tuple(terms), rows_of, scale, tuple(blocks), 0.0)
+    return products_of(dict(enumerate(blocks)), conditions_of(fitter.records), fitter.names, terms)
 
 
 def _damped(fitter: Fitter, state: State, steps: Mapping[str, float], formula: tuple[Coefficient, ...]

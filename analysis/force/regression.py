@@ -11,7 +11,7 @@ per operating condition.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -244,7 +244,12 @@ def _summed(missing: MissingForce, used: Sequence[int], blocks: Sequence[np.ndar
     if not known:
         raise ValueError("the records are too short to look for the missing force in them")
     groups = [[index for index in group if index in known] for group in conditions_of(missing.observed)]
-    groups = [group for group in groups if group]
+    return products_of(known, [group for group in groups if group], names, terms, angle)
+
+
+def products_of(known: Mapping[int, np.ndarray], groups: Sequence[Sequence[int]], names: Sequence[str],
+                terms: Sequence[ForceTerm], angle: float = 0.0) -> Products:  # fmt: skip
+    """Sums over the records of each group. known: of each record its columns and its residual, (values, n + 1)."""
     sums = np.stack([sum(known[index].T @ known[index] for index in group) for group in groups])
     size = np.sqrt(np.einsum("kii->i", sums)[:-1])
     scale = np.where(size > 0.0, size, 1.0)
