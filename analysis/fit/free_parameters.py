@@ -28,12 +28,8 @@ def free_parameters(records: Sequence[Observed], model: Model) -> list[FreeParam
         free += [one for place in range(len(model.structure.modes)) for one in how_a_mode_rings(records, model, place)]
     if "excited" in kinds or moving and model.structure.planar:
         free += [mass_of_a_mode(records, model, place) for place in range(len(model.structure.modes))]
-    if "cut" in kinds and model.cutting is not None:
-        size = max(abs(model.cutting.tangential_coefficient), abs(model.cutting.normal_coefficient))
-        free += [
-            FreeParameter("tangential_coefficient", 0.2 * size, (1e-3 * size, 100 * size)),
-            FreeParameter("normal_coefficient", 0.2 * size, (-20 * size, 100 * size)),
-        ]
+    if "cut" in kinds:
+        free += how_it_cuts(model)
     return free
 
 
@@ -48,6 +44,15 @@ def how_a_mode_rings(records: Sequence[Observed], model: Model, place: int) -> l
     if model.structure.planar:
         free.append(FreeParameter(model.mode_path(place, "direction"), DIRECTION_STEP, (-math.pi, math.pi), periodic=True))
     return free
+
+
+def how_it_cuts(model: Model) -> list[FreeParameter]:
+    """Both cutting coefficients, as unknowns; none of a model that has none."""
+    if model.cutting is None:
+        return []
+    size = max(abs(model.cutting.tangential_coefficient), abs(model.cutting.normal_coefficient))
+    return [FreeParameter("tangential_coefficient", 0.2 * size, (1e-3 * size, 100 * size)),
+            FreeParameter("normal_coefficient", 0.2 * size, (-20 * size, 100 * size))]  # fmt: skip
 
 
 def mass_of_a_mode(records: Sequence[Observed], model: Model, place: int) -> FreeParameter:

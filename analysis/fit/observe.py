@@ -184,5 +184,6 @@ def heard_in(base: Observed, stated: float, flutes: int) -> float | None:
     steady = [(one.start, one.stop) for one in base.segments if one.kind == "steady"]
     cutting = [(one.start, one.stop) for one in base.segments if one.kind in ("entry", "exit")]
     start, stop = max(steady or cutting, key=lambda one: one[1] - one[0], default=(base.start, base.start))
-    first, last = (round((time - base.start) * base.rate) for time in (start, stop))
-    return heard_speed(base.data[0, first:last], base.rate, stated, flutes, idle=base.data[0, :first])
+    idle = next((one.start for one in base.segments if one.kind != "idle"), start)  # the entry has the lines of the cut, too
+    first, last, before = (round((time - base.start) * base.rate) for time in (start, stop, idle))
+    return heard_speed(base.data[0, first:last], base.rate, stated, flutes, idle=base.data[0, :before])

@@ -41,9 +41,13 @@ def vibration_period(recording: Recording, stated: float, flutes: int, start: fl
     The stated one where the vibration does not tell, or where the cut is too short. Where the harmonics of the tooth passing
     stand out, that period is only made finer here.
     """
+    time, values = recording.time, recording.channels[channel]
+    idle = values[time < start]
     start += SKIPPED * stated
-    heard = _by_its_harmonics(recording, stated, flutes, start, stop, channel)
-    seen = heard or _by_its_lines(recording, stated, flutes, start, stop, channel)
+    inside, nominal = values[(time >= start) & (time < stop)], 2.0 * math.pi / (flutes * stated)
+    speed = heard_speed(inside, recording.sampling_rate, nominal, flutes, idle=idle)
+    heard = None if speed is None else nominal / speed
+    seen = heard or _by_its_lines(inside, idle, recording.sampling_rate, nominal, flutes)
     count = min(MOST, int((stop - start) / (stated * max(1.0, seen) * (1.0 + 2.0 * NEAR))))  # the same at every trial
     if count < FEWEST + flutes:
         return (heard or 1.0) * stated
@@ -98,24 +102,7 @@ def _least(misfit: Callable[[float], float], trials: np.ndarray, step: float) ->
     return float(found.x), float(found.fun)
 
 
-def _by_its_harmonics(recording: Recording, stated: float, flutes: int, start: float, stop: float,
-                      channel: str) -> float | None:  # fmt: skip
-    """The period over the stated one as all harmonics of the tooth passing show it; None where they do not stand out."""
-    values, idle = _in_cut(recording, start, stop, channel)
-    nominal = 2.0 * math.pi / (flutes * stated)
-    found = heard_speed(values, recording.sampling_rate, nominal, flutes, idle=idle)
-    return None if found is None else nominal / found
-
-
-def _by_its_lines(recording: Recording, stated: float, flutes: int, start: float, stop: float, channel: str) -> float:
+def _by_its_lines(values: np.ndarray, idle: np.ndarray, rate: float, nominal: float, flutes: int) -> float:
     """The period over the stated one as spectral lines show it; 1 where they do not."""
-    values, idle = _in_cut(recording, start, stop, channel)
-    nominal = 2.0 * math.pi / (flutes * stated)
-    comb = comb_speed(values, recording.sampling_rate, nominal, flutes, idle=idle)
+    comb = comb_speed(values, rate, nominal, flutes, idle=idle)
     return 1.0 if comb is None else nominal / comb.spindle_speed
-
-
-def _in_cut(recording: Recording, start: float, stop: float, channel: str) -> tuple[np.ndarray, np.ndarray]:
-    """(samples of the channel from `start` to `stop`, those before)."""
-    time, values = recording.time, recording.channels[channel]
-    return values[(time >= start) & (time < stop)], values[time < start]

@@ -11,13 +11,17 @@ import numpy as np
 
 from testbed.analysis.records.chatter import Chatter, judge_cut
 from testbed.analysis.records.chatter_line import LineTrack, chatter_track
-from testbed.analysis.records.lines import SpectralLine, comb_speed, fed_by_the_cut, spectral_lines
+from testbed.analysis.records.lines import SpectralLine, comb_speed, fed_by_the_cut, find_peaks, spectral_lines
 from testbed.analysis.records.noise import Noise, noise_floor, samples_of
+from testbed.analysis.records.passing_speed import REACH
 from testbed.analysis.records.ring_downs import RingDown, blow_times, notes_of, ring_downs, used_times
 from testbed.analysis.records.segments import Segment, find_segments, main_channel
 from testbed.readers import checks
 from testbed.readers.tachometer import speed as marks_speed
 from testbed.recording import MOTIONS, Recording
+
+MOST_TEETH = 8  # that a cutter whose flutes are not given may have
+ALONE = 0.1  # share of the lines that need not be of the teeth: hum, or the cutter's runout where it is faint
 
 
 @dataclass(frozen=True)
@@ -218,10 +222,21 @@ def _speed(recording: Recording, segments: tuple[Segment, ...], channel: str) ->
     )
     if comb is None:
         return None, "none"
+    if "flutes" not in recording.conditions and abs(comb.spindle_speed / nominal - 1.0) > REACH \
+            and _teeth_of(values[samples_of(recording, longest)], recording.sampling_rate, comb.spindle_speed) > 1:
+        return None, "none"  # of so many teeth they show that speed, of others another
     # what one spectrum cannot resolve is no contradiction
     if abs(comb.spindle_speed - nominal) < 2 * math.pi * 0.5 / (longest.duration * flutes):
         return nominal if abs(comb.spindle_speed / nominal - 1) < 1e-4 else comb.spindle_speed, comb.basis
     return comb.spindle_speed, comb.basis
+
+
+def _teeth_of(values: np.ndarray, rate: float, speed: float) -> int:
+    """The most teeth whose passing has all lines that are multiples of a speed (rad/s), but for ALONE of them."""
+    orders, sizes = np.array(find_peaks(values, rate, above=3.0)).T * [[2.0 * np.pi / speed], [1.0]]
+    near = np.abs(orders - np.round(orders)) < 0.1
+    whole, sizes = np.round(orders[near]), np.sqrt(sizes[near])
+    return max(teeth for teeth in range(1, MOST_TEETH + 1) if sizes[whole % teeth > 0].sum() <= ALONE * sizes.sum())
 
 
 def _idle(recording: Recording, segments: tuple[Segment, ...], values: np.ndarray) -> np.ndarray | None:

@@ -24,7 +24,7 @@ from testbed.analysis.search.candidate import Candidate
 from testbed.analysis.search.candidate_round import by_noise, candidate_of
 from testbed.analysis.search.chaos_check import followed, irregular
 from testbed.analysis.search.common_factor import PLAINLY, explained_otherwise, instead_of, written_wrongly
-from testbed.analysis.search.diagnosis import COMPLETE, Diagnosis, excess, never_nothing, told_of_base, verdict_of
+from testbed.analysis.search.diagnosis import COMPLETE, Diagnosis, never_nothing, told_of_base, verdict_of
 from testbed.analysis.search.forward_search import forward
 from testbed.analysis.search.gates import against
 from testbed.analysis.search.judged import as_far_as, foretells_little, of_a_machine, too_slow
@@ -39,15 +39,15 @@ from testbed.analysis.search.refit_from_prior import from_believed
 from testbed.analysis.search.restart import restarted
 from testbed.analysis.search.reweight import ROUGH
 from testbed.analysis.search.sign_check import other_way
+from testbed.analysis.search.ties import rivals_of
 from testbed.effect import Effect
 from testbed.machine import Model
 
 LONG = 16384  # samples of an excited record that are searched
 MOST_EFFECTS = 3
 FEWEST = 3  # cuts whose entries are seen, from which the others may be left out
-FEW_STEPS = 1_400  # of fits, that a search is worth which begins with a model that foretells little
+FEW_STEPS = 1_400  # of fits, that a search is worth which begins with a model that foretells little, or is not needed
 OWN = 7  # simulations of a record that a step takes beside one for each unknown of the machine: for what it has for itself
-CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
 
 
 def diagnose(
@@ -128,12 +128,17 @@ def _diagnosed(engine: Budgeted, records: Sequence[Observed], model: Model, cata
         restated = None if added is not None else explained_otherwise(base, model, catalogue, progress)
         if restated is not None and (plain or clear and restated[0].of_kind):
             return written_wrongly(verdict_of(base, base, [base], (), noise, ()), restated[0])
-        if foretells_little(base):
+        if foretells_little(base) or restated is not None:  # little can be found, or what explains all without an unknown is
             engine.allow(FEW_STEPS * (OWN + len(base.fitter.free)))
-        found, first = _without_irregular(base, engine, model, catalogue, most, progress)
-        if found is None:
-            found = _search(base, engine, model, catalogue, most, progress, first)
-            found = _without_late(found, base, engine, model, catalogue, most, progress)
+        try:
+            found, first = _without_irregular(base, engine, model, catalogue, most, progress)
+            if found is None:
+                found = _search(base, engine, model, catalogue, most, progress, first)
+                found = _without_late(found, base, engine, model, catalogue, most, progress)
+        except BudgetSpent as spent:
+            if restated is None:
+                raise
+            found = as_far_as(spent, engine, records, progress)
         found = instead_of(found, restated)
         if added is not None and explains_more(added, found):
             found = with_mode(found, base, added, list(model.effects))
@@ -285,16 +290,3 @@ def _with_next_test(
     progress("looking for the cut that would tell more")
     found = next_test(engine, records, first.fit.state.model, other.fit.state.model)
     return replace(result, next_test=found, separates=(first.effects[-1], other.effects[-1]) if found else ())
-
-
-def rivals_of(result: Diagnosis) -> list[Candidate]:
-    """What the records leave open: the fits with each of the tied effects, or with the named one and with what came close, the
-    best first; all with as many effects. Empty where there is no such answer."""
-    rivals = [one for one in result.fitted if len(one.effects) == len(result.best.effects)]
-    if result.verdict not in ("undecided", "missing_effect") or not result.effects or not rivals:
-        return []
-    rivals.sort(key=lambda one: one.error_held_out)
-    if result.verdict == "undecided":
-        rivals = [one for one in rivals if one.effects[-1] in result.effects] or rivals
-    most = CLOSE * excess(result.baseline, result.noise_floor)
-    return [rivals[0], *(one for one in rivals[1:] if excess(one.error_held_out, result.noise_floor) <= most)]

@@ -10,11 +10,12 @@ from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from testbed.analysis.fit.solve import alternate_fit_and_passes
 from testbed.analysis.search.candidate import ADEQUATE, Candidate, Tried
 from testbed.analysis.search.candidate_round import candidate_of
-from testbed.analysis.search.diagnosis import excess
+from testbed.analysis.search.diagnosis import Diagnosis, excess
 from testbed.effect import Effect
 
 ALIKE = 0.02  # share of what the better one gains that the other may lack
 NEAR = 3.0  # times DELTA_BIC that such a one may lie apart
+CLOSE = 0.5  # share of the excess that a runner-up may leave and still be worth a test of its own
 
 
 def tied_with(first: Tried, other: Tried, current: Tried, noise: float) -> bool:
@@ -69,3 +70,16 @@ def _in_place(found: Candidate, first: str, rival: Candidate, catalogue: Mapping
     fit = alternate_fit_and_passes(fitter, state, rounds=2, iterations=20)
     effects = (effect.name, *(one for one in found.effects if one != first))
     return replace(candidate_of(fitter, fit, effects, None, 1.0), delta_bic=found.delta_bic)
+
+
+def rivals_of(result: Diagnosis) -> list[Candidate]:
+    """What the records leave open: the fits with each of the tied effects, or with the named one and with what came close, the
+    best first; all with as many effects. Empty where there is no such answer."""
+    rivals = [one for one in result.fitted if len(one.effects) == len(result.best.effects)]
+    if result.verdict not in ("undecided", "missing_effect") or not result.effects or not rivals:
+        return []
+    rivals.sort(key=lambda one: one.error_held_out)
+    if result.verdict == "undecided":
+        rivals = [one for one in rivals if one.effects[-1] in result.effects] or rivals
+    most = CLOSE * excess(result.baseline, result.noise_floor)
+    return [rivals[0], *(one for one in rivals[1:] if excess(one.error_held_out, result.noise_floor) <= most)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -77,7 +78,7 @@ def doubts(records: Sequence[Any], model: Any) -> list[str]:
     from testbed.analysis.records.ring_downs import notes_of
     from testbed.readers.checks import rate_notes
 
-    found = []
+    found, teeth = [], {} if model.cutter is None else {"flutes": model.cutter.flutes}
     for record in records:
         notes = [note for note in record.notes if "uncalibrated" not in note]
         if record.kind != "cut":  # whose spindle may stand still
@@ -85,7 +86,8 @@ def doubts(records: Sequence[Any], model: Any) -> list[str]:
         notes += notes_of(record.recording, record.kind)
         notes += rate_notes(record.recording.sampling_rate, model.structure.frequency_range[1])
         if record.kind == "cut" and not len(record.recording.marks):
-            seen = report(record.recording, record.name, "cut", ())
+            known = replace(record.recording, conditions={**record.recording.conditions, **teeth})
+            seen = report(known, record.name, "cut", ())
             notes += [f"{note}: if the signal is right, correct the campaign" for note in seen.notes if "spindle speed" in note]
         found += [f"{record.name}: {note}" for note in dict.fromkeys(notes)]
     more = len(found) - MOST_NOTES

@@ -140,7 +140,8 @@ def _explanations(engine: Any, records: Any, model: Any, catalogue: Any, watch: 
     from testbed.analysis.fit.estimates import estimates
     from testbed.analysis.probable.plan import Explanation
     from testbed.analysis.probable.posterior import posterior, why_no_chance
-    from testbed.analysis.search.diagnose import diagnose, rivals_of
+    from testbed.analysis.search.diagnose import diagnose
+    from testbed.analysis.search.ties import rivals_of
 
     with watch.busy("fitting the believed model to all records") as progress:
         found = compare(engine, records, model, catalogue)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeAlias
 
 SHOWN_STEPS = 100  # how often at most a bar in a notebook is drawn anew
+PIPED_EVERY_S = 15.0  # between two lines in a pipe, and before the first: short work says nothing there
 
 
 class Watch:
@@ -34,13 +36,14 @@ Progress: TypeAlias = "Watch | Callable[[str, int, int | None], object] | bool |
 
 
 class Bars(Watch):
-    """Bars with the time left, on standard error where that is a terminal; nothing in a pipe."""
+    """Bars with the time left, on standard error where that is a terminal; in a pipe or a file a line now and then."""
 
     @contextmanager
     def counted(self, title: str, counted: str = "") -> Iterator[Callable[[int, int], None]]:
         """See Watch; with `counted` the rate is shown, too."""
         if not sys.stderr.isatty():
-            yield lambda done, total: None
+            say = _lines()
+            yield lambda done, total: say(f"{title}: {done} of {total} {counted}".rstrip())
             return
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -60,7 +63,7 @@ class Bars(Watch):
     def busy(self, title: str) -> Iterator[Callable[[str], None]]:
         """See Watch; with the time gone by."""
         if not sys.stderr.isatty():
-            yield lambda text: None
+            yield _lines()
             return
         from rich.console import Console
         from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -69,6 +72,20 @@ class Bars(Watch):
         with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
             task = bar.add_task(title, total=None)
             yield lambda text: bar.update(task, description=text)
+
+
+def _lines() -> Callable[[str], None]:
+    """A function that writes what is being done as a line on standard error, with the time gone by, unless it just did."""
+    begun = written = time.monotonic()
+
+    def say(text: str) -> None:
+        nonlocal written
+        now = time.monotonic()
+        if now - written >= PIPED_EVERY_S:
+            written = now
+            print(f"{text} ({now - begun:.0f} s)", file=sys.stderr, flush=True)
+
+    return say
 
 
 class Called(Watch):

@@ -86,7 +86,7 @@ class _Shown(Bars):
 
 
 def progress(title: str, quiet: bool = False, counted: str = "") -> AbstractContextManager[Callable[[int, int], None]]:
-    """A function of (done, all) that draws a bar with the time left: on a terminal only, never into a pipe.
+    """A function of (done, all) that draws a bar with the time left, or, in a pipe, writes a line now and then.
 
     counted: what is counted, such as `runs`; the rate is then shown too.
     """
