@@ -43,7 +43,10 @@ def unlike_a_machine(model: Model, found: Mapping[str, Estimate] | None = None) 
 
 
 def moved_together(before: Model, after: Model) -> float:
-    """The factor by which both cutting coefficients moved from what was believed; 1 where it is little, or two."""
+    """The factor by which both cutting coefficients moved from what was believed, in the mean; 1 where it is little, or two.
+
+    Two that moved the same way, both further than any belief is off, are one, too.
+    """
     if before.cutting is None or after.cutting is None:
         return 1.0
     pairs = [(after.value(path), before.value(path)) for path in ("tangential_coefficient", "normal_coefficient")]
@@ -51,7 +54,9 @@ def moved_together(before: Model, after: Model) -> float:
         return 1.0
     first, second = (math.log(found / believed) for found, believed in pairs)
     moved = math.exp(0.5 * (first + second))
-    return moved if abs(first - second) < math.log(TOGETHER) and abs(math.log(moved)) > math.log(MOVED) else 1.0
+    both_far = first * second > 0.0 and min(abs(first), abs(second)) > math.log(FAR)
+    alike = abs(first - second) < math.log(TOGETHER)
+    return moved if (alike or both_far) and abs(math.log(moved)) > math.log(MOVED) else 1.0
 
 
 def said_moved(factor: float) -> str:

@@ -18,20 +18,18 @@ import numpy as np
 from testbed.analysis.fit.effect_start import all_free
 from testbed.analysis.fit.evidence import DELTA_BIC, bic, effective_size
 from testbed.analysis.fit.fit_state import FreeParameter
-from testbed.analysis.fit.free_parameters import how_it_cuts
 from testbed.analysis.fit.held_out import pooled
 from testbed.analysis.fit.identifiable import identifiable_parameters
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import heard_in
 from testbed.analysis.fit.observed import Observed
-from testbed.analysis.fit.plausible import moved_together, said_moved, unlike_a_machine
+from testbed.analysis.fit.plausible import unlike_a_machine
 from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.starts import glance, noise_of_openings
 from testbed.analysis.fit.structure_start import structure_start
 from testbed.analysis.search.candidate import ADEQUATE, Candidate
 from testbed.analysis.search.candidate_round import candidate_of
 from testbed.analysis.search.diagnosis import Diagnosis
-from testbed.analysis.search.judged import foretells_little
 from testbed.analysis.search.planar_slips import planar_slips
 from testbed.analysis.search.refit_from_prior import from_believed
 from testbed.effect import Effect
@@ -40,7 +38,6 @@ from testbed.machine import Model
 TWICE = (2.0, 0.5)  # a radius for a diameter, both sides of a slot, peak to peak
 TENFOLD = (10.0, 0.1)  # a decimal point
 INCH = (25.4, 1 / 25.4)  # in mm
-DECADES = (1e-3, 1e-2, 0.1, 10.0, 100.0, 1e3)  # of both coefficients: from between two of them a descent finds the way
 PER_MINUTE = (60.0, 1 / 60.0)
 RAD_PER_RPM = 2.0 * math.pi / 60.0
 MAINS = (1.2, 1 / 1.2)  # a spindle at 60 Hz for 50
@@ -84,16 +81,6 @@ class Restated:
         """In words, what is to be checked."""
         return (f"The records agree with the model down to their noise {self.told}: check what was written down. No effect is "
                 "needed then.")
-
-
-def of_another_size(records: Sequence[Observed], model: Model) -> Iterator[Restated]:
-    """Both coefficients decades from what is believed: a depth in inches, or another unit. No descent comes from so far."""
-    if model.cutting is None or all(record.cut is None for record in records):
-        return
-    for factor in DECADES:
-        scaled = model.with_values({one.path: factor * model.value(one.path) for one in how_it_cuts(model)})
-        yield Restated("coefficients", factor, records, scaled, f"with both coefficients {_times(factor)} the believed ones",
-                       said=lambda fitted: f"where {said_moved(moved_together(model, fitted))}")  # fmt: skip
 
 
 def restatements(records: Sequence[Observed], model: Model) -> Iterator[Restated]:
@@ -199,13 +186,11 @@ def explained_otherwise(
     def opening(stated: Sequence[Observed], machine: Model, more: Sequence[FreeParameter] = ()) -> float:
         """What a model leaves of the records' openings, as a cost: little work beside a whole fit."""
         asked = [stated[place] for place in places]
-        cutting = {one.path: one for one in how_it_cuts(machine)}  # within bounds that follow the size believed
-        return glance(engine, asked, structure_start(asked, machine), [*(cutting.get(one.path, one) for one in unknown), *more])
+        return glance(engine, asked, structure_start(asked, machine), [*unknown, *more])
 
-    stated, asked = opening(records, model), [*restatements(records, model)]
-    if foretells_little(base):
-        asked += of_another_size(records, model)
-    costs = [(opening(one.records, one.model, one.more), number, one) for number, one in enumerate(asked)]
+    stated = opening(records, model)
+    costs = [(opening(one.records, one.model, one.more), number, one)
+             for number, one in enumerate(restatements(records, model))]
     if not costs:
         return None
     noise = noise_of_openings([records[place] for place in places])
@@ -217,17 +202,10 @@ def explained_otherwise(
         cost_limit = max(OFF_COURSE * 0.5 * sum(record.size for record in one.records), WORTH * base.fit.cost)
         found = _fitted(engine, one, catalogue, cost_limit)
         if found.error_where_known <= ADEQUATE * pooled(found.errors)[1] \
-                and _stands(one, found.fit.state.model, model):
+                and not unlike_a_machine(found.fit.state.model):
             one = one if one.said is None else replace(one, told=one.said(found.fit.state.model))
-            if one.condition == "coefficients":
-                one = replace(one, factor=moved_together(model, found.fit.state.model))
             return _by_the_clock(one, found.fit.state.model, model), found
     return None
-
-
-def _stands(found: Restated, fitted: Model, believed: Model) -> bool:
-    """Whether a machine that was fitted can be one; coefficients of another size, which none may have, moved by one factor."""
-    return moved_together(believed, fitted) != 1.0 if found.condition == "coefficients" else not unlike_a_machine(fitted)
 
 
 def _some(records: Sequence[Observed]) -> list[int]:

@@ -13,7 +13,8 @@ from testbed.analysis.estimate import Estimate
 from testbed.analysis.fit.budget import Budgeted, BudgetSpent
 from testbed.analysis.fit.model_fit import model_fit
 from testbed.analysis.fit.observe import observe
-from testbed.analysis.fit.plausible import moved_together, remarks_on, unlike_a_machine
+from testbed.analysis.fit.plausible import against_adequacy, moved_together, remarks_on, unlike_a_machine
+from testbed.analysis.search import diagnose as search
 from testbed.analysis.search.answer import as_json
 from testbed.analysis.search.common_factor import restatements
 from testbed.analysis.search.diagnose import diagnose
@@ -26,6 +27,7 @@ from tests.support.synthetic_campaign import synthetic_campaign
 
 TRUE = Model(Structure(2.573, 146.42, 0.0032), Cutter(2), Cutting(immersion=0.1))
 TWO = replace(BELIEVED, cutter=Cutter(2), cutting=replace(BELIEVED.cutting, immersion=0.1))
+COEFFICIENTS = ("tangential_coefficient", "normal_coefficient")
 TESTS = ((2850, 1.2), (3810, 1.0), (2600, 0.8))
 
 
@@ -63,6 +65,25 @@ def test_every_statement_changes_what_it_says_and_nothing_else():
             assert changed == pytest.approx(one.factor)
             assert after.cut.spindle_speed == before.cut.spindle_speed and np.array_equal(after.data, before.data)
     assert {one.condition for one in restatements(some, TWO)} == {"feed", "flutes"}  # the marks tell the speed
+
+
+@pytest.mark.parametrize("factor", [25.4, 1e-3])
+def test_coefficients_decades_off_are_found_and_said(factor):
+    """As of a depth written in inches, or of N/m^2 for kN/m^2: no start of the base fit is near."""
+    believed = TWO.with_values({path: factor * TWO.value(path) for path in COEFFICIENTS})
+    fitter, fit = model_fit(ENGINE, records(), believed, CANDIDATES)
+    assert "other_decades" in fit.helped and fit.variance < 1.1
+    moved = moved_together(believed, fit.state.model)
+    assert moved == pytest.approx(TRUE.value(COEFFICIENTS[0]) / believed.value(COEFFICIENTS[0]), rel=0.5)
+    assert "both cutting coefficients came out" in against_adequacy(fitter, fit, believed, CANDIDATES, 1.0, 0.05)[0]
+
+
+def test_a_search_beside_an_explanation_is_short_and_its_end_is_that_explanation(monkeypatch):
+    """Where the base fit leaves little, effects are tried beside a statement that leaves but noise; that does not cost all."""
+    monkeypatch.setattr(search, "PLAINLY", math.inf)
+    monkeypatch.setattr(search, "FEW_STEPS", 1)
+    found = diagnose(ENGINE, with_feed(records(), 2.0), TWO, CANDIDATES)
+    assert found.verdict == "unexplained" and found.misstated == ("feed", 0.5) and found.effects == ()
 
 
 def test_a_budget_ends_a_diagnosis_with_what_is_known_at_the_same_place_every_time():
@@ -106,7 +127,7 @@ def test_a_value_outside_by_less_than_its_interval_says_nothing_against_the_fit(
 
 
 def test_both_coefficients_moved_by_one_factor_name_depth_and_mass():
-    times = {path: 10.0 * BELIEVED.value(path) for path in ("tangential_coefficient", "normal_coefficient")}
+    times = {path: 10.0 * BELIEVED.value(path) for path in COEFFICIENTS}
     assert moved_together(BELIEVED, of(**times)) == pytest.approx(10.0)
     said, = remarks_on(BELIEVED, of(**times))
     assert "depth of cut" in said and "mass 0.1 times" in said

@@ -68,7 +68,7 @@ BASE: Scheme = ("best_half", "other_beginnings", *FRONTS, Step("lost_records", C
 # then what the laws of the model need (samples at jumps hid what entries and exits a pass off leave); at last, what the
 # campaign may state otherwise than it was: without an effect that is there, a fit may have leant on it
 HYPOTHESES: Scheme = ("entry_history", "table_feed")
-LAWS: Scheme = ("growing_window", "growing_decays", "prior_coefficients", "prior_structure", "quiet_records",
+LAWS: Scheme = ("growing_window", "growing_decays", "other_decades", "prior_coefficients", "prior_structure", "quiet_records",
                 "basin_hopping", Step("force_jumps", (*COURSES, "force_jumps")), "lengths", *HYPOTHESES)  # fmt: skip
 # The quick level, where a candidate goes on from the fit that it extends: what its law needs, dear moves as it is worth them
 QUICK: Scheme = ("lengths", Step("other_beginnings", when=_is_kinked), "entries_together", "pass_count",
