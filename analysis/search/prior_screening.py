@@ -136,8 +136,8 @@ class PriorScreening:
     def _complete(self) -> tuple[Candidate, ...]:
         first, *others = self._likely
         cost_limit, close = explaining(self.records, self.base.fit.state), RIVAL * self.opened(first)
-        found = self._fitted((first,), cost_limit)
-        if found is None or found.error_where_known > COMPLETE * pooled(self.base.errors)[1]:
+        found = self.fitted(first)  # to its end: passes, and what the first teeth meet, are found last
+        if found.error_where_known > COMPLETE * pooled(self.base.errors)[1]:
             return ()
         rivals = [self._fitted((name,), cost_limit) for name in others if self.opened(name) <= close]
         return (found, *(one for one in rivals if one is not None))

@@ -27,7 +27,7 @@ from testbed.effect import Effect
 from testbed.machine import Model
 
 CLEAN = 1.01  # error over noise floor up to which nothing is left that another valley could explain
-FAR_OFF = 2.0  # times the cost of the fit at hand, or of the noise if that alone will do, above which a new one is given up
+FAR_OFF = 2.0  # times the cost of the noise above which a fit is given up that is of use only if it leaves but that
 WITHOUT_PARTS = 20.0  # the same of one that takes for whole the passes that are not
 MUCH_CHEAPER = 0.7  # times the cost that the new fit must have where it, too, leaves more than noise
 
@@ -70,7 +70,8 @@ def refit_from_prior(
 
     noise: the noise floor, as the errors. The effect that was found last starts at its example, the others as found. With
     laws that have kinks, what is left may be the error of the engine's steps; then only much calls for another fit of all.
-    What changes the arc of engagement is fitted to its end, by the noise: parts of arcs, found last, are most of what is left.
+    No cost gives that fit up: passes, parts of them and what the first teeth meet, found last, may be most of what is left.
+    What changes the arc of engagement is fitted by the noise.
     """
     if first.error_held_out <= CLEAN * noise:
         return first
@@ -78,13 +79,9 @@ def refit_from_prior(
         return _cut_anew(first, model, progress)
     progress(f"fitting {first.effects[-1]} anew from the believed machine")
     believed = _believed_but_last(first, model, catalogue)
-    moves_arc = "immersion" in catalogue[first.effects[-1]].hooks
-    now = by_noise(first) if moves_arc else first
-    cost_limit = math.inf if moves_arc else FAR_OFF * now.fit.cost
+    now = by_noise(first) if "immersion" in catalogue[first.effects[-1]].hooks else first
     engine, records, free = now.fitter.engine, now.fitter.records, now.fitter.unknowns
-    fitter, fit = model_fit(engine, records, believed, catalogue, free, cost_limit, known=now.fit.cost)
-    if fit.cost > cost_limit:
-        return first
+    fitter, fit = model_fit(engine, records, believed, catalogue, free, known=now.fit.cost)
     found = replace(candidate_of(fitter, fit, first.effects, None, 1.0), delta_bic=first.delta_bic)
     return found if _better(found, now.fit, fit, noise) and found.error_held_out < first.error_held_out else first
 
