@@ -200,9 +200,10 @@ def comb_speed(
         found = _spacing(lines, centre, passing, (1 - span, 1 + span), resolution, rate / 2)
         far = None if centre else _far_spacing(lines, passing, span, resolution, rate / 2)
         if far is not None and (found is None or far.score > CLEARLY * found.score):
-            if far.lines >= FAR_LINES and far.share > FAR_SHARE:
-                candidates.append((far.even_share, CombSpeed(2 * np.pi * far.spacing / flutes, "tooth-passing lines")))
-            continue
+            if far.lines < FAR_LINES:
+                continue
+            told = CombSpeed(2 * np.pi * far.spacing / flutes, "tooth-passing lines")
+            return told if far.share > FAR_SHARE else None  # its lines are no side bands of the nominal one
         if found is None:
             continue
         order = centre / found.spacing
