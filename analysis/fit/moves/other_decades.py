@@ -27,10 +27,14 @@ BETTER = 0.8  # share of what the belief leaves of the openings that another dec
 
 
 def propose(fitter: Fitter, fit: WaveformFit, goal: Goal) -> Iterator[Trial]:
-    """The fit begun in the likeliest other decade, where this one foretells little, or ended where no machine is."""
-    held = not any(one.path.endswith("_coefficient") for one in fitter.unknowns)
-    if goal.prior is None or held or fit.variance < EXPLAINED or not (_leaves_most(fitter, fit) or _odd(fitter, fit)):
+    """The fit begun in the likeliest other decade, where this one foretells little, or ended where no machine is.
+
+    Of the model as it is alone: an effect that is tried begins where that has come to.
+    """
+    held = goal.prior is None or not any(one.path.endswith("_coefficient") for one in fitter.unknowns)
+    if held or goal.laws or fit.variance < EXPLAINED or not (_leaves_most(fitter, fit) or _odd(fitter, fit)):
         return
+    assert goal.prior is not None
     records = goal.records or fitter.records
     believed = _opening(fitter, records, goal.prior)
     left = {factor: _opening(fitter, records, _scaled(goal.prior, factor)) for factor in DECADES}
