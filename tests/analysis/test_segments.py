@@ -249,6 +249,19 @@ def test_the_speed_of_another_test_written_down_is_not_advised(off) -> None:
     assert found.spindle_speed == pytest.approx(2 * np.pi / truth.period, rel=2e-4)
 
 
+def test_lines_of_a_speed_far_from_the_stated_one_are_no_side_bands_of_that() -> None:
+    """A cut that chatters at 717.5 Hz, teeth passing at 303.56 Hz; stated is a speed at which they pass at 242.8 Hz."""
+    time, random = np.arange(14300) / 32000, np.random.default_rng(6)
+    teeth = zip(303.56 * np.arange(1, 14), [3.78, 1.34, 0.985, 0.143, 0.071, 0.041, 0.018, 0.015, 0.009, 0.007, 0.005, 0.004,
+                                            0.003], strict=True)  # fmt: skip
+    bands = [(717.51, 7.82), (413.95, 0.27), (1021.07, 0.175), (800.27, 0.055), (193.15, 0.033), (110.36, 0.028), (1545.3, 0.024)]
+    motion = sum(size * np.cos(2 * np.pi * line * time + line) for line, size in (*teeth, *bands))
+    values = motion + 1e-2 * random.standard_normal(len(time))
+    assert comb_speed(values, 32000.0, 242.8 * np.pi / 2, flutes=4) is None
+    near = comb_speed(values, 32000.0, 295.0 * np.pi / 2, flutes=4)
+    assert near is not None and near.spindle_speed == pytest.approx(303.56 * np.pi / 2, rel=1e-3)
+
+
 def unmarked(rate: float, stated: float, **conditions: float) -> Recording:
     """A record of 2 s, half idle: lines of four teeth at 690 rpm, the last 0.6 s of them after an entry."""
     time, random = np.arange(round(2 * rate)) / rate, np.random.default_rng(5)
