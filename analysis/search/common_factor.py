@@ -51,6 +51,7 @@ WORTH = 0.5  # share of the cost of the fit as stated, above which a statement i
 OFF_COURSE = 100.0  # mean square residual is no more than a record a pass off its course would leave, which is found last
 RINGS = 0.1  # relative difference of the natural frequency, within which the sampling rate is not doubted
 PLAINLY = 3.0  # error over noise floor from which a statement that leaves but noise is believed before effects are tried
+SLIPS = 0.02  # of the speed, that a log book is off
 ALIKE = 1e-3  # relative difference below which two factors are one
 OF_KIND = ("channels", "sign", "carrier", "direction", "milling")  # statements that no strength of an effect is like
 OF_THE_REST = 0.3  # share of what the openings leave beyond noise that a statement may leave there to be fitted to all: with
@@ -195,8 +196,9 @@ def explained_otherwise(
         return None
     noise = noise_of_openings([records[place] for place in places])
     worth = noise + OF_THE_REST * max(stated - noise, 0.0) if model.planar else BETTER * stated
-    for cost, _, one in sorted(costs)[:FITTED]:
-        if cost > min(worth, NEAR_BEST * min(costs)[0]):
+    shown = [one for one in costs if shown_by_lines(one[2], base, model)]
+    for cost, _, one in [*shown, *sorted(costs)[:FITTED]]:
+        if cost > min(worth, NEAR_BEST * min(costs)[0]) and not shown_by_lines(one, base, model):
             break
         progress(f"fitting the model {one.told}")
         cost_limit = max(OFF_COURSE * 0.5 * sum(record.size for record in one.records), WORTH * base.fit.cost)
@@ -206,6 +208,16 @@ def explained_otherwise(
             one = one if one.said is None else replace(one, told=one.said(found.fit.state.model))
             return _by_the_clock(one, found.fit.state.model, model), found
     return None
+
+
+def shown_by_lines(one: Restated, base: Candidate, model: Model) -> bool:
+    """Whether by another number of teeth all cuts turn as stated, though by the stated one their lines say otherwise."""
+    records = [record for record in base.fitter.records if record.cut is not None]
+    cuts = [2.0 * math.pi / record.period / record.cut.spindle_speed for record in records if record.cut is not None]
+    off = float(np.median(cuts))
+    if one.condition != "flutes" or model.cutter is None or max(cuts) > (1.0 + SLIPS) * min(cuts) or abs(off - 1.0) < SLIPS:
+        return False
+    return abs(one.factor / (off * model.cutter.flutes) - 1.0) < SLIPS
 
 
 def _some(records: Sequence[Observed]) -> list[int]:

@@ -88,7 +88,8 @@ def doubts(records: Sequence[Any], model: Any) -> list[str]:
         if record.kind == "cut" and not len(record.recording.marks):
             known = replace(record.recording, conditions={**record.recording.conditions, **teeth})
             seen = report(known, record.name, "cut", ())
-            notes += [f"{note}: if the signal is right, correct the campaign" for note in seen.notes if "spindle speed" in note]
+            notes += [f"{note}: if the signal is right, correct the campaign, or the number of flutes"
+                      for note in seen.notes if "spindle speed" in note]
         found += [f"{record.name}: {note}" for note in dict.fromkeys(notes)]
     more = len(found) - MOST_NOTES
     return found if more <= 0 else [*found[:MOST_NOTES], f"{more} more notes: testbed inspect shows them"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.plausible import against_adequacy, moved_together, remarks_on, unlike_a_machine
 from testbed.analysis.search import diagnose as search
 from testbed.analysis.search.answer import as_json
-from testbed.analysis.search.common_factor import restatements
+from testbed.analysis.search.common_factor import restatements, shown_by_lines
 from testbed.analysis.search.diagnose import diagnose
 from testbed.engines import fast
 from testbed.files.model_file import model_from_text, write_model
@@ -65,6 +66,17 @@ def test_every_statement_changes_what_it_says_and_nothing_else():
             assert changed == pytest.approx(one.factor)
             assert after.cut.spindle_speed == before.cut.spindle_speed and np.array_equal(after.data, before.data)
     assert {one.condition for one in restatements(some, TWO)} == {"feed", "flutes"}  # the marks tell the speed
+
+
+@pytest.mark.parametrize(("heard", "teeth"), [
+    ((1.337, 1.33, 1.335), 4), ((1.0, 1.003, 0.998), None), ((1.337, 1.0, 1.335), None), ((1.27, 1.26, 1.27), None)])
+def test_teeth_by_which_all_cuts_turn_as_stated_are_tried_whatever_the_openings_say(heard, teeth):
+    three = replace(TWO, cutter=Cutter(3))
+    some = [replace(one, period=2.0 * math.pi / (factor * one.cut.spindle_speed))
+            for one, factor in zip(records(), heard, strict=True)]
+    base = SimpleNamespace(fitter=SimpleNamespace(records=some))
+    shown = {one.factor for one in restatements(some, three) if shown_by_lines(one, base, three)}
+    assert shown == ({teeth} if teeth else set())
 
 
 @pytest.mark.parametrize("factor", [25.4, 1e-3])
