@@ -201,9 +201,8 @@ def comb_speed(
         far = None if centre else _far_spacing(lines, passing, span, resolution, rate / 2)
         if far is not None and (found is None or far.score > CLEARLY * found.score):
             if far.lines < FAR_LINES:
-                continue
-            told = CombSpeed(2 * np.pi * far.spacing / flutes, "tooth-passing lines")
-            return told if far.share > FAR_SHARE else None  # its lines are no side bands of the nominal one
+                continue  # else its lines are no side bands of the nominal one
+            return CombSpeed(2 * np.pi * far.spacing / flutes, "tooth-passing lines") if far.share > FAR_SHARE else None
         if found is None:
             continue
         order = centre / found.spacing
