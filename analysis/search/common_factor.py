@@ -196,10 +196,9 @@ def explained_otherwise(
         return None
     noise = noise_of_openings([records[place] for place in places])
     worth = noise + OF_THE_REST * max(stated - noise, 0.0) if model.planar else BETTER * stated
-    shown = [one for one in costs if shown_by_lines(one[2], base, model)]
-    for cost, _, one in [*shown, *sorted(costs)[:FITTED]]:
-        if cost > min(worth, NEAR_BEST * min(costs)[0]) and not shown_by_lines(one, base, model):
-            break
+    likely = [one for one in sorted(costs)[:FITTED] if one[0] <= min(worth, NEAR_BEST * min(costs)[0])]
+    shown = [one for one in costs if shown_by_lines(one[2], base, model) and one not in likely]
+    for _, _, one in (*shown, *likely):
         progress(f"fitting the model {one.told}")
         cost_limit = max(OFF_COURSE * 0.5 * sum(record.size for record in one.records), WORTH * base.fit.cost)
         found = _fitted(engine, one, catalogue, cost_limit)
@@ -212,12 +211,11 @@ def explained_otherwise(
 
 def shown_by_lines(one: Restated, base: Candidate, model: Model) -> bool:
     """Whether by another number of teeth all cuts turn as stated, though by the stated one their lines say otherwise."""
-    records = [record for record in base.fitter.records if record.cut is not None]
-    cuts = [2.0 * math.pi / record.period / record.cut.spindle_speed for record in records if record.cut is not None]
-    off = float(np.median(cuts))
-    if one.condition != "flutes" or model.cutter is None or max(cuts) > (1.0 + SLIPS) * min(cuts) or abs(off - 1.0) < SLIPS:
+    if one.condition != "flutes" or model.cutter is None:
         return False
-    return abs(one.factor / (off * model.cutter.flutes) - 1.0) < SLIPS
+    off = [2.0 * math.pi / record.period / record.cut.spindle_speed for record in base.fitter.records if record.cut is not None]
+    common = max(off) <= (1.0 + SLIPS) * min(off) and abs(off[0] - 1.0) > SLIPS
+    return common and abs(one.factor / (off[0] * model.cutter.flutes) - 1.0) < SLIPS
 
 
 def _some(records: Sequence[Observed]) -> list[int]:

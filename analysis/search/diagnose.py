@@ -128,7 +128,7 @@ def _diagnosed(engine: Budgeted, records: Sequence[Observed], model: Model, cata
         restated = None if added is not None else explained_otherwise(base, model, catalogue, progress)
         if restated is not None and (plain or clear and restated[0].of_kind):
             return written_wrongly(verdict_of(base, base, [base], (), noise, ()), restated[0])
-        if foretells_little(base) or restated is not None:  # little can be found, or what explains all without an unknown is
+        if foretells_little(base) or restated is not None:  # little is to be found, or nothing need be
             engine.allow(FEW_STEPS * (OWN + len(base.fitter.free)))
         try:
             found, first = _without_irregular(base, engine, model, catalogue, most, progress)

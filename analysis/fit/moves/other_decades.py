@@ -21,7 +21,7 @@ from testbed.analysis.fit.structure_start import structure_start
 from testbed.analysis.fit.waveform import Fitter
 from testbed.machine import Model, base_parameter
 
-DECADES = (1e-3, 1e-2, 0.1, 10.0, 100.0, 1e3)  # times the believed coefficients: from between two of them a descent finds down
+DECADES = (1e-3, 1e-2, 0.1, 10.0, 100.0, 1e3)  # times the believed coefficients: from between two of them a descent finds home
 LITTLE = 0.5  # share of the motion, squared, that a fit leaves which foretells little
 BETTER = 0.8  # share of what the belief leaves of the openings that another decade must leave to be fitted to all
 
