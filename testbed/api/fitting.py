@@ -86,7 +86,7 @@ def doubts(records: Sequence[Any], model: Any) -> list[str]:
         notes += notes_of(record.recording, record.kind)
         notes += rate_notes(record.recording.sampling_rate, model.structure.frequency_range[1])
         if record.kind == "cut" and not len(record.recording.marks):
-            known = replace(record.recording, conditions={**record.recording.conditions, **teeth})
+            known = replace(record.recording, conditions={**teeth, **record.recording.conditions})
             seen = report(known, record.name, "cut", ())
             notes += [f"{note}: if the signal is right, correct the campaign, or the number of flutes"
                       for note in seen.notes if "spindle speed" in note]

@@ -1,5 +1,6 @@
 """Lines of a spectrum: what chance shows is none, and which speed they tell."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,10 @@ from testbed.analysis.fit.observe import heard_in
 from testbed.analysis.records.lines import comb_speed, standing_out
 from testbed.analysis.records.record_report import report
 from testbed.analysis.records.segments import Segment
+from testbed.api.fitting import doubts
+from testbed.machine import Cutter
 from testbed.recording import Recording
+from tests.support.campaign_files import BELIEVED
 
 
 def test_white_noise_has_no_lines_at_the_ends_of_its_spectrum():
@@ -73,3 +77,10 @@ def test_lines_of_the_entry_are_of_the_cut_and_not_of_the_idling() -> None:
     values = recording.channels["displacement"][None]
     seen = SimpleNamespace(segments=parts, start=0.0, rate=5000.0, data=values)
     assert heard_in(seen, 862.0 * np.pi / 30, 4) == pytest.approx(690.0 * np.pi / 30, rel=2e-3)
+
+
+def test_before_a_fit_the_speed_is_looked_for_with_the_teeth_of_the_model() -> None:
+    """By one tooth it would be 920 rpm, and that was advised."""
+    record = SimpleNamespace(name="cut", kind="cut", notes=(), recording=unmarked(5000.0, 862.0))
+    (said,) = (note for note in doubts([record], replace(BELIEVED, cutter=Cutter(4))) if "spindle speed" in note)
+    assert "nominal spindle speed 862 rpm, found 689.99" in said and "number of flutes" in said
