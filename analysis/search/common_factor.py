@@ -196,7 +196,8 @@ def explained_otherwise(
         return None
     noise = noise_of_openings([records[place] for place in places])
     worth = noise + OF_THE_REST * max(stated - noise, 0.0) if model.planar else BETTER * stated
-    likely = [one for one in sorted(costs)[:FITTED] if one[0] <= min(worth, NEAR_BEST * min(costs)[0])]
+    most = min(worth, NEAR_BEST * min(costs)[0])
+    likely = [one for one in sorted(costs)[:FITTED] if one[0] <= most]
     shown = [one for one in costs if shown_by_lines(one[2], base, model) and one not in likely]
     for _, _, one in (*shown, *likely):
         progress(f"fitting the model {one.told}")

@@ -15,11 +15,12 @@ from testbed.analysis.fit.free_parameters import at_a_bound, how_it_cuts
 from testbed.analysis.fit.moves import FRONTS
 from testbed.analysis.fit.moves.prior_coefficients import EXPLAINED
 from testbed.analysis.fit.observed import Observed
+from testbed.analysis.fit.plausible import unlike_a_machine
 from testbed.analysis.fit.solve import Goal, Move, Trial, solve
 from testbed.analysis.fit.starts import base_fit, glance
 from testbed.analysis.fit.structure_start import structure_start
 from testbed.analysis.fit.waveform import Fitter
-from testbed.machine import Model, base_parameter
+from testbed.machine import Model
 
 DECADES = (1e-3, 1e-2, 0.1, 10.0, 100.0, 1e3)  # times the believed coefficients: from between two of them a descent finds home
 LITTLE = 0.5  # share of the motion, squared, that a fit leaves which foretells little
@@ -32,7 +33,10 @@ def propose(fitter: Fitter, fit: WaveformFit, goal: Goal) -> Iterator[Trial]:
     Of the model as it is alone: an effect that is tried begins where that has come to.
     """
     held = goal.prior is None or not any(one.path.endswith("_coefficient") for one in fitter.unknowns)
-    if held or goal.laws or fit.variance < EXPLAINED or not (_leaves_most(fitter, fit) or _odd(fitter, fit)):
+    if held or goal.laws or fit.variance < EXPLAINED:
+        return
+    found = fit.state.model
+    if not (_leaves_most(fitter, fit) or at_a_bound(fitter.free, found) or unlike_a_machine(found)):
         return
     assert goal.prior is not None
     records = goal.records or fitter.records
@@ -50,13 +54,6 @@ MOVE = Move(propose)
 def _leaves_most(fitter: Fitter, fit: WaveformFit) -> bool:
     motion = sum(float(np.sum((one.project(one.data) / one.noise[:, None]) ** 2)) for one in fitter.records)
     return 2.0 * fit.cost > LITTLE * motion
-
-
-def _odd(fitter: Fitter, fit: WaveformFit) -> bool:
-    """Whether a parameter is at its bound, or a value of the machine where none has one."""
-    model = fit.state.model
-    return at_a_bound(fitter.free, model) or any(not least <= model.value(path) <= most for path, (least, most)
-                                                 in model.limits.items() if base_parameter(path))
 
 
 def _scaled(prior: Model, factor: float) -> Model:
