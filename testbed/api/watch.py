@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any, TypeAlias
 
 SHOWN_STEPS = 100  # how often at most a bar in a notebook is drawn anew
-PIPED_EVERY_S = 15.0  # between two lines in a pipe, and before the first: short work says nothing there
+PIPED_EVERY_S = 30.0  # between two lines in a pipe, and before the first: short work, compiling too, says nothing there
 
 
 class Watch:

@@ -6,7 +6,7 @@ import os
 import shutil
 from collections.abc import Sequence
 
-from tests.validation.adversities.installation import MULTIPLIERS, RUN, STRANGER, command, place, warm
+from tests.validation.adversities.installation import MULTIPLIERS, RUN, STRANGER, command, place, told, warm
 
 # -- another user, a closed installation, a full disk -------------------------------------------------------------------
 
@@ -34,7 +34,7 @@ def stranger(made: bool = False, **environment_: str) -> str:
                 os.chown(path, STRANGER, STRANGER)
         for name, one in COMMANDS.items():
             done = command(folder, one, prefix, without, TMPDIR=str(folder / "tmp"), **environment_)
-            if done.returncode or done.stderr:
+            if done.returncode or told(done.stderr):
                 return f"{name}: exit {done.returncode}: {done.stderr[-300:]!r}"
             if name == "doctor" and f"/tmp/testbed-kernels-{STRANGER}, yours alone" not in done.stdout:
                 return f"doctor names no folder: {done.stdout[-300:]!r}"
@@ -47,7 +47,7 @@ def no_room() -> str:
     with place() as folder:
         done = command(folder, MULTIPLIERS, ("prlimit", "--fsize=1000"), TESTBED_CACHE=str(folder / "cache"))
         left = [path for path in (folder / "cache").rglob("*") if path.is_file() and path.stat().st_size]
-    if done.returncode or done.stderr.count("\n") != 1 or done.stdout not in expected or left:
+    if done.returncode or len(told(done.stderr)) != 1 or done.stdout not in expected or left:
         return f"exit {done.returncode}: {done.stderr[-300:]!r}, {left} left"
     return ""
 

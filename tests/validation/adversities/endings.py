@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 
 from testbed.system.interruption import SAME_PRESS_S
-from tests.validation.adversities.installation import ROOT, Probe, place, warm
+from tests.validation.adversities.installation import ROOT, Probe, place, told, warm
 
 LONGEST_S = 60.0  # for an end, on a busy machine with the compiler at work
 Ready = Callable[[Path, float], bool]  # of the folder and the seconds since the start
@@ -114,7 +114,7 @@ def _struck(moment: Moment, signals: Sequence[tuple[signal.Signals, float]], all
         if _alive(process.pid):
             os.killpg(process.pid, signal.SIGKILL)
             left.append("a worker")
-    lines = said.splitlines()
+    lines = told(said)
     if process.returncode != 130 or len(lines) != 1 or not lines[0].startswith("interrupted") or left:
         return f"exit {process.returncode}: {said[-400:]!r}, left: {left}"
     return ""
