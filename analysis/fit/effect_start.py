@@ -19,7 +19,7 @@ from testbed.analysis.fit.observed import Observed
 from testbed.analysis.fit.pass_search import begun_otherwise, place_entries, settle_passes, turn_phases
 from testbed.analysis.fit.prediction import Engine
 from testbed.analysis.fit.recurring_start import SCREENED, recurring_starts, residual_peaks
-from testbed.analysis.fit.shown_range import parameter_bounds
+from testbed.analysis.fit.shown_range import is_shown, parameter_bounds
 from testbed.analysis.fit.solve import alternate_fit_and_passes
 from testbed.analysis.fit.starts import anchored_states, softened
 from testbed.analysis.fit.waveform import Fitter
@@ -64,11 +64,13 @@ def fitting_example(fitter: Fitter, effect: Effect, fit: WaveformFit) -> Effect:
 def starting_points(
     effect: Effect, records: Sequence[Observed], fit: WaveformFit, shares: Sequence[float] = SHARES
 ) -> list[dict[str, float]]:
-    """Parameter values a fit of the effect starts from: frequencies at the residual's lines, angles all round, signs both."""
+    """Values a fit of the effect starts from: the residual's lines, angles all round, signs both; neutral if unseen."""
     choices: list[list[float]] = []
     for parameter in effect.parameters:
         low, high = parameter_bounds(parameter, records)
-        if not parameter.vanishes and parameter.unit == "Hz":
+        if not is_shown(parameter, records):
+            choices.append([parameter.neutral])
+        elif not parameter.vanishes and parameter.unit == "Hz":
             peaks = [peak for peak in residual_peaks(records, fit) if low <= peak <= high]
             choices.append(peaks or [min(max(parameter.start or parameter.example, low), high)])
         elif parameter.each_record:
@@ -88,11 +90,10 @@ def starting_points(
 
 def effect_parameters(effect: Effect, records: Sequence[Observed]) -> list[FreeParameter]:
     """The effect's parameters as unknowns of a fit, but for those that no channel of these records shows."""
-    recorded = {channel.removeprefix("tool_") for record in records for channel in record.channels}  # whatever a sensor sits on
     swinging = tuple((f"{effect.name}.{position}", f"{effect.name}.{rate}") for position, rate in effect.oscillators)
     free = []
     for parameter in effect.parameters:
-        if parameter.channels and recorded.isdisjoint(parameter.channels):
+        if not is_shown(parameter, records):
             continue
         size = abs(parameter.example - parameter.neutral) or abs(parameter.example) or 1.0
         low, high = bounds = parameter_bounds(parameter, records)

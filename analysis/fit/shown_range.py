@@ -42,6 +42,12 @@ def mass_bounds(records: Sequence[Observed], believed: float) -> tuple[float, fl
     return min(seen) / MASSES, max(seen) * MASSES
 
 
+def is_shown(parameter: Parameter, records: Sequence[Observed]) -> bool:
+    """Whether any of the channels that alone show an effect's parameter was recorded, whatever its sensor sits on."""
+    recorded = {channel.removeprefix("tool_") for record in records for channel in record.channels}
+    return not parameter.channels or not recorded.isdisjoint(parameter.channels)
+
+
 def parameter_bounds(parameter: Parameter, records: Sequence[Observed]) -> tuple[float, float]:
     """Bounds of an effect's parameter: those of its law, and of a frequency or a time what these records can show."""
     low, high = parameter.bounds
