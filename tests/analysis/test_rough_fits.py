@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from testbed.analysis.fit import effect_start
 from testbed.analysis.fit.drift import drift_basis
 from testbed.analysis.fit.effect_start import starting_points
 from testbed.analysis.fit.first_passes import first_nuisances
@@ -66,6 +67,15 @@ def test_no_angle_that_is_tried_leaves_two_teeth_equal():
     angles = {point["angle"] for point in starting_points(runout, (), None)}
     assert len(angles) == 4
     assert all(abs(math.cos(angle)) > 0.3 for angle in angles)
+
+
+@pytest.mark.parametrize("channels, directions", [(("displacement",), 1), (("displacement", "force_y"), 1),
+                                                  (("tool_acceleration_x", "tool_acceleration_y"), 4)])
+def test_a_mode_begins_aslant_only_where_motion_across_tells_its_direction(monkeypatch, channels, directions):
+    monkeypatch.setattr(effect_start, "residual_peaks", lambda records, fit: [300.0])
+    records = [SimpleNamespace(channels=channels, samples=1000, rate=2000.0)]
+    found = {point["direction"] for point in starting_points(catalogue()["second_mode"], records, None)}
+    assert len(found) == directions and (directions > 1 or found == {0.0})
 
 
 def test_a_rough_model_is_fitted_to_all_records_alike():
