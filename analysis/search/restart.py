@@ -40,13 +40,18 @@ def restarted(path: SelectionTrace, look: PriorScreening, noise: float, most: in
 
 
 def begun_with(path: SelectionTrace, names: Sequence[str], look: PriorScreening, noise: float, most: int) -> SelectionTrace:
-    """The path, or the one that begins with these effects fitted from the believed machine, if it leaves clearly less."""
+    """The path, or the one that begins with these effects fitted from the believed machine, if it leaves clearly less.
+
+    It is asked where they foretell more than what the path began with, or explain clearly more: of two effects that are missing
+    the one that a single record shows need not foretell that record before the other is there, too.
+    """
     base, first = look.base, path.steps[1] if len(path.steps) > 1 else None
     if first is not None and tuple(names) == first.effects:
         return path
     begun = against(look.fitted(*names), base)
     reference = first if first is not None and len(first.effects) == len(names) else base
-    if begun.error_held_out >= reference.error_held_out or first is None and not worth_naming(begun, base, base, noise):
+    less = begun.error_held_out < reference.error_held_out or begun.error_fit < CLEARLY * reference.error_fit
+    if not less or first is None and not worth_naming(begun, base, base, noise):
         return path
     form = steeper_form([by_noise(begun)], [by_noise(one) for one in (*path.steps, begun)], look.catalogue, look.say)
     if form is not None:
