@@ -174,7 +174,7 @@ def _strength(random: np.random.Generator, model: Model, effect: Effect, makers:
     wanted = math.exp(random.uniform(*map(math.log, RISE if noise else (WEAKEST, STRONGEST))))
     held = {}
     for parameter in effect.parameters:
-        if not parameter.vanishes:
+        if not parameter.vanishes and parameter.name != "direction":  # along the feed, and as it was drawn before there was one
             low, high = HELD.get(effect.name, {}).get(parameter.name, (parameter.example, parameter.example))
             if anywhere and (effect.name, parameter.name) == ("second_mode", "frequency"):
                 scale = model.structure.natural_frequency / RIG
