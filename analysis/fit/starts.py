@@ -155,9 +155,12 @@ def with_exits(fitter: Fitter, state: State) -> State:
 
 
 def base_fit(engine: Engine, records: Sequence[Observed], model: Model, *, free: Sequence[FreeParameter] | None = None,
-             goal: Goal = PLAIN) -> tuple[Fitter, WaveformFit]:  # fmt: skip
-    """The believed model refitted to all records, from several starts, with every nuisance."""
-    started = structure_start(records, model)
+             goal: Goal = PLAIN, as_believed: bool = False) -> tuple[Fitter, WaveformFit]:  # fmt: skip
+    """The believed model refitted to all records, from several starts, with every nuisance.
+
+    as_believed: its structure begins as the model has it, not as free decays show it.
+    """
+    started = model if as_believed else structure_start(records, model)
     free = list(free) if free is not None else free_parameters(records, started)
     best = opening_fit(engine, records, started, free)
     soft = Fitter(engine, [softened(record) for record in records], free)

@@ -29,10 +29,14 @@ def propose(fitter: Fitter, fit: WaveformFit, goal: Goal) -> Iterator[Trial]:
 MOVE = Move(propose)
 
 
-def begun_without(fitter: Fitter, records: Sequence[Observed], prior: Model, held: Callable[[str], bool]) -> Iterator[Trial]:
-    """The fit to records begun by one from the prior in which parameters are held. held: whether the one of a path is."""
+def begun_without(fitter: Fitter, records: Sequence[Observed], prior: Model, held: Callable[[str], bool],
+                  as_believed: bool = False) -> Iterator[Trial]:  # fmt: skip
+    """The fit to records begun by one from the prior in which parameters are held.
+
+    held: whether the one of a path is; as_believed: see `base_fit`.
+    """
     free = [one for one in fitter.unknowns if not held(one.path)]
-    found, begun = base_fit(fitter.engine, records, prior, free=free)
+    found, begun = base_fit(fitter.engine, records, prior, free=free, as_believed=as_believed)
     whole = fitter if records is fitter.records else fitter.on(found.records)
     yield Trial(*solve(whole, whole.fit(begun.state), FRONTS))
 

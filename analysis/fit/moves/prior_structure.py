@@ -1,7 +1,8 @@
 """The fit begun with the modes as believed: free from the beginning, one went to where nobody believes it.
 
 With coefficients that are far off, a mode is worth more to the first rounds as something else: slow and heavily damped it makes
-up for a force. Once the coefficients are fitted to the modes as believed, these are close to where they belong.
+up for a force. Or what went on after the cut was no free decay, but a vibration from elsewhere. Once the coefficients fit
+the modes as believed, these are close to where they belong.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import math
 from collections.abc import Iterator
 
 from testbed.analysis.fit.fit_state import WaveformFit
-from testbed.analysis.fit.moves.prior_coefficients import begun_without
+from testbed.analysis.fit.moves.prior_coefficients import EXPLAINED, begun_without
 from testbed.analysis.fit.solve import Goal, Move, Trial
 from testbed.analysis.fit.waveform import Fitter
 from testbed.machine import STRUCTURE, Model, base_parameter
@@ -20,10 +21,11 @@ FAR_DAMPING = 4.0  # the same of a damping ratio, of which little is believed
 
 
 def propose(fitter: Fitter, fit: WaveformFit, goal: Goal) -> Iterator[Trial]:
-    """The fit with all but the modes fitted first, where in the plane a mode has strayed far from its belief."""
-    if goal.prior is not None and goal.prior.structure.planar and _strayed(goal.prior, fit.state.model):
+    """The fit with all but the modes fitted first, where one has strayed far from its belief and much is left."""
+    if goal.prior is not None and fit.variance > EXPLAINED and _strayed(goal.prior, fit.state.model):
         records = goal.records or fitter.records  # which of them start in the cut was told by the fit that strayed
-        yield from begun_without(fitter, records, goal.prior, lambda path: base_parameter(path) in (*STRUCTURE, "direction"))
+        modes = (*STRUCTURE, "direction")
+        yield from begun_without(fitter, records, goal.prior, lambda path: base_parameter(path) in modes, as_believed=True)
 
 
 MOVE = Move(propose)
