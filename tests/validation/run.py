@@ -65,10 +65,13 @@ def _versions() -> str:
 
 
 def main(names: list[str]) -> int:
-    """Run the named checks, or all, and put their sections into the file; 1 if a claim is missed. PAGE: the page alone."""
+    """Run the named checks, or all, and put them into the file; 1 if a claim is missed, 2 for no check. PAGE: no check."""
     if names == [PAGE]:
         TARGET.write_text(whole(TARGET.read_text()))
         return 0
+    if unknown := [name for name in names if name not in CHECKS]:
+        print(f"error: {unknown[0]}: no such check: one of {PAGE}, {', '.join(CHECKS)}", file=sys.stderr)
+        return 2
     missed = 0
     for name in names or CHECKS:
         begin = time.perf_counter()
