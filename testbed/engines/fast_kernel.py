@@ -36,7 +36,7 @@ from testbed.engines.loop_kernel import (
 )
 from testbed.engines.oscillator_kernel import end_state, increment, set_half_and_whole, stage_state
 from testbed.engines.plane_kernel import bounded, position_at_cut, structure_vx, structure_x, velocity_at_cut
-from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_forces, sample_step, skip_held
+from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, keep_met, sample_forces, sample_step, skip_held
 from testbed.engines.slider_kernel import fly_exactly
 from testbed.system.kernel_cache import kept
 
@@ -202,8 +202,10 @@ def cross_segment(A, P, G, I, O, T, S, row0, segment, angle, pass_number, maps, 
                                    position)  # fmt: skip
             if wanted:
                 share = (weights[0] + 4.0 * weights[1] + weights[2]) / 6.0
-                sample_forces(A, P, G, clock, Y, D0, Y1, D1, phase, phase + span, pass_number, teeth, S, row, left[3], W, share,
-                              out, FORCE_X, FORCE_Y, first)  # fmt: skip
+                sample_forces(A, P, G, clock, Y, D0, Y1, D1, phase, phase + span, pass_number, teeth, S, row, step, steps, left,
+                              W, share, out, FORCE_X, FORCE_Y, first)  # fmt: skip
+        if wanted:
+            keep_met(S, row, left, edges)
         keep_surface(A, P, G, Y, D0, Y1, D1, (span / speed0, span / speed1), W, T, S, row, left, now, tooth, edges)
         for i in range(Y.shape[0]):
             Y[i], D0[i] = Y1[i], D1[i]
@@ -258,7 +260,7 @@ def run_one(A, P, G, I, O, Y, durations, clock, wanted, limit, out, pass_times, 
         rows += 2 * I[STEPS + segment]
         teeth = max(teeth, I[TEETH + segment])
     edges = teeth * int(G[SLICES])
-    T, S, left = np.zeros((rows, edges, T_SIZE)), np.zeros((rows, edges)), np.zeros((4, edges))
+    T, S, left = np.zeros((rows, edges, T_SIZE)), np.zeros((rows, edges)), np.zeros((6, edges))
     tooth = np.zeros(edges, np.int64)
     work, maps = np.zeros((11, Y.shape[0])), np.zeros((I[SEGMENTS] + 1, 2, O.shape[0], 4))
     copy(Y, work[0])

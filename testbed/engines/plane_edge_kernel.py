@@ -34,7 +34,7 @@ from testbed.engines.modes_kernel import (
     sample_modes,
 )
 from testbed.engines.plane_kernel import position_at_cut, velocity_at_cut
-from testbed.engines.sampling_kernel import sample_forces
+from testbed.engines.sampling_kernel import keep_met, sample_forces
 
 
 @inner
@@ -104,7 +104,8 @@ def cross(A, P, G, I, modes, bench, number, segment, row0, steps, dt, angle, spa
             return position, False
         first = position
         position = sample_modes(modes, rows, clock, t0, dt, Q, Q1, fx0, fy0, fx1, fy1, out, position)
-        if position > first and max(rows[FORCES, 0], rows[FORCES, 1]) >= 0:
+        forces = max(rows[FORCES, 0], rows[FORCES, 1]) >= 0
+        if forces and position > first:
             put(ends[0], x, y, vx, vy, t0)
             put(ends[2], x1, y1, vx1, vy1, t0 + dt)
             (ax0, ay0), (ax1, ay1) = (acceleration_in_the_plane(modes, Q, fx0, fy0),
@@ -113,8 +114,10 @@ def cross(A, P, G, I, modes, bench, number, segment, row0, steps, dt, angle, spa
             put(ends[3], vx1, vy1, ax1, ay1, 1.0)
             share, phase = (weights[0] + 4.0 * weights[1] + weights[2]) / 6.0, G[CORNERS + segment] + step * span
             sample_forces(A, P, G, clock, ends[0], ends[1], ends[2], ends[3], phase, phase + span, number - I[IDLE],
-                          I[TEETH + segment], S, row, left[3], Y, share, out, rows[FORCES, 0], rows[FORCES, 1],
+                          I[TEETH + segment], S, row, step, steps, left, Y, share, out, rows[FORCES, 0], rows[FORCES, 1],
                           first)  # fmt: skip
+        if forces:
+            keep_met(S, row, left, edges)
         middle_x, middle_y = 0.5 * (x + x1) + 0.125 * dt * (vx - vx1), 0.5 * (y + y1) + 0.125 * dt * (vy - vy1)
         put(Y, middle_x, middle_y, 1.5 * (x1 - x) / dt - 0.25 * (vx + vx1), 1.5 * (y1 - y) / dt - 0.25 * (vy + vy1),
             t0 + 0.5 * dt)  # fmt: skip

@@ -53,7 +53,7 @@ def run_plane(A, P, G, I, modes, Q, Y, rows, clock, limit, out, pass_times, pass
     many, tau, maps = modes.shape[0], G[PITCH] / G[OMEGA], np.empty((I[SEGMENTS], 4, modes.shape[0], 4))
     whole, free, work, size = np.empty((many, 4)), np.empty((many, 4)), np.empty((2, many, 2)), rows_of(I)
     edges, numbers, across = widths_of_bench(G, I)
-    bench = (np.zeros((size, edges, numbers)), np.zeros((size, across)), np.zeros((4, across)), np.zeros(across, np.int64),
+    bench = (np.zeros((size, edges, numbers)), np.zeros((size, across)), np.zeros((6, across)), np.zeros(across, np.int64),
              np.zeros(5), np.zeros((4, 5)))  # fmt: skip
     fill_bench(G, I, bench)
     for segment in range(I[SEGMENTS]):

@@ -165,13 +165,36 @@ def sample_step(A, P, G, clock, Y0, D0, Y1, D1, angle0, angle1, w0, w1, out, pos
 
 
 @inner
-def sample_forces(A, P, G, clock, Y0, D0, Y1, D1, phase0, phase1, pass_number, teeth, S, row, surface, W, share, out, along,
-                  across, position):  # fmt: skip
+def rows_between(u, step, steps):
+    """Weights of five rows of a surface a share u into a step, and how many of them lie before the step.
+
+    Two rows are a step. The surface is a quartic through five that were met, where the segment of `steps` steps has as many;
+    a parabola, which is all that one step holds, shows in a force after a thousandth of it.
+    """
+    if steps == 1:
+        return (1.0 - u) * (1.0 - 2.0 * u), 4.0 * u * (1.0 - u), u * (2.0 * u - 1.0), 0.0, 0.0, 0
+    before = 2 if step + 1 == steps else 0
+    a = 2.0 * u + before
+    b, c, d, e = a - 1.0, a - 2.0, a - 3.0, a - 4.0
+    return b * c * d * e / 24.0, -a * c * d * e / 6.0, a * b * d * e / 4.0, -a * b * c * e / 6.0, a * b * c * d / 24.0, before
+
+
+@inner
+def keep_met(S, row, left, edges):
+    """Keep what the edges met in this step, before its rows hold what they leave: the next one may ask, see `rows_between`."""
+    for edge in range(edges):
+        left[4, edge], left[5, edge] = S[row, edge], S[row + 1, edge]
+
+
+@inner
+def sample_forces(A, P, G, clock, Y0, D0, Y1, D1, phase0, phase1, pass_number, teeth, S, row, step, steps, left, W, share, out,
+                  along, across, position):  # fmt: skip
     """Fill the forces of the samples that fall into one step, into rows of `out`, -1 where nobody asks for one.
 
-    S still holds what its edges met. share: of the step that is in the cut.
+    S still holds what its edges met from this step on, the last rows of `left` what they met in the step before it. step:
+    its number among the segment's. share: of the step that is in the cut.
     """
-    start, rate = clock[0], clock[1]
+    start, rate, surface = clock[0], clock[1], left[3]
     dt = Y1[2] - Y0[2]
     while position < out.shape[1]:
         t = start + position / rate
@@ -182,9 +205,15 @@ def sample_forces(A, P, G, clock, Y0, D0, Y1, D1, phase0, phase1, pass_number, t
         for place in range(Y0.shape[0]):
             W[place] = (1.0 - h01) * Y0[place] + h01 * Y1[place] + dt * (h10 * D0[place] + h11 * D1[place])
         W[2] = t
-        low, middle, high = (1.0 - u) * (1.0 - 2.0 * u), 4.0 * u * (1.0 - u), u * (2.0 * u - 1.0)
+        w0, w1, w2, w3, w4, before = rows_between(u, step, steps)
         for edge in range(teeth * int(G[SLICES])):
-            surface[edge] = low * S[row, edge] + middle * S[row + 1, edge] + high * S[row + 2, edge]
+            if before:
+                surface[edge] = (w0 * left[4, edge] + w1 * left[5, edge] + w2 * S[row, edge] + w3 * S[row + 1, edge]
+                                 + w4 * S[row + 2, edge])  # fmt: skip
+            else:
+                surface[edge] = w0 * S[row, edge] + w1 * S[row + 1, edge] + w2 * S[row + 2, edge]
+                if steps > 1:
+                    surface[edge] += w3 * S[row + 3, edge] + w4 * S[row + 4, edge]
         fx, fy, torque = cutting_force(A, P, G, W, phase0 + u * (phase1 - phase0), pass_number, teeth, surface)
         if along >= 0:
             out[along, position] = share * fx

@@ -9,6 +9,7 @@ import pytest
 from testbed.catalogue import catalogue
 from testbed.cut import Cut, Sampling, whole_cut_sampling
 from testbed.engines import fast, mujoco_engine
+from testbed.engines.predict import predict_cuts
 from testbed.machine import Cutter, Cutting, Mode, Model, Structure
 from testbed.problem import InputProblem
 from testbed.recording import MOTION_UNITS
@@ -69,6 +70,20 @@ def test_the_order_is_four():
     states = [fast.simulate_batch([model], [cut], [Sampling(1.0, 1)], steps=steps).pass_states[0] for steps in (40, 80, 640)]
     errors = [apart(one, states[2]) for one in states[:2]]
     assert math.log2(errors[0] / errors[1]) > 3.5, errors
+
+
+@pytest.mark.parametrize("machine, effects", [(FLEXURE, {}), (MACHINE, {}),
+                                              (MACHINE, {"process_damping": {"coefficient": 1e4}})])  # fmt: skip
+def test_forces_are_sampled_to_the_order_of_the_motion(machine, effects):
+    """What a tooth meets lies between the steps: forces were good to the third order, a thousandth where motion was 1e-5."""
+    model = Model(machine, Cutter(2), Cutting("down-milling", 0.25, 1.2e9, 4e8))
+    for name, values in effects.items():
+        model = model.with_effect(name, **values)
+    sampling = Sampling(4000.0, 1000, 0.003)
+    found = [predict_cuts([model], [Cut(352.0, 2e-4, idle_passes=2, passes=60)], [sampling], ("force_x", "force_y"),
+                          refinement=times, catalogue=catalogue())[0] for times in (1, 2, 16)]  # fmt: skip
+    coarse, half = (apart(one, found[2]) for one in found[:2])
+    assert coarse < 2e-6 and half < coarse / 10.0
 
 
 @pytest.mark.parametrize("feature", ["straight", "helix"])
