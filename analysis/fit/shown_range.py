@@ -44,8 +44,8 @@ def mass_bounds(records: Sequence[Observed], believed: float) -> tuple[float, fl
 
 def is_shown(parameter: Parameter, records: Sequence[Observed]) -> bool:
     """Whether any of the channels that alone show an effect's parameter was recorded, whatever its sensor sits on."""
-    recorded = {channel.removeprefix("tool_") for record in records for channel in record.channels}
-    return not parameter.channels or not recorded.isdisjoint(parameter.channels)
+    return not parameter.channels or any(channel.removeprefix("tool_") in parameter.channels
+                                         for record in records for channel in record.channels)  # fmt: skip
 
 
 def parameter_bounds(parameter: Parameter, records: Sequence[Observed]) -> tuple[float, float]:

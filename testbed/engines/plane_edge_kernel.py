@@ -89,7 +89,7 @@ def cross(A, P, G, I, modes, bench, number, segment, row0, steps, dt, angle, spa
     for edge in range(edges):
         tooth[edge] = (number - edge // int(G[SLICES])) % int(G[FLUTES])
     spread = (compliance(modes, F, 1), compliance(modes, F, 3), compliance(modes, maps[3], 3))
-    now, before, fx0, fy0 = 0, -1.0, 0.0, 0.0
+    now, before, fx0, fy0, forces = 0, -1.0, 0.0, 0.0, max(rows[FORCES, 0], rows[FORCES, 1]) >= 0
     x, y = in_the_plane(modes, Q, 0)
     vx, vy = in_the_plane(modes, Q, 1)
     for step in range(steps):
@@ -104,7 +104,6 @@ def cross(A, P, G, I, modes, bench, number, segment, row0, steps, dt, angle, spa
             return position, False
         first = position
         position = sample_modes(modes, rows, clock, t0, dt, Q, Q1, fx0, fy0, fx1, fy1, out, position)
-        forces = max(rows[FORCES, 0], rows[FORCES, 1]) >= 0
         if forces and position > first:
             put(ends[0], x, y, vx, vy, t0)
             put(ends[2], x1, y1, vx1, vy1, t0 + dt)
