@@ -7,7 +7,7 @@ from testbed.engines.compiled import inner
 from testbed.engines.fast_kernel import SEGMENTS, STEPS
 from testbed.engines.oscillator_kernel import oscillator_map
 from testbed.engines.plane_kernel import MODE_DAMPING, MODE_MASS, MODE_STIFFNESS, ON_TOOL, SHAPE_X, SHAPE_Y
-from testbed.engines.sampling_kernel import quintic, samples_until
+from testbed.engines.sampling_kernel import add_course, quintic, samples_until
 
 FORCES = 4  # row of `rows` behind the motions: where `out` has the forces along and across the feed
 
@@ -102,72 +102,82 @@ def acceleration_in_the_plane(modes, Q, force_x, force_y):
 
 
 @inner
-def seen(modes, mode, group):
-    """How much of a mode a group of rows sees: the motion along x, y on the workpiece (0, 1) and on the tool (2, 3)."""
-    if modes[mode, ON_TOOL] != group // 2:
-        return 0.0
-    return modes[mode, group % 2] if group < 2 else -modes[mode, group % 2]
+def is_asked(rows, group):
+    """Whether anybody asks for displacement, velocity or acceleration along x, y on the workpiece (0, 1) or the tool (2, 3)."""
+    return max(rows[group, 0], rows[group, 1], rows[group, 2]) >= 0
+
+
+@inner
+def fill_step(out, rows, group, clock, t0, dt, position, stop, ends):
+    """The samples of one group that fall into a step; ends: displacement, velocity, acceleration at its start, at its end."""
+    d0, v0, a0, d1, v1, a1 = ends
+    for place in range(position, stop):
+        moved, rising, bent = quintic((clock[0] + place / clock[1] - t0) / dt, dt, d0, v0, a0, d1, v1, a1)
+        if rows[group, 0] >= 0:
+            out[rows[group, 0], place] = moved
+        if rows[group, 1] >= 0:
+            out[rows[group, 1], place] = rising
+        if rows[group, 2] >= 0:
+            out[rows[group, 2], place] = bent
 
 
 @inner
 def sample_modes(modes, rows, clock, t0, dt, Q0, Q1, x0, y0, x1, y1, out, position):
     """Fill the samples that fall into a step from Q0 to Q1, under the forces (x0, y0) first and (x1, y1) last; the next one.
 
-    rows (5, 3): where `out` has displacement, velocity and acceleration of each group of `seen`, -1 where nobody asks.
+    rows (5, 3): where `out` has displacement, velocity and acceleration of each group of `is_asked`, -1 where nobody asks.
     """
     start, rate = clock[0], clock[1]
     if position >= out.shape[1] or start + position / rate > t0 + dt:
         return position
     stop = samples_until(start, rate, t0 + dt, position, out.shape[1])
-    for group in range(4):
-        if max(rows[group, 0], rows[group, 1], rows[group, 2]) >= 0:
-            d0, v0, a0, d1, v1, a1 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            for mode in range(modes.shape[0]):
-                shape = seen(modes, mode, group)
-                d0, d1 = d0 + shape * Q0[mode, 0], d1 + shape * Q1[mode, 0]
-                v0, v1 = v0 + shape * Q0[mode, 1], v1 + shape * Q1[mode, 1]
-                a0 += shape * acceleration_of(modes, Q0, mode, x0, y0)
-                a1 += shape * acceleration_of(modes, Q1, mode, x1, y1)
-            for place in range(position, stop):
-                moved, rising, bent = quintic((start + place / rate - t0) / dt, dt, d0, v0, a0, d1, v1, a1)
-                if rows[group, 0] >= 0:
-                    out[rows[group, 0], place] = moved
-                if rows[group, 1] >= 0:
-                    out[rows[group, 1], place] = rising
-                if rows[group, 2] >= 0:
-                    out[rows[group, 2], place] = bent
+    for part in range(2):
+        along, across = is_asked(rows, 2 * part), is_asked(rows, 2 * part + 1)
+        if not (along or across):
+            continue
+        dx0, vx0, ax0, dx1, vx1, ax1 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        dy0, vy0, ay0, dy1, vy1, ay1 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for mode in range(modes.shape[0]):
+            if modes[mode, ON_TOOL] == part:
+                sign = 1.0 - 2.0 * part  # a shape is how the workpiece moves against the tool
+                sx, sy = sign * modes[mode, SHAPE_X], sign * modes[mode, SHAPE_Y]
+                a0, a1 = acceleration_of(modes, Q0, mode, x0, y0), acceleration_of(modes, Q1, mode, x1, y1)
+                dx0, dy0, dx1, dy1 = dx0 + sx * Q0[mode, 0], dy0 + sy * Q0[mode, 0], dx1 + sx * Q1[mode, 0], dy1 + sy * Q1[mode, 0]
+                vx0, vy0, vx1, vy1 = vx0 + sx * Q0[mode, 1], vy0 + sy * Q0[mode, 1], vx1 + sx * Q1[mode, 1], vy1 + sy * Q1[mode, 1]
+                ax0, ay0, ax1, ay1 = ax0 + sx * a0, ay0 + sy * a0, ax1 + sx * a1, ay1 + sy * a1
+        if along:
+            fill_step(out, rows, 2 * part, clock, t0, dt, position, stop, (dx0, vx0, ax0, dx1, vx1, ax1))
+        if across:
+            fill_step(out, rows, 2 * part + 1, clock, t0, dt, position, stop, (dy0, vy0, ay0, dy1, vy1, ay1))
     return stop
 
 
 @inner
-def sample_free_modes(modes, rows, clock, t0, dt, Q, W, E, out, position):
-    """Fill the samples of a free flight of length dt from Q at t0; return the next sample. W, E are scratch."""
+def sample_free_modes(modes, rows, clock, t0, dt, Q, ticks, out, position):
+    """Fill the samples of a free flight of length dt from Q at t0; return the next. ticks: maps from a sample to the next."""
     start, rate = clock[0], clock[1]
-    first = start + position / rate
-    if position >= out.shape[1] or first > t0 + dt:
+    begun = start + position / rate - t0
+    if position >= out.shape[1] or start + position / rate > t0 + dt:
         return position
     stop = samples_until(start, rate, t0 + dt, position, out.shape[1])
-    fill_mode_maps(modes, first - t0, E)
-    for mode in range(modes.shape[0]):
-        W[mode, 0], W[mode, 1] = Q[mode, 0], Q[mode, 1]
-    carry_modes(W, E)
-    fill_mode_maps(modes, 1.0 / rate, E)
     for group in range(4):
         for order in range(3):
-            row = rows[group, order]
-            if row >= 0:
-                for place in range(position, stop):
-                    out[row, place] = 0.0
+            for place in range(position, stop if rows[group, order] >= 0 else position):
+                out[rows[group, order], place] = 0.0
     for mode in range(modes.shape[0]):
-        a, b, c, d = E[mode, 0], E[mode, 1], E[mode, 2], E[mode, 3]
+        group = 2 * int(modes[mode, ON_TOOL])
+        if not (is_asked(rows, group) or is_asked(rows, group + 1)):
+            continue
         pull, drag = modes[mode, MODE_STIFFNESS] / modes[mode, MODE_MASS], modes[mode, MODE_DAMPING] / modes[mode, MODE_MASS]
-        for group in range(4):
-            shape = seen(modes, mode, group)
+        a, b, c, d = oscillator_map(pull, drag, begun)
+        q, r = a * Q[mode, 0] + b * Q[mode, 1], c * Q[mode, 0] + d * Q[mode, 1]
+        tick = (ticks[mode, 0], ticks[mode, 1], ticks[mode, 2], ticks[mode, 3])
+        for axis in range(2):
+            shape = modes[mode, axis] if group == 0 else -modes[mode, axis]
             for order in range(3):
-                row = rows[group, order]
+                row = rows[group + axis, order]
                 if row >= 0 and shape != 0.0:
-                    q, r = W[mode, 0], W[mode, 1]
-                    for place in range(position, stop):
-                        out[row, place] += shape * (q if order == 0 else r if order == 1 else -pull * q - drag * r)
-                        q, r = a * q + b * r, c * q + d * r
+                    of_q = shape if order == 0 else 0.0 if order == 1 else -shape * pull
+                    of_r = 0.0 if order == 0 else shape if order == 1 else -shape * drag
+                    add_course(out, row, position, stop, q, r, tick, of_q, of_r)
     return stop

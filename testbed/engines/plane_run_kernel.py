@@ -18,7 +18,7 @@ from testbed.system.kernel_cache import kept
 
 
 @inner
-def pass_in_cut(A, P, G, I, modes, bench, number, maps, work, free, rows, clock, t0, limit, out, position):  # noqa: E741
+def pass_in_cut(A, P, G, I, modes, bench, number, maps, work, ticks, rows, clock, t0, limit, out, position):  # noqa: E741
     """One tooth pass in the cut, the run's `number`; maps (segments, 4, modes, 4): see `cross`. (next sample, bounded)."""
     row0, angle = np.int64(0), (number - I[IDLE]) * G[PITCH]  # a literal 0 would be compiled for as a type of its own
     for segment in range(I[SEGMENTS]):
@@ -26,7 +26,7 @@ def pass_in_cut(A, P, G, I, modes, bench, number, maps, work, free, rows, clock,
         span = G[CORNERS + segment + 1] - base
         duration = span / G[OMEGA]
         if I[TEETH + segment] == 0:
-            position = sample_free_modes(modes, rows, clock, t0, duration, work[0], work[1], free, out, position)
+            position = sample_free_modes(modes, rows, clock, t0, duration, work[0], ticks, out, position)
             carry_modes(work[0], maps[segment, 2])
         else:
             position, bounded = cross(A, P, G, I, modes, bench, number, segment, row0, steps, duration / steps, angle + base,
@@ -51,7 +51,8 @@ def run_plane(A, P, G, I, modes, Q, Y, rows, clock, limit, out, pass_times, pass
     rows (5, 3): see `sample_modes` and FORCES.
     """
     many, tau, maps = modes.shape[0], G[PITCH] / G[OMEGA], np.empty((I[SEGMENTS], 4, modes.shape[0], 4))
-    whole, free, work, size = np.empty((many, 4)), np.empty((many, 4)), np.empty((2, many, 2)), rows_of(I)
+    whole, free, ticks = np.empty((many, 4)), np.empty((many, 4)), np.empty((many, 4))
+    work, size = np.empty((2, many, 2)), rows_of(I)
     edges, numbers, across = widths_of_bench(G, I)
     bench = (np.zeros((size, edges, numbers)), np.zeros((size, across)), np.zeros((6, across)), np.zeros(across, np.int64),
              np.zeros(5), np.zeros((4, 5)))  # fmt: skip
@@ -63,6 +64,7 @@ def run_plane(A, P, G, I, modes, Q, Y, rows, clock, limit, out, pass_times, pass
         fill_mode_maps(modes, duration, maps[segment, 2])
         fill_mode_maps(modes, 0.0, maps[segment, 3])
     fill_mode_maps(modes, tau, whole)
+    fill_mode_maps(modes, 1.0 / clock[1], ticks)
     for mode in range(many):
         work[0, mode, 0], work[0, mode, 1] = Q[mode, 0], Q[mode, 1]
     position = skip_held(G, clock, out)
@@ -76,16 +78,16 @@ def run_plane(A, P, G, I, modes, Q, Y, rows, clock, limit, out, pass_times, pass
         if number < I[IDLE] and t0 < G[HELD_UNTIL]:
             begin = G[HELD_UNTIL]
             if begin < t0 + tau:
-                position = sample_free_modes(modes, rows, clock, begin, t0 + tau - begin, work[0], work[1], free, out, position)
+                position = sample_free_modes(modes, rows, clock, begin, t0 + tau - begin, work[0], ticks, out, position)
                 fill_mode_maps(modes, t0 + tau - begin, free)
                 carry_modes(work[0], free)
         elif not (I[IDLE] <= number < I[IDLE] + I[CUT]):
-            position = sample_free_modes(modes, rows, clock, t0, tau, work[0], work[1], free, out, position)
+            position = sample_free_modes(modes, rows, clock, t0, tau, work[0], ticks, out, position)
             carry_modes(work[0], whole)
         else:
             if number == I[IDLE]:
                 meet_front(A, P, G, I, modes, work[0], free, bench, t0)
-            position, bounded = pass_in_cut(A, P, G, I, modes, bench, number, maps, work, free, rows, clock, t0, limit, out,
+            position, bounded = pass_in_cut(A, P, G, I, modes, bench, number, maps, work, ticks, rows, clock, t0, limit, out,
                                             position)  # fmt: skip
             if not bounded:
                 end_record(out, pass_times, pass_states, position, number + 1)

@@ -102,6 +102,37 @@ def sample_plane(A, P, clock, Y0, D0, Y1, D1, out, position, stop):
 
 
 @inner
+def add_course(out, row, position, stop, q, r, tick, of_q, of_r):
+    """Add of_q q + of_r r to a row's samples from `position` to `stop`, of a mode in free flight at q (m) and r (m/s) at first.
+
+    tick: its map from a sample to the next. Four samples go forward side by side, since each step waits for the one before it.
+    """
+    a, b, c, d = tick
+    q1, r1 = a * q + b * r, c * q + d * r
+    q2, r2 = a * q1 + b * r1, c * q1 + d * r1
+    q3, r3 = a * q2 + b * r2, c * q2 + d * r2
+    a, b, c, d = a * a + b * c, b * (a + d), c * (a + d), b * c + d * d
+    a, b, c, d = a * a + b * c, b * (a + d), c * (a + d), b * c + d * d
+    place = position
+    while place + 4 <= stop:
+        out[row, place] += of_q * q + of_r * r
+        out[row, place + 1] += of_q * q1 + of_r * r1
+        out[row, place + 2] += of_q * q2 + of_r * r2
+        out[row, place + 3] += of_q * q3 + of_r * r3
+        q, r = a * q + b * r, c * q + d * r
+        q1, r1 = a * q1 + b * r1, c * q1 + d * r1
+        q2, r2 = a * q2 + b * r2, c * q2 + d * r2
+        q3, r3 = a * q3 + b * r3, c * q3 + d * r3
+        place += 4
+    if place < stop:
+        out[row, place] += of_q * q + of_r * r
+    if place + 1 < stop:
+        out[row, place + 1] += of_q * q1 + of_r * r1
+    if place + 2 < stop:
+        out[row, place + 2] += of_q * q2 + of_r * r2
+
+
+@inner
 def fill_free_motion(P, clock, Y, out, position, stop):
     """The samples from `position` to `stop` of the structure's own motion from the state Y on: those that are asked for."""
     for row in range(min(out.shape[0], N_PLANE)):
@@ -114,17 +145,15 @@ def fill_free_motion(P, clock, Y, out, position, stop):
         pull, drag = P[at + MODE_STIFFNESS] / P[at + MODE_MASS], P[at + MODE_DAMPING] / P[at + MODE_MASS]
         a, b, c, d = oscillator_map(pull, drag, begun)
         q0, r0 = a * Y[from_] + b * Y[from_ + 1], c * Y[from_] + d * Y[from_ + 1]
-        a, b, c, d = oscillator_map(pull, drag, 1.0 / clock[1])
-        on_tool = P[at + ON_TOOL] == 1.0
+        tick, on_tool = oscillator_map(pull, drag, 1.0 / clock[1]), P[at + ON_TOOL] == 1.0
         for axis in range(2):
             shape = -P[at + axis] if on_tool else P[at + axis]
             first = TOOL_X + N_MOTION * axis if on_tool else ACROSS * axis
             for order in range(N_MOTION if first < out.shape[0] else 0):
                 if first + order < out.shape[0] and wanted(clock, first + order):
-                    q, r = q0, r0
-                    for place in range(position, stop):
-                        out[first + order, place] += shape * (q if order == 0 else r if order == 1 else -pull * q - drag * r)
-                        q, r = a * q + b * r, c * q + d * r
+                    of_q = shape if order == 0 else 0.0 if order == 1 else -shape * pull
+                    of_r = 0.0 if order == 0 else shape if order == 1 else -shape * drag
+                    add_course(out, first + order, position, stop, q0, r0, tick, of_q, of_r)
 
 
 @inner
