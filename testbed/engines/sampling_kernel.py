@@ -216,6 +216,19 @@ def keep_met(S, row, left, edges):
 
 
 @inner
+def met_between(S, row, left, edge, steps, between):
+    """What an edge meets within a step from `row` on: rows of S, or what `keep_met` kept, by the weights of `rows_between`."""
+    w0, w1, w2, w3, w4, before = between
+    if before:
+        return (w0 * left[4, edge] + w1 * left[5, edge] + w2 * S[row, edge] + w3 * S[row + 1, edge]
+                + w4 * S[row + 2, edge])  # fmt: skip
+    if steps == 1:
+        return w0 * S[row, edge] + w1 * S[row + 1, edge] + w2 * S[row + 2, edge]
+    return (w0 * S[row, edge] + w1 * S[row + 1, edge] + w2 * S[row + 2, edge] + w3 * S[row + 3, edge]
+            + w4 * S[row + 4, edge])  # fmt: skip
+
+
+@inner
 def sample_forces(A, P, G, clock, Y0, D0, Y1, D1, phase0, phase1, pass_number, teeth, S, row, step, steps, left, W, share, out,
                   along, across, position):  # fmt: skip
     """Fill the forces of the samples that fall into one step, into rows of `out`, -1 where nobody asks for one.
@@ -234,15 +247,9 @@ def sample_forces(A, P, G, clock, Y0, D0, Y1, D1, phase0, phase1, pass_number, t
         for place in range(Y0.shape[0]):
             W[place] = (1.0 - h01) * Y0[place] + h01 * Y1[place] + dt * (h10 * D0[place] + h11 * D1[place])
         W[2] = t
-        w0, w1, w2, w3, w4, before = rows_between(u, step, steps)
+        between = rows_between(u, step, steps)
         for edge in range(teeth * int(G[SLICES])):
-            if before:
-                surface[edge] = (w0 * left[4, edge] + w1 * left[5, edge] + w2 * S[row, edge] + w3 * S[row + 1, edge]
-                                 + w4 * S[row + 2, edge])  # fmt: skip
-            else:
-                surface[edge] = w0 * S[row, edge] + w1 * S[row + 1, edge] + w2 * S[row + 2, edge]
-                if steps > 1:
-                    surface[edge] += w3 * S[row + 3, edge] + w4 * S[row + 4, edge]
+            surface[edge] = met_between(S, row, left, edge, steps, between)
         fx, fy, torque = cutting_force(A, P, G, W, phase0 + u * (phase1 - phase0), pass_number, teeth, surface)
         if along >= 0:
             out[along, position] = share * fx

@@ -42,16 +42,16 @@ from testbed.engines.loop_kernel import (
 )
 from testbed.engines.oscillator_kernel import set_half_and_whole
 from testbed.engines.plane_kernel import bounded, position_at_cut, structure_vx, structure_x, velocity_at_cut
-from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, sample_step, skip_held
+from testbed.engines.sampling_kernel import FORCE_X, FORCE_Y, keep_met, met_between, rows_between, sample_step, skip_held
 from testbed.engines.slider_kernel import fly_exactly
 from testbed.engines.turn_kernel import fill_grid, leading_angle, meet, straight_front
 from testbed.system.kernel_cache import kept
 
 
 @inner
-def sample_uneven(A, P, G, V, clock, Y0, D0, Y1, D1, phase0, phase1, middle, where, tooth, S, row, W, share, out, position,
-                  stop):  # fmt: skip
-    """Fill the forces of the samples from `position` to `stop`, which fall into one step; S holds what its edges met."""
+def sample_uneven(A, P, G, V, clock, Y0, D0, Y1, D1, phase0, phase1, middle, where, tooth, S, row, step, steps, left, W, share, out,
+                  position, stop):  # fmt: skip
+    """Fill the forces of the samples from `position` to `stop`, which fall into one step; step: see `sample_forces`."""
     dt, slices = Y1[2] - Y0[2], int(G[SLICES])
     for sample in range(position, stop):
         t = clock[0] + sample / clock[1]
@@ -60,7 +60,7 @@ def sample_uneven(A, P, G, V, clock, Y0, D0, Y1, D1, phase0, phase1, middle, whe
         for place in range(Y0.shape[0]):
             W[place] = (1.0 - h01) * Y0[place] + h01 * Y1[place] + dt * (h10 * D0[place] + h11 * D1[place])
         W[2] = t
-        low, between, high = (1.0 - u) * (1.0 - 2.0 * u), 4.0 * u * (1.0 - u), u * (2.0 * u - 1.0)
+        between = rows_between(u, step, steps)
         at, moving, feed = position_at_cut(A, P, W), velocity_at_cut(A, P, W), G[FEED_SPEED] * (t - G[T_ENTRY])
         force_x, force_y = 0.0, 0.0
         for one in range(V.shape[0]):
@@ -70,8 +70,8 @@ def sample_uneven(A, P, G, V, clock, Y0, D0, Y1, D1, phase0, phase1, middle, whe
                 cover, turned = piece_of_tooth(G, leading_angle(V, one, phase0 + u * (phase1 - phase0), middle), point)
                 theta = G[ENTRY] + turned
                 sine, cosine = math.sin(theta), math.cos(theta)
-                met = low * S[row, edge] + between * S[row + 1, edge] + high * S[row + 2, edge]
-                tangential, normal, left = force_of_edge(A, P, G, W, at, moving, feed, cover, turned, theta, sine, cosine, met,
+                met = met_between(S, row, left, edge, steps, between)
+                tangential, normal, remains = force_of_edge(A, P, G, W, at, moving, feed, cover, turned, theta, sine, cosine, met,
                                                          tooth[edge])  # fmt: skip
                 force_x -= tangential * cosine + normal * sine
                 force_y += tangential * sine - normal * cosine
@@ -89,7 +89,7 @@ def cross_uneven(A, P, G, V, O, plain, steady, work, maps, low, span, steps, ang
     now, speed0, before = 0, 0.0, -1.0
     for step in range(steps):
         row, phase = first_row + 2 * step, low + step * span
-        for ahead in range(3):
+        for ahead in range(min(5, 2 * (steps - step) + 1) if wanted else 3):
             meet(G, M, base, weight, old, row + ahead, teeth, S)
         weights = weights_in_cut(G, angle + phase, span)
         if weights[0] != before:  # else the slope at the last step's end is that at this one's start
@@ -103,7 +103,8 @@ def cross_uneven(A, P, G, V, O, plain, steady, work, maps, low, span, steps, ang
                                position)  # fmt: skip
         if wanted:
             sample_uneven(A, P, G, V, clock, Y, D0, Y1, D1, phase, phase + span, low + 0.5 * steps * span, where, tooth, S, row,
-                          W, (weights[0] + 4.0 * weights[1] + weights[2]) / 6.0, out, begun, position)  # fmt: skip
+                          step, steps, left, W, (weights[0] + 4.0 * weights[1] + weights[2]) / 6.0, out, begun, position)  # fmt: skip
+            keep_met(S, row, left, edges)
         keep_surface(A, P, G, Y, D0, Y1, D1, (span / speed0, span / speed1), W, T, S, row, left, now, tooth, edges)
         for edge in range(edges):
             M[row, edge], M[row + 1, edge], M[row + 2, edge] = S[row, edge], S[row + 1, edge], left[1 - now, edge]
@@ -129,7 +130,7 @@ def run_one_uneven(A, P, G, I, O, Y, C, steps, firsts, V, durations, clock, want
     teeth, where = np.zeros(segments, np.int64), np.zeros((segments, V.shape[0]), np.int64)
     T, tooth = np.zeros((count, edges, T_SIZE)), np.zeros((segments, edges))
     base, weight = np.zeros((count, V.shape[0]), np.int64), np.zeros((count, V.shape[0], 4))
-    S, M, left, old = np.zeros((count, edges)), np.zeros((count, edges)), np.zeros((4, edges)), np.zeros_like(base)
+    S, M, left, old = np.zeros((count, edges)), np.zeros((count, edges)), np.zeros((6, edges)), np.zeros_like(base)
     fill_grid(G, C, V, steps, rows, teeth, where, T, base, old, weight, tooth)
     work, maps = np.zeros((11, Y.shape[0])), np.zeros((segments + 1, 2, O.shape[0], 4))
     copy(Y, work[0])

@@ -115,7 +115,10 @@ def _turned(fitter: Fitter, state: State) -> list[WaveformFit]:
 
 
 def _moved(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
-    """The fit with the end of one cut after another elsewhere, all unknowns following, as long as that costs less."""
+    """The fit with the end of one cut after another elsewhere, all unknowns following, as long as that costs less.
+
+    What follows is foretold by slopes: on a fit's way they may lead astray, so that a move that fails is asked again at its end.
+    """
     cuts = [place for place, one in enumerate(fitter.records) if not (one.cut is None or one.forces_only)]
     for _ in range(MOVES):
         tried = threaded(partial(best_moved, fitter, fit), cuts)
@@ -124,9 +127,9 @@ def _moved(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
         if not cost < cost_limit:
             break
         moved = fitter.fit(fit.state.with_record(place, own), iterations=STEPS)
-        if not moved.cost < cost_limit:
+        if not moved.cost < cost_limit and fit.converged:
             break
-        fit = moved
+        fit = moved if moved.cost < cost_limit else fitter.fit(fit.state, iterations=LAST, near=fit)
     return fit
 
 
