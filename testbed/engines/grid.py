@@ -19,6 +19,7 @@ STEP_PHASE = 0.15  # rad of the structure's vibration, or of a law's own, that a
 CARRIED_PHASE = 0.3  # rad of a carried oscillator's vibration that a step in the cut may cover
 FREE_PHASE = 0.3  # rad of the structure's vibration that a step outside the cut may cover: only a weak rest is integrated
 STEP_ANGLE = 0.12  # rad of tooth travel a step in the cut may cover
+FLOWN = 8  # parts of a free flight at a varying speed, at the least: its time alone is integrated
 MOST_STEPS = 2.0**60  # in a segment: beyond it a whole number has no room, after what is made of it
 
 
@@ -189,16 +190,18 @@ def steps_of_segments(steps: int | None, pace: Pace) -> np.ndarray:
     cutting, speed = pace.teeth > 0, pace.speed
     with np.errstate(over="ignore", invalid="ignore"):
         if steps:
-            dense = free = timed = steps / pace.crossing
+            dense = free = steps / pace.crossing
+            turned = 0.25 * dense
         else:
             timed = np.maximum(np.maximum(pace.structure / STEP_PHASE, pace.carried / CARRIED_PHASE),
                                np.maximum(pace.turning / STEP_PHASE, speed / STEP_ANGLE)) / speed
             dense = np.maximum(timed, pace.integrated / STEP_PHASE / speed)
             free = np.maximum(pace.carried / FREE_PHASE, pace.integrated / STEP_PHASE) / speed
+            turned = pace.turning / STEP_PHASE / speed
         least = 1 if steps else np.ceil(6 / np.maximum(1, cutting.sum(axis=1, keepdims=True)))
         stepped = np.maximum(np.where(cutting, least, 1), np.ceil(pace.lengths * np.where(cutting, dense, free) - 1e-9))
-        # one exact map; at a varying speed the time it takes is integrated
-        flown = np.where(pace.steady, 1, np.maximum(8, np.ceil(pace.lengths * timed / 4.0)))
+        # one exact map; at a varying speed the time it takes is integrated, however fast the structure is
+        flown = np.where(pace.steady, 1, np.maximum(FLOWN, np.ceil(pace.lengths * turned)))
         found = np.where(cutting | ~pace.exact, stepped, flown)
     if not (found < MOST_STEPS).all():
         raise OverflowError("steps without number")

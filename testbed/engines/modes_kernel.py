@@ -142,9 +142,10 @@ def sample_modes(modes, rows, clock, t0, dt, Q0, Q1, x0, y0, x1, y1, out, positi
                 sign = 1.0 - 2.0 * part  # a shape is how the workpiece moves against the tool
                 sx, sy = sign * modes[mode, SHAPE_X], sign * modes[mode, SHAPE_Y]
                 a0, a1 = acceleration_of(modes, Q0, mode, x0, y0), acceleration_of(modes, Q1, mode, x1, y1)
-                dx0, dy0, dx1, dy1 = dx0 + sx * Q0[mode, 0], dy0 + sy * Q0[mode, 0], dx1 + sx * Q1[mode, 0], dy1 + sy * Q1[mode, 0]
-                vx0, vy0, vx1, vy1 = vx0 + sx * Q0[mode, 1], vy0 + sy * Q0[mode, 1], vx1 + sx * Q1[mode, 1], vy1 + sy * Q1[mode, 1]
-                ax0, ay0, ax1, ay1 = ax0 + sx * a0, ay0 + sy * a0, ax1 + sx * a1, ay1 + sy * a1
+                dx0, vx0, ax0 = dx0 + sx * Q0[mode, 0], vx0 + sx * Q0[mode, 1], ax0 + sx * a0
+                dy0, vy0, ay0 = dy0 + sy * Q0[mode, 0], vy0 + sy * Q0[mode, 1], ay0 + sy * a0
+                dx1, vx1, ax1 = dx1 + sx * Q1[mode, 0], vx1 + sx * Q1[mode, 1], ax1 + sx * a1
+                dy1, vy1, ay1 = dy1 + sy * Q1[mode, 0], vy1 + sy * Q1[mode, 1], ay1 + sy * a1
         if along:
             fill_step(out, rows, 2 * part, clock, t0, dt, position, stop, (dx0, vx0, ax0, dx1, vx1, ax1))
         if across:

@@ -49,8 +49,8 @@ from testbed.system.kernel_cache import kept
 
 
 @inner
-def sample_uneven(A, P, G, V, clock, Y0, D0, Y1, D1, phase0, phase1, middle, where, tooth, S, row, step, steps, left, W, share, out,
-                  position, stop):  # fmt: skip
+def sample_uneven(A, P, G, V, clock, Y0, D0, Y1, D1, phase0, phase1, middle, where, tooth, S, row, step, steps, left, W,
+                  share, out, position, stop):  # fmt: skip
     """Fill the forces of the samples from `position` to `stop`, which fall into one step; step: see `sample_forces`."""
     dt, slices = Y1[2] - Y0[2], int(G[SLICES])
     for sample in range(position, stop):
@@ -71,8 +71,8 @@ def sample_uneven(A, P, G, V, clock, Y0, D0, Y1, D1, phase0, phase1, middle, whe
                 theta = G[ENTRY] + turned
                 sine, cosine = math.sin(theta), math.cos(theta)
                 met = met_between(S, row, left, edge, steps, between)
-                tangential, normal, remains = force_of_edge(A, P, G, W, at, moving, feed, cover, turned, theta, sine, cosine, met,
-                                                         tooth[edge])  # fmt: skip
+                tangential, normal, remains = force_of_edge(A, P, G, W, at, moving, feed, cover, turned, theta, sine, cosine,
+                                                            met, tooth[edge])  # fmt: skip
                 force_x -= tangential * cosine + normal * sine
                 force_y += tangential * sine - normal * cosine
         out[FORCE_X, sample], out[FORCE_Y, sample] = share * force_x, share * force_y
@@ -103,7 +103,8 @@ def cross_uneven(A, P, G, V, O, plain, steady, work, maps, low, span, steps, ang
                                position)  # fmt: skip
         if wanted:
             sample_uneven(A, P, G, V, clock, Y, D0, Y1, D1, phase, phase + span, low + 0.5 * steps * span, where, tooth, S, row,
-                          step, steps, left, W, (weights[0] + 4.0 * weights[1] + weights[2]) / 6.0, out, begun, position)  # fmt: skip
+                          step, steps, left, W, (weights[0] + 4.0 * weights[1] + weights[2]) / 6.0, out, begun,
+                          position)  # fmt: skip
             keep_met(S, row, left, edges)
         keep_surface(A, P, G, Y, D0, Y1, D1, (span / speed0, span / speed1), W, T, S, row, left, now, tooth, edges)
         for edge in range(edges):

@@ -3,12 +3,13 @@
 import math
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from testbed.analysis.fit.model_fit import model_fit
-from testbed.analysis.fit.moves import every_move
+from testbed.analysis.fit.moves import every_move, parts_of_passes
 from testbed.analysis.fit.nuisances import Nuisances, nearly_whole
 from testbed.analysis.fit.observe import observe
 from testbed.analysis.fit.part_search import FINE, PARTS, VALLEYS, _parts, _placed, best_ends, reachable
@@ -241,3 +242,24 @@ def test_ends_nearly_at_a_whole_pass_are_put_there_and_no_others():
     far = replace(near, late_entry=0.1, early_exit=0.6)
     assert nearly_whole(far, ends, arc, 0.1) == far
     assert nearly_whole(near, ("exit",), arc, 0.1) == replace(near, exit=19, early_exit=0.0)
+
+
+def test_an_end_that_fails_to_move_on_a_fits_way_is_asked_again_at_its_end(monkeypatch):
+    class At(str):
+        def with_record(self, place, own):
+            return At(f"{own} from {self}")
+
+    costs = {"moved from way": 500.0, "way": 100.0, "moved from way's end": 50.0}
+
+    class Plant:
+        records = (SimpleNamespace(cut=True, forces_only=False, size=0),)
+
+        def fit(self, state, iterations, near=None):
+            return SimpleNamespace(state=At("way's end") if state == "way" else state, cost=costs[state], converged=True)
+
+    monkeypatch.setattr(parts_of_passes, "best_moved",
+                        lambda plant, fit, place: (fit.cost - 60.0 if fit.cost > 50.0 else fit.cost, "moved"))  # fmt: skip
+    way = SimpleNamespace(state=At("way"), cost=120.0, converged=False)
+    assert parts_of_passes._moved(Plant(), way).state == "moved from way's end"
+    way.converged = True  # there is no further way
+    assert parts_of_passes._moved(Plant(), way) is way

@@ -192,6 +192,29 @@ def test_teeth_of_unequal_pitch_move_the_machine_as_by_the_second_road(pitches, 
     assert errors[1] < 1e-7 and math.log2(errors[0] / errors[1]) > 3.5, errors
 
 
+def test_forces_on_unequal_teeth_between_the_steps_are_of_fourth_order():
+    model = uneven((80.0, 100.0, 85.0, 95.0), helix=0.5)
+    cut = Cut(2.0 * math.pi * 70.0, 0.3e-3, passes=24)
+    sampling, names = whole_cut_sampling(cut, 4, RATE), ("force_x", "force_y")
+
+    def forces(refinement: int) -> np.ndarray:
+        return predict_cuts([model], [cut], [sampling], names, refinement=refinement)[0]
+
+    true = forces(16)
+    errors = [float(np.sqrt(np.mean((forces(times) - true) ** 2)) / true.std()) for times in (1, 2)]
+    assert errors[0] < 1e-7 and math.log2(errors[0] / errors[1]) > 3.5, errors
+
+
+def test_a_flight_at_a_speed_that_swings_is_as_exact_however_fast_the_structure_is():
+    swings = {"amplitude": 0.01, "frequency": 7.0, "phase": 0.3}
+    model = Model(Structure.of([replace(one, natural_frequency=10.0 * one.natural_frequency) for one in MACHINE.modes]),
+                  Cutter(2), Cutting()).with_effect("speed_variation", **swings)
+    cut = Cut(2.0 * math.pi * 60.0, 0.05e-3, idle_passes=8, passes=6, ring_down_passes=20, initial_displacement=1e-5)
+    sampling = whole_cut_sampling(cut, 2, RATE)
+    found, true = (predict_cuts([model], [cut], [sampling], ("displacement",), refinement=times)[0] for times in (1, 8))
+    assert apart(found, true) < 1e-6
+
+
 def test_unequal_teeth_are_simulated_beside_equal_ones():
     cut = Cut(2.0 * math.pi * 60.0, 0.4e-3, passes=8)
     sampling = whole_cut_sampling(cut, 2, RATE)

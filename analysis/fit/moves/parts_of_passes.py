@@ -117,7 +117,7 @@ def _turned(fitter: Fitter, state: State) -> list[WaveformFit]:
 def _moved(fitter: Fitter, fit: WaveformFit) -> WaveformFit:
     """The fit with the end of one cut after another elsewhere, all unknowns following, as long as that costs less.
 
-    What follows is foretold by slopes: on a fit's way they may lead astray, so that a move that fails is asked again at its end.
+    What follows is foretold by slopes. On a fit's way they may lead astray, so a move that fails is asked again at its end.
     """
     cuts = [place for place, one in enumerate(fitter.records) if not (one.cut is None or one.forces_only)]
     for _ in range(MOVES):
