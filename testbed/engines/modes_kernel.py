@@ -5,9 +5,9 @@ modes (modes, 6) holds what `plane_kernel` says of each mode, Q (modes, 2) their
 
 from testbed.engines.compiled import inner
 from testbed.engines.fast_kernel import SEGMENTS, STEPS
-from testbed.engines.oscillator_kernel import oscillator_map
+from testbed.engines.oscillator_kernel import add_course, oscillator_map
 from testbed.engines.plane_kernel import MODE_DAMPING, MODE_MASS, MODE_STIFFNESS, ON_TOOL, SHAPE_X, SHAPE_Y
-from testbed.engines.sampling_kernel import add_course, quintic, samples_until
+from testbed.engines.sampling_kernel import quintic, samples_until
 
 FORCES = 4  # row of `rows` behind the motions: where `out` has the forces along and across the feed
 

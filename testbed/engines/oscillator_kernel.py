@@ -60,6 +60,37 @@ def free_slope(O, Y, D):
 
 
 @inner
+def add_course(out, row, position, stop, q, r, tick, of_q, of_r):
+    """Add of_q q + of_r r to a row's samples from `position` to `stop`, of a mode in free flight at q (m) and r (m/s) at first.
+
+    tick: its map from a sample to the next. Four samples go forward side by side, since each step waits for the one before it.
+    """
+    a, b, c, d = tick
+    q1, r1 = a * q + b * r, c * q + d * r
+    q2, r2 = a * q1 + b * r1, c * q1 + d * r1
+    q3, r3 = a * q2 + b * r2, c * q2 + d * r2
+    a, b, c, d = a * a + b * c, b * (a + d), c * (a + d), b * c + d * d
+    a, b, c, d = a * a + b * c, b * (a + d), c * (a + d), b * c + d * d
+    place = position
+    while place + 4 <= stop:
+        out[row, place] += of_q * q + of_r * r
+        out[row, place + 1] += of_q * q1 + of_r * r1
+        out[row, place + 2] += of_q * q2 + of_r * r2
+        out[row, place + 3] += of_q * q3 + of_r * r3
+        q, r = a * q + b * r, c * q + d * r
+        q1, r1 = a * q1 + b * r1, c * q1 + d * r1
+        q2, r2 = a * q2 + b * r2, c * q2 + d * r2
+        q3, r3 = a * q3 + b * r3, c * q3 + d * r3
+        place += 4
+    if place < stop:
+        out[row, place] += of_q * q + of_r * r
+    if place + 1 < stop:
+        out[row, place + 1] += of_q * q1 + of_r * r1
+    if place + 2 < stop:
+        out[row, place + 2] += of_q * q2 + of_r * r2
+
+
+@inner
 def pair_at_stage(H, E, row, a, b, k, l, stage):
     """Where the oscillator of a row stands at a stage: (a, b) at the step's start, (k, l) what the stage before adds."""
     if stage == 1:

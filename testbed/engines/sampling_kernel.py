@@ -8,7 +8,7 @@ from testbed.engines.array_kernel import copy
 from testbed.engines.compiled import inner
 from testbed.engines.hooks import PLANAR, hook_sensed_displacement, hook_sensed_velocity
 from testbed.engines.loop_kernel import HELD_UNTIL, SLICES, cutting_force
-from testbed.engines.oscillator_kernel import carry, free_slope, oscillator_map, set_maps
+from testbed.engines.oscillator_kernel import add_course, carry, free_slope, oscillator_map, set_maps
 from testbed.engines.plane_kernel import (
     COUNT,
     FIRST_MODE,
@@ -99,37 +99,6 @@ def sample_plane(A, P, clock, Y0, D0, Y1, D1, out, position, stop):
             for place in range(position, stop):
                 u = (clock[0] + place / clock[1] - Y0[2]) / dt
                 fill_quintic(out, row, place, u, dt, x0, v0, a0, x1, v1, a1)
-
-
-@inner
-def add_course(out, row, position, stop, q, r, tick, of_q, of_r):
-    """Add of_q q + of_r r to a row's samples from `position` to `stop`, of a mode in free flight at q (m) and r (m/s) at first.
-
-    tick: its map from a sample to the next. Four samples go forward side by side, since each step waits for the one before it.
-    """
-    a, b, c, d = tick
-    q1, r1 = a * q + b * r, c * q + d * r
-    q2, r2 = a * q1 + b * r1, c * q1 + d * r1
-    q3, r3 = a * q2 + b * r2, c * q2 + d * r2
-    a, b, c, d = a * a + b * c, b * (a + d), c * (a + d), b * c + d * d
-    a, b, c, d = a * a + b * c, b * (a + d), c * (a + d), b * c + d * d
-    place = position
-    while place + 4 <= stop:
-        out[row, place] += of_q * q + of_r * r
-        out[row, place + 1] += of_q * q1 + of_r * r1
-        out[row, place + 2] += of_q * q2 + of_r * r2
-        out[row, place + 3] += of_q * q3 + of_r * r3
-        q, r = a * q + b * r, c * q + d * r
-        q1, r1 = a * q1 + b * r1, c * q1 + d * r1
-        q2, r2 = a * q2 + b * r2, c * q2 + d * r2
-        q3, r3 = a * q3 + b * r3, c * q3 + d * r3
-        place += 4
-    if place < stop:
-        out[row, place] += of_q * q + of_r * r
-    if place + 1 < stop:
-        out[row, place + 1] += of_q * q1 + of_r * r1
-    if place + 2 < stop:
-        out[row, place + 2] += of_q * q2 + of_r * r2
 
 
 @inner

@@ -2,13 +2,15 @@
 
     python -m tests.validation.ablation                    walk the sample; a row of ablation.jsonl a campaign
     python -m tests.validation.ablation --without MOVE     walk those in which the move helped once more, without it
+    python -m tests.validation.ablation --again N          walk those N anew that were walked longest ago
     python -m tests.validation.ablation --table            print what the rows say
 
-The sample: every SIXTH blind campaign of the rig and of any workshop, every TENTH outside one, whose answers were kept before
+The sample: every SIXTH blind campaign of the rig and of any workshop, and all outside ones, whose answers were kept before
 (results.jsonl, anywhere.jsonl, outside/results.jsonl). A row says how often each move was asked, how often it helped, and by
 how much the cost fell, in all fits of the search; a move that never helped has changed nothing, since a trial that is not kept
 leaves the fit as it was. Guards of the search are counted likewise: how often each was asked, and gave another answer than
-none, or than what it was given. A stopped run goes on where it was.
+none, or than what it was given. A stopped run goes on where it was. Answers that were kept age while the search changes: a
+campaign walked anew says whether its answer still holds.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import ExitStack
 from dataclasses import replace
+from datetime import date
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -38,9 +41,9 @@ from tests.validation.blind import judge
 from tests.validation.golden import leave_out, trace_of
 
 ROWS = Path(__file__).with_suffix(".jsonl")
-SIXTH, TENTH = 6, 10
+SIXTH = 6
 MAKERS = ((judge.RESULTS, "blind", SIXTH), (judge.ELSEWHERE, "blind", SIXTH),
-          (Path(outside.__file__).with_name("results.jsonl"), "outside", TENTH))  # fmt: skip
+          (Path(outside.__file__).with_name("results.jsonl"), "outside", 1))  # fmt: skip
 
 
 def sample() -> dict[str, dict[str, Any]]:
@@ -157,7 +160,7 @@ def walked(name: str, without: str) -> dict[str, Any]:
     costs = [step["cost"] for step in trace["steps"]]
     return {"campaign": name, "without": without, "verdict": trace["verdict"], "effects": trace["effects"],
             "cost": costs[-1] if costs else None, "simulations": trace["simulations"], "processor": trace["processor"],
-            "moves": {one: tally for one, tally in tallies.items() if tally[0]},
+            "day": date.today().isoformat(), "moves": {one: tally for one, tally in tallies.items() if tally[0]},
             "guards": {one: tally for one, tally in guards.items() if tally[0]}}
 
 
@@ -204,6 +207,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--without", default="", choices=sorted(every_move()), metavar="MOVE")
     parser.add_argument("--only", default="", help="campaigns whose name has this text")
+    parser.add_argument("--again", type=int, default=0, metavar="N", help="those N anew that were walked longest ago")
     parser.add_argument("--table", action="store_true")
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args(arguments)
@@ -211,8 +215,10 @@ def main(arguments: list[str]) -> int:
         print(table())
         return 0
     found = rows()
-    done = {row["campaign"] for row in found if row["without"] == options.without}
+    done = {row["campaign"]: row.get("day", "") for row in found if row["without"] == options.without}
     names = [name for name in sample() if name not in done and options.only in name]
+    if options.again:
+        names = sorted(done, key=lambda name: done[name])[: options.again]
     if options.without:
         whole = {row["campaign"]: row.get("moves", {}) for row in found if not row["without"]}
         names = [name for name in names if whole.get(name, {}).get(options.without, [0, 0])[1]]
