@@ -218,7 +218,7 @@ def main(arguments: list[str]) -> int:
     done = {row["campaign"]: row.get("day", "") for row in found if row["without"] == options.without}
     names = [name for name in sample() if name not in done and options.only in name]
     if options.again:
-        names = sorted(done, key=lambda name: done[name])[: options.again]
+        names = sorted((name for name in done if options.only in name), key=lambda name: done[name])[: options.again]
     if options.without:
         whole = {row["campaign"]: row.get("moves", {}) for row in found if not row["without"]}
         names = [name for name in names if whole.get(name, {}).get(options.without, [0, 0])[1]]
