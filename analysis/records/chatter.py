@@ -7,7 +7,8 @@ What repeats with the spindle is taken out of the last revolutions of the cut. A
   as nearly as its place is known, is the cut's only with side bands at the tooth passing;
 - is loud against the feed: the motion changes from tooth to tooth by so much that teeth leave the work, or nearly. A line with
   such side bands may be fainter. Where no channel tells metres, or no feed is known, loud is against the tooth passing. The
-  sensor may sit where what chatters hardly moves: so a line with side bands counts, too, that is loud against the orders.
+  sensor may sit where what chatters hardly moves: so a line with side bands counts, too, that is loud against the orders, or
+  sharp.
 
 What repeats with the spindle, but not with the teeth, is runout, a flip of an even number of teeth, or chatter that has
 locked to the spindle. It is runout where it is small, or made of those orders alone that a cutter beside its axis makes, or
@@ -46,12 +47,14 @@ GROWS, GROWS_ABOVE, FAINT = 1.3, 10.0, 0.1  # the same for one that grows, how f
 LOUD = 0.3  # of the feed, in motion from tooth to tooth; of the tooth passing, in a force: a line between the orders
 LOUD_FED = 0.1  # the same for a line with side bands, off the mains
 CLEAR = 0.05  # of the loudest order, of a line whose side bands make it the cut's own for sure; with fewer LOUD
+SHARP = 30.0  # times its surroundings: such a line, however faint, is no swing that noise keeps up
 LASTS = 0.97  # of such a line, from one half of the end to the other
 LOUD_UNMEASURED = 1.0  # of the loudest order, in a motion that cannot be measured against the feed; doubted from LOUD on
 RAISED = 4.0  # times its median: the spectrum's floor where a motion has no lines,
 LOUD_IRREGULAR, LEAST_IRREGULAR, MOST_IRREGULAR = 0.5, 0.05, 2.0  # as loud as a line; of what repeats in the channel the least
-# that counts where it is integrated, and what is chatter wherever the sensor is
-GREW = 0.3  # in the measure of each channel: what repeats with the spindle only and was not there behind the entry
+# that counts where it is integrated, and what is chatter unless it is faint against the feed
+GREW = 0.3  # in the measure of each channel: what repeats with the spindle only, was not there behind the entry, and is none
+# of a cutter beside its axis, whose motion near a resonance grows, too
 REGULAR = 0.7  # of what does not repeat, that is made by a line which tells the kind
 NEAR_HALF = 0.1  # of the tooth passing from an odd half of it, within which a large motion tells no kind
 LEAVES = 1.0  # of the feed, in motion from tooth to tooth: teeth leave the work
@@ -81,8 +84,9 @@ class Chatter:
 def judge_cut(recording: Recording, segments: Sequence[Segment]) -> Chatter:
     """Whether a recorded cut chattered, by its `segments`; at the tachometer's speed, else at that which its lines show.
 
-    Of several channels of motion or force that one answers in which a line of the cut stands out most, first among those where
-    a line with side bands is chatter.
+    A cut chatters where one of its channels of motion or force shows it: the others may lie where what chatters does not move.
+    Of those that answer alike that one is told in which the cut stands out most, first among those where a line with side bands
+    is chatter.
     """
     answers = []
     for name in recording.channels:
@@ -95,29 +99,29 @@ def judge_cut(recording: Recording, segments: Sequence[Segment]) -> Chatter:
 
 
 def _of_channel(recording: Recording, segments: Sequence[Segment], name: str, quantity: str
-                ) -> tuple[tuple[bool, float], Chatter]:  # fmt: skip
-    """((whether a line with side bands is chatter, how far the cut stands out), the answer) of one channel."""
+                ) -> tuple[tuple[bool, bool, float], Chatter]:  # fmt: skip
+    """((whether a line with side bands is chatter, whether anything is, how far the cut stands out), the answer) of one."""
     flutes, turn = int(recording.conditions.get("flutes") or 1), revolution_period(recording)
     parts = [part for part in segments if part.kind in ("entry", "steady")]
     if not turn:
-        return (False, 0.0), Chatter("unknown", "no tachometer and no spindle speed", channel=name)
+        return (False, False, 0.0), Chatter("unknown", "no tachometer and no spindle speed", channel=name)
     if not parts:
-        return (False, 0.0), Chatter("unknown", "no cut is found in the record", channel=name)
+        return (False, False, 0.0), Chatter("unknown", "no cut is found in the record", channel=name)
     inside = (recording.time >= parts[0].start) & (recording.time < parts[-1].stop)
     speeds, sure = _speeds(recording, inside, name, flutes)
     if not speeds:
-        return (False, 0.0), Chatter("unknown", "the cut is too short", channel=name)
+        return (False, False, 0.0), Chatter("unknown", "the cut is too short", channel=name)
     best = None
     for speed in speeds:
         end = _end_of(recording, inside, speed, sure, name, quantity)
         if end is None:
-            return (False, 0.0), Chatter("unknown", "the cut is too short", channel=name)
+            return (False, False, 0.0), Chatter("unknown", "the cut is too short", channel=name)
         lines = end.lines()
         stands = max(float(end.amplitudes[1:].max() / np.median(end.spectrum[1])), *(one.stands for one in lines), 0.0)
         answer = _by_growth(end, lines, _answer(end, lines))
         own = any(line.sides >= FEWEST_SIDES and line.order / end.turns.period == answer.frequency for line in lines)
-        rank = answer.verdict == "chatter" and own, stands
-        found = rank, _told(replace(answer, channel=name), "flutes" in recording.conditions)
+        chatters = answer.verdict == "chatter"
+        found = (chatters and own, chatters, stands), _told(replace(answer, channel=name), "flutes" in recording.conditions)
         if best is None or (found[1].verdict == "chatter" and best[1].verdict != "chatter"):
             best = found
     assert best is not None
@@ -167,15 +171,16 @@ def _answer(end: CutEnd, lines: Sequence[Line]) -> Chatter:
         loud, enough = _loudness(end, line)
         rises = line.kept > 1.0 and line.kept * max(line.kept_before, 1.0) > GROWS
         grows = rises and not end.of_an_order(line) and line.stands > GROWS_ABOVE and loud > FAINT * enough
-        fed = line.sides >= FEWEST_SIDES and not (line.on_mains or end.of_an_order(line) or end.unmeasured)
         before = end.line_before(line)
+        may_be_hum = line.on_mains and math.isnan(before)  # which sounds in the idling as in the cut
+        fed = line.sides >= FEWEST_SIDES and not (may_be_hum or end.of_an_order(line) or end.unmeasured)
         dies = max(line.kept, line.kept_before) < least
         quiet = loud < (LOUD_FED if fed else LOUD) and not grows and not _clear(end, line, fed, before)
         if dies or quiet or end.folded(line) or before > BEFORE:
             continue
         here = _chatter_at(end, line.order, line.amplitude, tooth, _kind(end, line.order, end.measured and loud < LEAVES))
         if math.isnan(before) and line in hum:
-            alone = replace(here, verdict="unknown", reason="it may be hum: nothing was recorded before the cut")
+            alone = replace(here, verdict="unknown", reason="it may be hum: too little was recorded before the cut")
             doubt = doubt or (alone if len(hum) == 1 else None)
         elif end.unmeasured and loud < enough and not grows:
             why = "without unit and feed it cannot be told whether it is loud"
@@ -188,12 +193,14 @@ def _answer(end: CutEnd, lines: Sequence[Line]) -> Chatter:
 def _clear(end: CutEnd, line: Line, fed: bool, before: float) -> bool:
     """Whether a line is the cut's own however far the sensor is from the chip: by its side bands, or louder than all orders.
 
-    A swing that the entry left has side bands, too; it dies, however slowly.
+    A sharp line is, where idling shows it to be the cut's: what noise keeps swinging is broad. A swing that the entry left has
+    side bands, too; it dies, however slowly.
     """
     share = line.amplitude / float(end.amplitudes[1:].max())
-    if max(line.kept, line.kept_before) < LASTS:
-        return False
-    return fed and share > (CLEAR if line.sides >= SURE_SIDES else LOUD) or before <= BEFORE and share > LOUD_UNMEASURED
+    lasts, sharp = max(line.kept, line.kept_before) >= LASTS, line.stands > SHARP and before <= BEFORE
+    if sharp and (fed or lasts and share > LOUD_UNMEASURED):
+        return True
+    return fed and lasts and share > (CLEAR if line.sides >= SURE_SIDES else LOUD)
 
 
 def _loudness(end: CutEnd, line: Line) -> tuple[float, float]:
@@ -220,7 +227,8 @@ def _by_growth(end: CutEnd, lines: Sequence[Line], found: Chatter) -> Chatter:
     if multiplier is None:
         return found
     kind: Kind = "flip" if is_flip(multiplier) else "neimark_sacker"
-    own = [line for line in lines if not line.on_mains and end.line_before(line) <= BEFORE]
+    own = [line for line in lines if not line.on_mains and end.line_before(line) <= BEFORE
+           and line.kept > DYING and not end.folded(line)]  # fmt: skip
     if found.verdict == "chatter" or not own:
         return replace(found, kind=kind) if found.verdict == "chatter" else found
     tooth = float(end.amplitudes[end.flutes]) if end.flutes < len(end.amplitudes) else math.nan
@@ -240,7 +248,7 @@ def _of_orders(end: CutEnd, tooth: float, doubt: Chatter | None, found: tuple[fl
     of_orders = _chatter_at(end, top, amplitude, tooth, _locked_kind(end, seen))
     if found is not None and (seen.size < loud or found[0] > seen.size or not seen.flips):
         return found[1]
-    if seen.size > loud or seen.grew and seen.size > GREW:
+    if seen.size > loud or seen.grew and seen.size > GREW and (seen.flips or seen.rest > ECCENTRIC):
         return of_orders
     irregular = _irregular(end, tooth)
     if irregular is not None:
@@ -284,7 +292,7 @@ def _irregular(end: CutEnd, tooth: float) -> Chatter | None:
     if end.measured:
         loud = math.sqrt(float(np.sum(power * np.abs(end.from_tooth_to_tooth(orders)) ** 2)))
     faint = bool(end.integrals) and (math.isnan(end.before(1.0)) or of_pattern < LEAST_IRREGULAR)  # hum grows when integrated
-    if loud < LOUD_IRREGULAR and of_pattern < MOST_IRREGULAR or faint or not (end.measured or end.is_force):
+    if loud < (LOUD_IRREGULAR if of_pattern < MOST_IRREGULAR else LOUD_FED) or faint or not (end.measured or end.is_force):
         return None
     top = int(np.argmax(np.abs(lines) * raised))
     return _chatter_at(end, float(orders[top]), float(np.abs(lines[top])), tooth, None)

@@ -21,7 +21,8 @@ BESIDE = 2.5  # bins from an order of the spindle, within which a line may be bu
 NOISE_BEFORE = 3.0  # times the floor of the idling's spectrum, up to which a level there is noise's
 BEFORE = 0.4  # of a line, that stands before the entry where it is none of the cut's
 ON_MAINS = 1e-3  # of the frequency, within which a line is on a multiple of the mains: so much do they err
-PLACED = 0.03, 0.5  # bins: how well a line's place is known at the best, and in noise as high as the line
+PLACED = 0.15, 0.5  # bins: how well a line's place is known among others, and in noise as high as the line
+WAVES = 4.0  # of a line, in the idling or at the cut's end, without which nothing is told of it there
 MOST_HUM = 20  # multiples of the mains
 FAMILY, FAMILY_BINS = 3, 1.5  # multiples of a line whose side bands belong to it, and how far they may lie from their places
 FOLDED, FOLDS, NEAR_THE_TOP = 2.0, 3, 0.6  # of the loudest order near the spectrum's top: a harmonic from above, folded
@@ -102,10 +103,9 @@ class CutEnd:
         return self.integrals is not None
 
     def before(self, order: float) -> float:
-        """Amplitude that stood before the entry at an order's frequency; NaN where no idling was recorded then."""
-        if not len(self.still):
-            return math.nan
-        return level_at(self.still, order / self.turns.period * len(self.idle) * PADDED / self.rate, PADDED)
+        """Amplitude that stood before the entry at an order's frequency; NaN where too little idling was recorded then."""
+        waves = order / self.turns.period * len(self.idle) / self.rate
+        return level_at(self.still, waves * PADDED, PADDED) if len(self.still) and waves >= WAVES else math.nan
 
     def line_before(self, line: Line) -> float:
         """The same of a line, over its amplitude; 0 where it was but noise: hum is on the mains, and counts at any height."""
@@ -178,7 +178,7 @@ class CutEnd:
         for top in tops[np.argsort(-size[tops])]:
             left, here, right = size[top - 1 : top + 2]
             order = (top + 0.5 * (left - right) / (left - 2.0 * here + right)) / bins
-            if order < 2.0 / self.count or self._on_order(order) or any(
+            if order < WAVES / self.count or self._on_order(order) or any(
                     side_lobe(abs(order - other.order) * self.count, here / other.amplitude) for other in found):
                 continue
             *before, first, last = (max(level_at(part, order * half * PADDED, 1.5 * PADDED), 1e-300) for part in parts)

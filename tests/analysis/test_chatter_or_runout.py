@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from testbed.analysis.multipliers.run_labels import observed
 from testbed.analysis.records.chatter import judge_cut
@@ -69,6 +70,47 @@ def motion(line, flutes=1, cut=CUT, size=1e-4, course=None, idle=IDLE):
     on = turns >= idle
     course = course(turns - idle) if course else 1.0
     return on * size * (0.1 * np.cos(2 * math.pi * flutes * turns) + course * np.cos(2 * math.pi * line * turns))
+
+
+def teeth(flutes=2, size=1e-5):
+    """Displacement (m) at the tooth passing alone, a tenth of the feed."""
+    return motion(0.0, flutes, size=10 * size, course=lambda turns: 0.0)
+
+
+def test_a_faint_line_with_side_bands_is_the_cut_s_where_it_is_sharp_and_no_idling_has_it():
+    """The sensor sits on a part that hardly moves: the line is a hundredth of the feed, and a fifth of the tooth passing."""
+    sizes = {5.09: 2e-6, 3.09: 1e-6, 7.09: 5e-7}
+    lines = sum(motion(order, 2, size=size) - teeth(2, 0.1 * size) for order, size in sizes.items())
+    assert judged(teeth() + lines, "displacement", "m", 2).verdict == "chatter"
+    everywhere = teeth() + lines + 2e-6 * np.cos(2 * math.pi * 5.09 * np.arange(len(lines)) / RATE / TURN)
+    everywhere[: int(IDLE * TURN * RATE)] = lines[-int(IDLE * TURN * RATE):]
+    assert judged(everywhere, "displacement", "m", 2).verdict == "none"  # stood there before the teeth cut
+
+
+def test_what_noise_keeps_swinging_is_no_chatter_however_it_leads():
+    noise = np.random.default_rng(5).standard_normal(len(teeth()))
+    damping, turned = 0.02, 2 * math.pi * 5.4 / TURN / RATE
+    swings = lfilter([1.0], [1.0, -2 * math.exp(-damping * turned) * math.cos(turned), math.exp(-2 * damping * turned)], noise)
+    swings *= np.arange(len(noise)) > IDLE * TURN * RATE
+    assert judged(teeth() + 3e-6 * swings / swings.std(), "displacement", "m", 2).verdict == "none"
+    assert judged(teeth(size=1e-6) + 3e-6 * swings / swings.std(), "displacement", "m", 2).verdict == "none"
+
+
+def test_a_cut_chatters_where_one_of_its_channels_shows_it():
+    """The other stands out more: nothing but its teeth, and little noise."""
+    shows, deaf = (recorded(values, "displacement", "m", 2) for values in (motion(2.37, 2), teeth(size=1e-3)))
+    both = replace(deaf, channels={"displacement_x": deaf.channels["displacement"],
+                                   "displacement_y": shows.channels["displacement"]},
+                   units={"displacement_x": "m", "displacement_y": "m"})  # fmt: skip
+    assert judge_cut(both, parts()).verdict == "chatter"
+    assert judge_cut(both, parts()).channel == "displacement_y"
+
+
+def test_idling_of_a_few_periods_tells_nothing_of_a_line():
+    whole = turns_of(motion(9.3)[int(IDLE * TURN * RATE):], np.arange(CUT * int(TURN * RATE)) / RATE, np.empty(0), TURN)
+    idle = np.random.default_rng(3).standard_normal(int(3 * TURN * RATE))
+    end = CutEnd(whole.last(19), whole, 1, idle, RATE, 0, 1e-4, False, True)
+    assert math.isnan(end.before(1.0)) and end.before(9.3) > 0.0
 
 
 def test_chatter_that_beats_does_not_die_and_a_transient_does():

@@ -141,4 +141,6 @@ def check(draws: int = DRAWS) -> Section:
               f"chatter called none {quiet}, a stable cut called chatter {alarms}"),
     ), (("Cuts not told right", ("seed", "true class", "verdict", "recorded"), tuple(missed)),),
         f"1 to {MODES} modes, 1 to 6 flutes of equal and unequal pitch, helix; hum, noise, drift, runout; one or two channels. "
-        "By lines loud against the feed alone the same cuts were right in 87.3 %, and 18 of 150 that chatter were called none.")
+        "By lines loud against the feed alone the same cuts were right in 87.3 %, and 18 of 150 that chatter were called none. "
+        "Of 540 other cuts (seeds 7000 to 7299 and 9000 to 9239) 520 are right and 15 wrong, 12 of them chatter called none; "
+        "before sharp lines counted, 514 and 22. The judge was changed with the first 300 of them at hand.")

@@ -99,10 +99,10 @@ def wide_tests(model: Model) -> list[tuple[float, float]]:
 
 
 def stable_tests(model: Model, random: np.random.Generator) -> list[tuple[float, float]]:
-    """(rpm, depth in m) of cuts at different speeds, each as deep as stays clearly stable, by halves."""
+    """(rpm, depth in m) of cuts at different speeds, each as deep as stays clearly stable, by halves. ValueError: too few are."""
     tests: list[tuple[float, float]] = []
     middle = random.uniform(3000, 5500)
-    while len(tests) < TESTS:
+    for _ in range(SPEEDS):
         rpm, depth = middle * random.uniform(0.7, 1.4), DEEPEST * random.uniform(0.5, 1.0)
         while depth > SHALLOWEST:
             values, _, passes = cut_multipliers(model, Cut(rpm * RPM, depth), 1e-4)
@@ -110,7 +110,9 @@ def stable_tests(model: Model, random: np.random.Generator) -> list[tuple[float,
                 tests.append((rpm, depth))
                 break
             depth *= 0.5
-    return tests
+        if len(tests) == TESTS:
+            return tests
+    raise ValueError(f"fewer than {TESTS} stable cuts at {SPEEDS} speeds")
 
 
 def believed_of(model: Model, drawn: Callable[[], float], off: Mapping[str, float] = OFF) -> Model:
