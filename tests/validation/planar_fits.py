@@ -44,6 +44,7 @@ FAR_OFF = {"natural_frequency": 0.08, "damping_ratio": 0.5, "tangential_coeffici
 TURNED_RAD = math.radians(10)
 CALM = 0.96  # largest modulus of a multiplier of a cut that is taken: the others' fits would be of chatter
 DEEPEST, SHALLOWEST = 1e-3, 2e-5  # m
+SPEEDS = 100  # tried at the most, for cuts of a random machine
 NEARER, DEEPER, WIDE_RPM = 0.97, 2.5e-3, (2800.0, 3300.0, 3900.0, 4500.0)  # the same of machines drawn wider
 COURSE = (6, 25, 12)  # revolutions of idling, cutting, ringing down
 MOST_LEFT = 1.2  # mean square residual in noise, which is that of a few idle turns
@@ -99,7 +100,7 @@ def wide_tests(model: Model) -> list[tuple[float, float]]:
 
 
 def stable_tests(model: Model, random: np.random.Generator) -> list[tuple[float, float]]:
-    """(rpm, depth in m) of cuts at different speeds, each as deep as stays clearly stable, by halves. ValueError: too few are."""
+    """(rpm, depth in m) of cuts at different speeds, each as deep as stays clearly stable, by halves. ValueError: too few."""
     tests: list[tuple[float, float]] = []
     middle = random.uniform(3000, 5500)
     for _ in range(SPEEDS):
