@@ -54,7 +54,7 @@ def _pulls(fitter: Fitter, fit: WaveformFit) -> tuple[np.ndarray, np.ndarray]:
         squares[index, places] = np.einsum("ij,ij->i", rests, rests)
         gradients[index, places] = rests @ slopes
     values, vectors = np.linalg.eigh(normal)
-    kept = values > 1e-12 * max(float(values[-1]), 1e-300)
+    kept = values > 1e-12 * max(float(values.max(initial=0.0)), 1e-300)
     return squares, gradients @ vectors[:, kept] / np.sqrt(values[kept])
 
 
