@@ -24,7 +24,7 @@ from testbed.analysis.fit.waveform import Fitter
 from testbed.machine import Model
 from testbed.system.threads import threaded
 
-COEFFICIENTS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)
+COEFFICIENTS = (1.0, 0.85, 1.2, 0.7, 1.5, 0.5, 2.0)  # times those believed; the first of equals stays: what nothing shows
 OPENING = 8192  # samples of an excited record that the first fits see
 GLANCE = 8  # iterations of a fit that only tells which models are worth another
 SOFT = 0.1  # of a record's own size: what the first rounds forgive, so that no record rules them alone

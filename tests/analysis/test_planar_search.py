@@ -185,12 +185,14 @@ def test_a_slip_is_named_as_such_and_no_effect(true, said):
     assert (found.verdict, found.effects) == ("unexplained", ()) and said in found.sentence
 
 
-def test_sensors_on_a_part_that_the_model_holds_still_are_said_to_sit_on_the_other():
-    """Such channels tell nothing of the model, and without a tachometer no mark's angle is shared: no unknown is."""
+@pytest.mark.parametrize(("quantity", "marked"), [("displacement", False), ("acceleration", True)])
+def test_sensors_on_a_part_that_the_model_holds_still_are_said_to_sit_on_the_other(quantity, marked):
+    """Such channels tell nothing of the model: no unknown is shared without a tachometer, and a fit leads cuts anywhere."""
     alone = replace(TWO, structure=Structure.of(TWO.structure.modes[:1]))
-    records = planar_campaign(partial(fast.simulate, steps=37), alone, TESTS[:2], PLACES[:2], 3, (4, 14, 8), rate=4000.0)
-    records = [replace(one, recording=replace(one.recording, on_tool=tuple(one.recording.channels), marks=np.empty(0)))
-               for one in records]
+    places = [(f"{quantity}_{axis}", "workpiece") for axis in "xy"]
+    records = planar_campaign(partial(fast.simulate, steps=37), alone, TESTS[:2], places, 3, (4, 14, 8), rate=4000.0)
+    records = [replace(one, recording=replace(one.recording, on_tool=tuple(one.recording.channels),
+                                              marks=one.recording.marks if marked else np.empty(0))) for one in records]
     found = diagnose(ENGINE, [observe(record, alone) for record in records], alone, KNOWN)
     assert found.verdict == "unexplained" and "the sensors on tool and workpiece are exchanged" in found.sentence
 

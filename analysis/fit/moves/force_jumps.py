@@ -61,6 +61,8 @@ def _jumps(record: Observed, state: State, own: Nuisances) -> np.ndarray:
     starts = record.start - sampling.start + np.concatenate([[0.0], np.cumsum(durations)])
     passes = slice(cut.idle_passes, cut.idle_passes + cut.passes)
     entries = starts[:-1][passes]
+    if not len(entries):  # a fit astray: the cut lies beyond the record
+        return entries
     first, last = durations[passes][[0, -1]]
     pitches = model.cutter.pitch_angles if model.cutter is not None else ()
     if pitches:
