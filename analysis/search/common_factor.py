@@ -46,11 +46,11 @@ MOST_FLUTES = 8  # that are tried
 FASTEST, SLOWEST = 2e4, 0.5  # rad/s, that a spindle turns at
 BETTER = 0.8  # share of the cost of the openings, as stated, that another statement must leave to be fitted in full,
 FITTED = 3  # the best so many of them
-NEAR_BEST = 10.0  # and not so many times what the best leaves
 WORTH = 0.5  # share of the cost of the fit as stated, above which a statement is given up, unless a
 OFF_COURSE = 100.0  # mean square residual is no more than a record a pass off its course would leave, which is found last
 RINGS = 0.1  # relative difference of the natural frequency, within which the sampling rate is not doubted
-PLAINLY = 3.0  # error over noise floor from which a statement that leaves but noise is believed before effects are tried
+PLAINLY = 3.0  # error over noise floor from which a statement that leaves but noise is believed before effects are tried,
+NEARLY = 1.05  # and one of kind that leaves so much
 SLIPS = 0.02  # of the speed, that a log book is off
 ALIKE = 1e-3  # relative difference below which two factors are one
 OF_KIND = ("channels", "sign", "carrier", "direction", "milling")  # statements that no strength of an effect is like
@@ -62,7 +62,8 @@ GLANCED = 2  # records of a machine in x and y whose openings tell which stateme
 @dataclass(frozen=True)
 class Restated:
     """The campaign with one condition stated otherwise: which, true over stated (flutes: the number; 1 where it is no factor),
-    records and model. more: what is unknown besides. said: `told` by the model as it is then fitted."""
+    records and model. more: what is unknown besides. said: `told` by the model as it is then fitted. nearly: little more than
+    noise is left."""
 
     condition: str
     factor: float
@@ -71,6 +72,7 @@ class Restated:
     told: str
     more: tuple[FreeParameter, ...] = ()
     said: Callable[[Model], str] | None = None
+    nearly: bool = False
 
     @property
     def of_kind(self) -> bool:
@@ -80,8 +82,8 @@ class Restated:
     @property
     def sentence(self) -> str:
         """In words, what is to be checked."""
-        return (f"The records agree with the model down to their noise {self.told}: check what was written down. No effect is "
-                "needed then.")
+        down = "nearly down to their noise" if self.nearly else "down to their noise"
+        return f"The records agree with the model {down} {self.told}: check what was written down. No effect is needed then."
 
 
 def restatements(records: Sequence[Observed], model: Model) -> Iterator[Restated]:
@@ -180,6 +182,7 @@ def explained_otherwise(
     engine, records = base.fitter.engine, base.fitter.records
     if base.error_where_known <= ADEQUATE * pooled(base.errors)[1]:
         return None
+    plain = base.error_where_known > PLAINLY * pooled(base.errors)[1]
     progress("looking at conditions that may have been written down wrongly")
     places = range(len(records)) if not model.planar else _some(records)
     unknown = base.fitter.unknowns if model.planar else all_free(records, model, catalogue)
@@ -195,16 +198,16 @@ def explained_otherwise(
     if not costs:
         return None
     noise = noise_of_openings([records[place] for place in places])
-    worth = noise + OF_THE_REST * max(stated - noise, 0.0) if model.planar else BETTER * stated
-    most = min(worth, NEAR_BEST * min(costs)[0])
+    most = noise + OF_THE_REST * max(stated - noise, 0.0) if model.planar else BETTER * stated
     likely = [one for one in sorted(costs)[:FITTED] if one[0] <= most]
     shown = [one for one in costs if shown_by_lines(one[2], base, model) and one not in likely]
     for _, _, one in (*shown, *likely):
         progress(f"fitting the model {one.told}")
         cost_limit = max(OFF_COURSE * 0.5 * sum(record.size for record in one.records), WORTH * base.fit.cost)
         found = _fitted(engine, one, catalogue, cost_limit)
-        if found.error_where_known <= ADEQUATE * pooled(found.errors)[1] \
-                and not unlike_a_machine(found.fit.state.model):
+        left = found.error_where_known / pooled(found.errors)[1]
+        if left <= (NEARLY if plain and one.of_kind else ADEQUATE) and not unlike_a_machine(found.fit.state.model):
+            one = replace(one, nearly=left > ADEQUATE)
             one = one if one.said is None else replace(one, told=one.said(found.fit.state.model))
             return _by_the_clock(one, found.fit.state.model, model), found
     return None
