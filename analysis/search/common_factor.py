@@ -49,8 +49,8 @@ FITTED = 3  # the best so many of them
 WORTH = 0.5  # share of the cost of the fit as stated, above which a statement is given up, unless a
 OFF_COURSE = 100.0  # mean square residual is no more than a record a pass off its course would leave, which is found last
 RINGS = 0.1  # relative difference of the natural frequency, within which the sampling rate is not doubted
-PLAINLY = 3.0  # error over noise floor from which a statement that leaves but noise is believed before effects are tried,
-NEARLY = 1.05  # and one of kind that leaves so much
+PLAINLY = 3.0  # error over noise floor from which a statement that leaves but noise is believed before effects are tried
+FAR, NEARLY = 10.0, 1.05  # and that from which one is believed that leaves so much: a thousandth of the power beyond the noise
 SLIPS = 0.02  # of the speed, that a log book is off
 ALIKE = 1e-3  # relative difference below which two factors are one
 OF_KIND = ("channels", "sign", "carrier", "direction", "milling")  # statements that no strength of an effect is like
@@ -182,7 +182,7 @@ def explained_otherwise(
     engine, records = base.fitter.engine, base.fitter.records
     if base.error_where_known <= ADEQUATE * pooled(base.errors)[1]:
         return None
-    plain = base.error_where_known > PLAINLY * pooled(base.errors)[1]
+    enough = NEARLY if base.error_where_known > FAR * pooled(base.errors)[1] else ADEQUATE
     progress("looking at conditions that may have been written down wrongly")
     places = range(len(records)) if not model.planar else _some(records)
     unknown = base.fitter.unknowns if model.planar else all_free(records, model, catalogue)
@@ -206,7 +206,7 @@ def explained_otherwise(
         cost_limit = max(OFF_COURSE * 0.5 * sum(record.size for record in one.records), WORTH * base.fit.cost)
         found = _fitted(engine, one, catalogue, cost_limit)
         left = found.error_where_known / pooled(found.errors)[1]
-        if left <= (NEARLY if plain and one.of_kind else ADEQUATE) and not unlike_a_machine(found.fit.state.model):
+        if left <= enough and not unlike_a_machine(found.fit.state.model):
             one = replace(one, nearly=left > ADEQUATE)
             one = one if one.said is None else replace(one, told=one.said(found.fit.state.model))
             return _by_the_clock(one, found.fit.state.model, model), found
