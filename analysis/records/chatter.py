@@ -95,33 +95,33 @@ def judge_cut(recording: Recording, segments: Sequence[Segment]) -> Chatter:
             answers.append(_of_channel(recording, segments, name, quantity))
     if not answers:
         return Chatter("unknown", "no channel of motion or force")
-    return max(answers, key=lambda one: one[0])[1]
+    return max(answers, key=lambda one: (one[1].verdict == "chatter", *one[0]))[1]
 
 
 def _of_channel(recording: Recording, segments: Sequence[Segment], name: str, quantity: str
-                ) -> tuple[tuple[bool, bool, float], Chatter]:  # fmt: skip
-    """((whether a line with side bands is chatter, whether anything is, how far the cut stands out), the answer) of one."""
+                ) -> tuple[tuple[bool, float], Chatter]:  # fmt: skip
+    """((whether a line with side bands is chatter, how far the cut stands out), the answer) of one channel."""
     flutes, turn = int(recording.conditions.get("flutes") or 1), revolution_period(recording)
     parts = [part for part in segments if part.kind in ("entry", "steady")]
     if not turn:
-        return (False, False, 0.0), Chatter("unknown", "no tachometer and no spindle speed", channel=name)
+        return (False, 0.0), Chatter("unknown", "no tachometer and no spindle speed", channel=name)
     if not parts:
-        return (False, False, 0.0), Chatter("unknown", "no cut is found in the record", channel=name)
+        return (False, 0.0), Chatter("unknown", "no cut is found in the record", channel=name)
     inside = (recording.time >= parts[0].start) & (recording.time < parts[-1].stop)
     speeds, sure = _speeds(recording, inside, name, flutes)
     if not speeds:
-        return (False, False, 0.0), Chatter("unknown", "the cut is too short", channel=name)
+        return (False, 0.0), Chatter("unknown", "the cut is too short", channel=name)
     best = None
     for speed in speeds:
         end = _end_of(recording, inside, speed, sure, name, quantity)
         if end is None:
-            return (False, False, 0.0), Chatter("unknown", "the cut is too short", channel=name)
+            return (False, 0.0), Chatter("unknown", "the cut is too short", channel=name)
         lines = end.lines()
         stands = max(float(end.amplitudes[1:].max() / np.median(end.spectrum[1])), *(one.stands for one in lines), 0.0)
         answer = _by_growth(end, lines, _answer(end, lines))
         own = any(line.sides >= FEWEST_SIDES and line.order / end.turns.period == answer.frequency for line in lines)
-        chatters = answer.verdict == "chatter"
-        found = (chatters and own, chatters, stands), _told(replace(answer, channel=name), "flutes" in recording.conditions)
+        rank = answer.verdict == "chatter" and own, stands
+        found = rank, _told(replace(answer, channel=name), "flutes" in recording.conditions)
         if best is None or (found[1].verdict == "chatter" and best[1].verdict != "chatter"):
             best = found
     assert best is not None

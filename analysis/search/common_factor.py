@@ -180,9 +180,10 @@ def explained_otherwise(
     base: the model fitted to the records as they are stated.
     """
     engine, records = base.fitter.engine, base.fitter.records
-    if base.error_where_known <= ADEQUATE * pooled(base.errors)[1]:
+    misfit = base.error_where_known / pooled(base.errors)[1]
+    if misfit <= ADEQUATE:
         return None
-    enough = NEARLY if base.error_where_known > FAR * pooled(base.errors)[1] else ADEQUATE
+    enough = NEARLY if misfit > FAR else ADEQUATE
     progress("looking at conditions that may have been written down wrongly")
     places = range(len(records)) if not model.planar else _some(records)
     unknown = base.fitter.unknowns if model.planar else all_free(records, model, catalogue)
@@ -207,8 +208,8 @@ def explained_otherwise(
         found = _fitted(engine, one, catalogue, cost_limit)
         left = found.error_where_known / pooled(found.errors)[1]
         if left <= enough and not unlike_a_machine(found.fit.state.model):
-            one = replace(one, nearly=left > ADEQUATE)
-            one = one if one.said is None else replace(one, told=one.said(found.fit.state.model))
+            told = one.told if one.said is None else one.said(found.fit.state.model)
+            one = replace(one, told=told, nearly=left > ADEQUATE)
             return _by_the_clock(one, found.fit.state.model, model), found
     return None
 

@@ -102,8 +102,8 @@ def test_a_cut_chatters_where_one_of_its_channels_shows_it():
     both = replace(deaf, channels={"displacement_x": deaf.channels["displacement"],
                                    "displacement_y": shows.channels["displacement"]},
                    units={"displacement_x": "m", "displacement_y": "m"})  # fmt: skip
-    assert judge_cut(both, parts()).verdict == "chatter"
-    assert judge_cut(both, parts()).channel == "displacement_y"
+    found = judge_cut(both, parts())
+    assert (found.verdict, found.channel) == ("chatter", "displacement_y")
 
 
 def test_idling_of_a_few_periods_tells_nothing_of_a_line():

@@ -110,15 +110,21 @@ def _recorded(random: np.random.Generator, kind: str, model: Model, cut: Cut, la
     if from_within:
         kept = (time > (idle + ready) * period) & (time < (idle + ready + turns) * period)
         values, time = values[kept], time[kept]
-    marks_there = bool(random.random() < 0.5)
+    marks, known = clocked(random, cut, flutes, time)
+    recording = Recording({channel: values}, rate, {channel: UNITS[channel]}, "synthetic", start=float(time[0]), marks=marks,
+                          conditions=known)
+    return Drawn(recording, kind, abs(largest), abs(float(np.angle(largest))), flutes, channel, not from_within,
+                 marks.size > 0, hum, runout)
+
+
+def clocked(random: np.random.Generator, cut: Cut, flutes: int, time: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
+    """A tachometer's marks (s), half of the time, and the conditions as stated: without marks the speed is up to 3 % off."""
+    period = 2 * math.pi / cut.spindle_speed
+    marked = bool(random.random() < 0.5)
     marks = np.arange(random.uniform(0, period), time[-1], period)
-    nominal = cut.spindle_speed * (1.0 if marks_there else 1.0 + random.uniform(-0.03, 0.03))
-    recording = Recording({channel: values}, rate, {channel: UNITS[channel]}, "synthetic", start=float(time[0]),
-                          marks=marks[marks > time[0]] if marks_there else np.empty(0),
-                          conditions={"spindle_speed": nominal, "flutes": flutes,
-                                      "axial_depth_of_cut": cut.axial_depth_of_cut, "feed_per_tooth": cut.feed_per_tooth})
-    return Drawn(recording, kind, abs(largest), abs(float(np.angle(largest))), flutes, channel, not from_within, marks_there,
-                 hum, runout)
+    known = {"spindle_speed": cut.spindle_speed * (1.0 if marked else 1.0 + random.uniform(-0.03, 0.03)), "flutes": flutes,
+             "axial_depth_of_cut": cut.axial_depth_of_cut, "feed_per_tooth": cut.feed_per_tooth}
+    return marks[marks > time[0]] if marked else np.empty(0), known
 
 
 def spoiled(random: np.random.Generator, clean: np.ndarray, size: float, time: np.ndarray) -> tuple[np.ndarray, bool]:

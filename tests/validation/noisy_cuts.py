@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 from numba import njit
+from scipy.linalg import expm
 
-from testbed.cut import Cut
 from testbed.machine import Model
 from testbed.recording import Recording
-from tests.validation.chatter_cuts import machine, spoiled
+from tests.validation.chatter_cuts import clocked, machine, spoiled
 
 NOISIEST, QUIETEST = 1.0, 0.03  # of the force, from step to step, log-uniform
 STEPS_A_SWING, STEPS_A_PASS = 200, 60
@@ -47,9 +47,7 @@ def swung(exact, compliance, load, feed, turning, window, course, noise):
 def exact_map(model: Model, dt: float) -> np.ndarray:
     """The map of (displacement, velocity) over dt (s) without a force, (4,)."""
     omega, zeta = model.structure.natural_frequency_rad, model.structure.damping_ratio
-    damped, fade = omega * math.sqrt(1.0 - zeta**2), math.exp(-zeta * omega * dt)
-    cos, sin = fade * math.cos(damped * dt), fade * math.sin(damped * dt) / damped
-    return np.array([cos + zeta * omega * sin, sin, -(omega**2) * sin, cos - zeta * omega * sin])
+    return expm(np.array([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]]) * dt).ravel()
 
 
 def draw(seed: int) -> Recording:
@@ -73,18 +71,9 @@ def draw(seed: int) -> Recording:
     clean = swung(exact_map(model, dt), 1.0 / structure.stiffness, load, cut.feed_per_tooth,
                   np.array([cut.spindle_speed * dt, delay, flutes]), np.array(entered),
                   np.array([idle, idle + cuts]) * flutes * delay, noise)[::every]  # fmt: skip
-    return _recorded(random, cut, flutes, clean, (dt * every, (idle + 1) * turn, (idle + cuts) * turn))
-
-
-def _recorded(random: np.random.Generator, cut: Cut, flutes: int, clean: np.ndarray, course: tuple[float, float, float]
-              ) -> Recording:  # fmt: skip
-    """course: time between samples, of the cut's second revolution, and of its end, s."""
-    interval, first, last = course
-    time, turn = interval * np.arange(len(clean)), 2.0 * math.pi / cut.spindle_speed
-    values, _ = spoiled(random, clean, float(clean[(time > first) & (time < last)].std()), time)
-    marked = bool(random.random() < 0.5)
-    marks = np.arange(random.uniform(0, turn), time[-1], turn) if marked else np.empty(0)
-    known = {"spindle_speed": cut.spindle_speed * (1.0 if marked else 1.0 + random.uniform(-0.03, 0.03)), "flutes": flutes,
-             "axial_depth_of_cut": cut.axial_depth_of_cut, "feed_per_tooth": cut.feed_per_tooth}
-    known_as = {"displacement": "m"}
-    return Recording({"displacement": values}, 1.0 / interval, known_as, "synthetic", conditions=known, marks=marks)
+    time = dt * every * np.arange(len(clean))
+    inside = clean[(time > (idle + 1) * turn) & (time < (idle + cuts) * turn)]
+    values, _ = spoiled(random, clean, float(inside.std()), time)
+    marks, known = clocked(random, cut, flutes, time)
+    return Recording({"displacement": values}, 1.0 / (dt * every), {"displacement": "m"}, "synthetic", marks=marks,
+                     conditions=known)

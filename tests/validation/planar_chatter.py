@@ -21,7 +21,7 @@ from testbed.engines.fast import simulate
 from testbed.machine import Model
 from testbed.recording import Recording, motion_channel, quantity_of
 from tests.support.planar_campaign import UNITS
-from tests.validation.chatter_cuts import A_TURN, FAR, KINDS, from_turn_to_turn, spoiled
+from tests.validation.chatter_cuts import A_TURN, FAR, KINDS, clocked, from_turn_to_turn, spoiled
 from tests.validation.claims import Claim, Section
 from tests.validation.planar_charts import model_of, random_machine
 
@@ -108,14 +108,11 @@ def _recorded(random: np.random.Generator, kind: str, model: Model, cut: Cut) ->
             return None
         values, hums = spoiled(random, clean, size, time)
         channels[label], hum = values[kept], hum or hums
-    marked = bool(random.random() < 0.5)
-    marks = np.arange(random.uniform(0, period), time[kept][-1], period)
-    known = {"spindle_speed": cut.spindle_speed * (1.0 if marked else 1.0 + random.uniform(-0.03, 0.03)), "flutes": flutes,
-             "axial_depth_of_cut": cut.axial_depth_of_cut, "feed_per_tooth": cut.feed_per_tooth}
+    marks, known = clocked(random, cut, flutes, time[kept])
     recording = Recording(channels, rate, {label: UNITS[quantity_of(label)] for label in labels}, "synthetic",
-                          start=float(time[kept][0]), marks=marks[marks > time[kept][0]] if marked else np.empty(0),
-                          conditions=known, on_tool=tuple(labels) if on == "tool" else ())
-    told = [", ".join(labels), f"on the {on}", "from within" * from_within, "marks" * marked, "hum" * hum]
+                          start=float(time[kept][0]), marks=marks, conditions=known,
+                          on_tool=tuple(labels) if on == "tool" else ())
+    told = [", ".join(labels), f"on the {on}", "from within" * from_within, "marks" * bool(marks.size), "hum" * hum]
     return recording, ", ".join(filter(None, told))
 
 
